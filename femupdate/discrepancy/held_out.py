@@ -14,9 +14,8 @@ from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.errors import MeasurementError
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
-from femupdate.measurement.base_rotation import rotation_of
 from femupdate.measurement.columns import BASE
-from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.histories import Histories, rotation_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,6 @@ from femupdate.inference.frf_data import (
     in_alternate_points,
     together,
 )
-from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.observation import Observation, at_frequencies
 
 
@@ -36,7 +35,7 @@ class SecondRecord:
 
 
 def force_data(
-    forced: ForcedObservation,
+    forced: Observation,
     force: FloorForce,
     floors: tuple[str, ...],
     model_error: float,
@@ -62,8 +61,8 @@ def force_data(
             halves=tuple(read(part, ()) for part in parts),
         )
 
-    own = read(forced.observation, forced.halves)
-    table = forced.observation.coherence is None
+    own = read(forced, forced.halves)
+    table = forced.coherence is None
     return in_alternate_points(own) if table and own.points >= FIT.parted else own
 
 

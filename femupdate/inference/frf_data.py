@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -26,7 +25,6 @@ from femupdate.inference.model_error import (
 )
 from femupdate.inference.thresholds import DRAWS, JUDGED
 from femupdate.measurement.estimated import Estimator
-from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.observation import (
     Observation,
     at_frequencies,
@@ -62,21 +60,6 @@ JUDGING = Believed(
     wild=JUDGED.wild,
     table=ErrorTable(sizes=JUDGED.sizes, lengths=JUDGED.lengths, harmonics=JUDGED.harmonics),
 )
-
-
-class Excitation(Protocol):
-    """What drives the building."""
-
-    @property
-    def name(self) -> str:
-        """For people; empty for base motion."""
-        ...
-
-    def frf(
-        self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor
-    ) -> Tensor:
-        """Complex FRFs (N, f, k) of all floors as their sensors give them."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -169,7 +152,7 @@ class FrfData:
     phase: Tensor | None
     sd: Tensor
     blocks: tuple[Block, ...]
-    excitation: Excitation = BaseMotion()
+    excitation: BaseMotion | FloorForce = BaseMotion()
     halves: "tuple[FrfData, ...]" = ()
     believed: Believed = JUDGING
     logs: Responses | None = None
@@ -514,7 +497,7 @@ def frf_data(
     observation: Observation,
     floors: tuple[str, ...],
     *,
-    excitation: Excitation | None = None,
+    excitation: BaseMotion | FloorForce | None = None,
     use_phase: bool = True,
     model_error: float = 0.0,
     halves: Sequence[FrfData] = (),
@@ -593,7 +576,7 @@ def base_logs(
 
 
 def forced_logs(
-    forced: ForcedObservation, floors: tuple[str, ...], rest: RestFlexibility | None = None
+    forced: Observation, floors: tuple[str, ...], rest: RestFlexibility | None = None
 ) -> FrfData:
     """ln|A| of responses to a force at the frequencies that say something, taken at its word.
 
@@ -602,8 +585,8 @@ def forced_logs(
         floors: of the model.
         rest: static displacement that the reduced model lacks.
     """
-    seen = at_frequencies(forced.observation, np.asarray(forced.observation.valid.any(axis=0)))
-    force = FloorForce(forced.force, rest)
+    seen = at_frequencies(forced, np.asarray(forced.valid.any(axis=0)))
+    force = FloorForce(forced.excitation.force, rest)
     return frf_data(seen, floors, excitation=force, use_phase=False, believed=AT_ITS_WORD)
 
 
@@ -665,7 +648,6 @@ __all__ = [
     "BaseMotion",
     "Believed",
     "Block",
-    "Excitation",
     "FloorForce",
     "FrfData",
     "base_logs",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.measurement.columns import parse_channel
 from femupdate.measurement.quantity import is_acceleration, plain_unit, si_factor
 from femupdate.measurement.text import TextFile
 from femupdate.units import UNITS
@@ -30,11 +31,6 @@ def azimuth_of(direction: str) -> float | None:
         turned = float(angle) if north == "N" else 180.0 - float(angle)
         return (turned if east == "E" else -turned) % 360.0
     return _POINTS.get(word.replace("-", ""))
-
-
-def is_vertical(direction: str) -> bool:
-    """Whether a direction is up or down."""
-    return _word(direction).replace("-", "") in _VERTICAL
 
 
 def _word(direction: str) -> str:
@@ -70,8 +66,10 @@ class RecordedChannel:
 
     @property
     def vertical(self) -> bool:
-        """Whether the direction is up or down."""
-        return is_vertical(self.direction)
+        """Whether it is up or down, as its direction or its name says."""
+        named = parse_channel(self.name)
+        up = _word(self.direction).replace("-", "") in _VERTICAL
+        return up or (named is not None and named.direction == "z")
 
     def turned(self) -> "RecordedChannel":
         """The same in the opposite direction."""

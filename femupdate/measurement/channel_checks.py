@@ -6,7 +6,7 @@ import numpy as np
 
 from femupdate.arrays import Flags, Floats
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.record import LARGEST_PEAK, SMALLEST_PEAK
+from femupdate.measurement.histories import LARGEST_PEAK, SMALLEST_PEAK
 from femupdate.measurement.thresholds import CHANNEL
 from femupdate.units import STANDARD_GRAVITY
 

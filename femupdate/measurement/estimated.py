@@ -34,84 +34,81 @@ class Estimator:
 
     Attributes:
         frequency_hz: (e,) at which the FRF is asked for, evenly spaced.
-        weights: (k, e) complex means that give the estimate on a grid.
-        rotation: the same of FRFs to unit rotation of the base, where that was measured.
+        columns: (k, e) complex means that give the estimate on a grid, of FRFs to every column of
+            the excitation: translation of the base or a force, and rotation where it was measured.
         run_levels: of the motion in parts of the run (see `dynamics.level.levels_in_run`); none
             where it is not known.
     """
 
     frequency_hz: Floats
-    weights: csr_array
-    rotation: csr_array | None = None
+    columns: tuple[csr_array, ...]
     run_levels: tuple[float, ...] = ()
 
     @property
     def turns(self) -> bool:
         """Whether the base's own rotation was measured."""
-        return self.rotation is not None
+        return len(self.columns) > 1
 
     def __call__(self, frf: Tensor, turned: Tensor | None = None) -> Tensor:
         """Estimates (N, f, k) of FRFs (N, f, e), and of those to rotation where it was measured."""
-        parts = [frf[..., seen] @ means.to(frf) for seen, means in self._blocks]
-        estimate = torch.cat(parts, dim=-1)
-        if self.rotation is None or turned is None:
-            return estimate
-        return estimate + self._of_rotation(turned)
+        columns = [frf, *([] if turned is None else [turned])]
+        estimates = [
+            torch.cat([column[..., seen] @ means.to(column) for seen, means in blocks], dim=-1)
+            for column, blocks in zip(columns, self._blocks, strict=False)
+        ]
+        return estimates[0] if len(estimates) == 1 else estimates[0] + estimates[1]
 
     def at(self, used: Flags) -> "Estimator":
         """The estimate at some frequencies (k,) of its grid."""
         rows = np.flatnonzero(used)
-        turned = None if self.rotation is None else csr_array(self.rotation[rows])
-        return replace(self, weights=csr_array(self.weights[rows]), rotation=turned)
+        return replace(self, columns=tuple(csr_array(means[rows]) for means in self.columns))
 
     @cached_property
-    def _of_rotation(self) -> "Estimator":
-        return replace(self, weights=self.rotation, rotation=None)
-
-    @cached_property
-    def _blocks(self) -> list[tuple[slice, Tensor]]:
-        """The frequencies that some neighbours of the grid see, and their means (e, k), dense."""
-        blocks = []
-        for begin in range(0, self.weights.shape[0], _ROWS):
-            rows = self.weights[begin : begin + _ROWS]
-            # Rows beyond the spectra are empty.
-            columns = rows.nonzero()[1] if rows.nnz else np.zeros(1, dtype=int)
-            seen = slice(int(columns.min()), int(columns.max()) + 1)
-            means = np.ascontiguousarray(rows[:, seen].toarray().T)
-            blocks.append((seen, torch.from_numpy(means)))
-        return blocks
+    def _blocks(self) -> list[list[tuple[slice, Tensor]]]:
+        """Of every column the frequencies that neighbours see, and their means (e, k), dense."""
+        found = []
+        for means in self.columns:
+            blocks = []
+            for begin in range(0, means.shape[0], _ROWS):
+                rows = means[begin : begin + _ROWS]
+                # Rows beyond the spectra are empty.
+                columns = rows.nonzero()[1] if rows.nnz else np.zeros(1, dtype=int)
+                seen = slice(int(columns.min()), int(columns.max()) + 1)
+                dense = np.ascontiguousarray(rows[:, seen].toarray().T)
+                blocks.append((seen, torch.from_numpy(dense)))
+            found.append(blocks)
+        return found
 
 
 def estimator_of(
-    base: Floats,
-    time_step: float,
-    segments: Segments,
-    grid: Floats,
-    bins: csr_array,
-    rotation: Floats | None = None,
+    inputs: Floats, time_step: float, segments: Segments, grid: Floats, bins: csr_array
 ) -> Estimator:
     """The means that Welch's estimate takes of a building at rest before the record.
 
     Args:
-        base: (n,) acceleration.
+        inputs: (1, n) acceleration of the base or force, or (2, n) with the base's angular
+            acceleration below.
         time_step: s.
         segments: how the record was cut.
         grid: (k,) frequencies of the estimate, evenly spaced, Hz.
         bins: (k, b) that brings estimates at the bins of the spectra to the grid.
-        rotation: (n,) angular acceleration of the base, where it was measured.
     """
-    length = segments.length
-    padded = len(base) + 2 * length
+    length, padded = segments.length, inputs.shape[1] + 2 * segments.length
     fine = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
-    spectrum = np.fft.rfft(base, padded)
-    turning = None if rotation is None else np.fft.rfft(rotation, padded)
-    share = _rotation_share(base, rotation, time_step, segments)
-    of_segments, bin_hz, starts = segment_spectra(base, time_step, segments)
+    spectra = np.fft.rfft(inputs, padded)
+    cut = [segment_spectra(row, time_step, segments) for row in inputs]
+    of_segments, bin_hz, starts = cut[0]
+    power = np.square(np.abs(of_segments)).sum(axis=0)
+    # Of every column, what goes with a unit of the first one.
+    shares = [
+        (of_segments.conj() * own).sum(axis=0) / np.maximum(power, np.finfo(float).tiny)
+        for own, _, _ in cut
+    ]
     used = np.unique(bins.nonzero()[1])
     reach = SPECTRUM.reach / segments.seconds
     dense = _dense(grid, reach, segments.seconds)
-    step = dense[1] - dense[0]
-    rows, columns, values, turned = [], [], [], []
+    rows, columns = [], []
+    values: list[list[Complexes]] = [[] for _ in inputs]
     width = int(np.ceil(reach / fine[1]))
     offsets = np.arange(-width, width + 1)
     for some in np.array_split(used, max(1, len(used) // _BINS)):
@@ -123,47 +120,22 @@ def estimator_of(
         together = np.einsum("bjs,sb->bj", turn, of_segments[:, some].conj())
         apart = (2.0 * np.pi * bin_hz[some, None] - omega) * time_step
         seen = _window_spectrum(apart, length)
-        weight = np.where(inside, together * spectrum[near] * seen, 0.0)
-        power = padded * np.square(np.abs(of_segments[:, some])).sum(axis=0)[:, None]
-        weight, whole, believed = _of_power(weight, power)
-        if turning is not None:
-            own = np.where(inside, together * turning[near] * seen, 0.0) / whole
-            turned.append(np.where(believed, own, weight * share[some, None]).ravel())
+        parts = [np.where(inside, together * own[near] * seen, 0.0) for own in spectra]
+        # They add up to the power of the segments, but where what leaks in from beyond the reach
+        # rules, as near zero frequency: there phases say nothing.
+        of_all = padded * power[some, None]
+        believed = np.abs(parts[0].sum(axis=1, keepdims=True) - of_all) < SPECTRUM.leaked * of_all
+        size = np.abs(parts[0])
+        whole = np.where(believed, parts[0], size).sum(axis=1, keepdims=True)
+        for column, part, share in zip(values, parts, shares, strict=True):
+            means = np.where(believed, part, size * share[some, None]) / whole
+            column.append(means.ravel())
         rows.append(np.repeat(some, offsets.size))
         columns.append(near.ravel())
-        values.append(weight.ravel())
     shape = (len(bin_hz), len(fine))
-    at, cubics = (np.concatenate(rows), np.concatenate(columns)), _cubics(fine, dense, step)
-    means = [
-        csr_array(bins @ csr_array((np.concatenate(own), at), shape=shape) @ cubics)
-        for own in (values, turned)
-        if own
-    ]
-    return Estimator(dense, *means)
-
-
-def _of_power(weight: Complexes, power: Floats) -> tuple[Complexes, Complexes, Flags]:
-    """Weights (b, j) that add up to one, what they added up to, and whether phases count (b, 1).
-
-    They add up to the power of the segments, but where what leaks in from beyond the reach rules,
-    as near zero frequency: there phases say nothing.
-    """
-    total = weight.sum(axis=1, keepdims=True)
-    believed = np.abs(total - power) < SPECTRUM.leaked * power
-    weight = np.where(believed, weight, np.abs(weight))
-    whole = weight.sum(axis=1, keepdims=True)
-    return weight / whole, whole, believed
-
-
-def _rotation_share(
-    base: Floats, rotation: Floats | None, time_step: float, segments: Segments
-) -> Complexes:
-    """Rotation (b,) that goes with unit translation in the segments of a record, 1/m."""
-    if rotation is None:
-        return np.zeros(0, dtype=np.complex128)
-    own, turned = (segment_spectra(one, time_step, segments)[0] for one in (base, rotation))
-    power = np.square(np.abs(own)).sum(axis=0)
-    return np.asarray((own.conj() * turned).sum(axis=0) / np.maximum(power, np.finfo(float).tiny))
+    at, cubics = (np.concatenate(rows), np.concatenate(columns)), _cubics(fine, dense)
+    columns_of_all = (csr_array((np.concatenate(own), at), shape=shape) for own in values)
+    return Estimator(dense, tuple(csr_array(bins @ own @ cubics) for own in columns_of_all))
 
 
 def mean_estimator(
@@ -177,19 +149,18 @@ def mean_estimator(
     first = min(float(part.frequency_hz[0]) for part in known)
     last = max(float(part.frequency_hz[-1]) for part in known)
     dense = first + step * np.arange(int(np.rint((last - first) / step)) + 1)
-    total = csr_array((len(grid), len(dense)), dtype=np.complex128)
-    turned = total if any(part.turns for part in known) else None
+    empty = csr_array((len(grid), len(dense)), dtype=np.complex128)
+    totals = [empty] * max(len(part.columns) for part in known)
     for part, share in zip(parts, shares, strict=True):
-        own = csr_array(np.eye(len(grid))) if part is None else part.weights
+        columns = (csr_array(np.eye(len(grid))),) if part is None else part.columns
         begin = grid if part is None else part.frequency_hz
         at = np.rint((begin - first) / step).astype(int)
         onto = csr_array((np.ones(len(at)), (np.arange(len(at)), at)), shape=(len(at), len(dense)))
-        total = total + diags_array(share) @ own @ onto
-        if part is not None and part.rotation is not None:
-            turned = turned + diags_array(share) @ part.rotation @ onto
+        for number, means in enumerate(columns):
+            totals[number] = csr_array(totals[number] + diags_array(share) @ means @ onto)
     levels = [part.run_levels for part in known if part.run_levels]
     middle = tuple(float(one) for one in np.mean(levels, axis=0)) if levels else ()
-    return Estimator(dense, csr_array(total), None if turned is None else csr_array(turned), middle)
+    return Estimator(dense, tuple(totals), middle)
 
 
 def _window_spectrum(angle: Floats, total: int) -> Complexes:
@@ -219,9 +190,9 @@ def _dense(grid: Floats, reach: float, seconds: float) -> Floats:
     return first + fine * np.arange(below + count)
 
 
-def _cubics(fine: Floats, dense: Floats, step: float) -> csr_array:
+def _cubics(fine: Floats, dense: Floats) -> csr_array:
     """(j, e): values between four frequencies by the cubic through them."""
-    place = (fine - dense[0]) / step
+    place = (fine - dense[0]) / (dense[1] - dense[0])
     first = np.clip(np.floor(place).astype(int) - 1, 0, len(dense) - 4)
     # Beyond the ends the first and the last value go on.
     x = np.clip(place, 0.0, len(dense) - 1.0) - first

@@ -13,27 +13,24 @@ what neither of both explains (the multiple coherence of Bendat and Piersol 2010
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from femupdate.arrays import Complexes, Flags, Floats, Indices
+from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.dynamics.level import levels_in_run
 from femupdate.errors import MeasurementError
-from femupdate.measurement.base_rotation import rotation_of, said_of_rotation
-from femupdate.measurement.columns import BASE
 from femupdate.measurement.estimated import estimator_of
-from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.histories import Histories, said_of_rotation
 from femupdate.measurement.observation import (
     HANN_BANDWIDTH,
     Observation,
     require_floors_of_building,
     select_floors,
 )
-from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.thresholds import ROTATION, SPECTRUM
-from femupdate.measurement.welch import Segments, Spectra, choose_segments, welch_spectra
+from femupdate.measurement.welch import Spectra, choose_segments, welch_spectra
 
 _TINY = float(np.finfo(np.float64).tiny)
 
@@ -60,30 +57,40 @@ def estimate_frf(
             short, or no point of the grid can be used.
     """
     grid, step = _checked_grid(frequency_hz), histories.time_step
-    base, floors, names = floor_means(histories, direction)
-    rotation = rotation_of(histories.channels, histories.acceleration)
+    base, floors, names = histories.means(direction)
+    rotation = histories.rotation
     # Long enough to resolve the grid, s.
     wanted = 1.0 / float(np.median(np.diff(grid))) if grid.size > 1 else 8.0 / float(grid[0])
     segments = choose_segments(base.size, step, wanted, histories.source)
     spectra = welch_spectra(base, floors, step, segments)
     coherence = np.abs(spectra.cross) ** 2 / np.maximum(spectra.base * spectra.floors, _TINY)
-    turning = _Turning.of(base, rotation, floors, step, segments)
-    explained = coherence if turning is None else coherence + turning.more_explained(spectra)
-    incoherent = _incoherent(spectra, explained, segments.effective, 1 if turning is None else 2)
+    explained, turned = coherence, None
+    if rotation is not None:
+        beside = welch_spectra(base, rotation[None], step, segments)
+        turned = beside.cross[0] / np.maximum(spectra.base, _TINY)
+        of_rotation = welch_spectra(rotation, floors, step, segments)
+        explained = coherence + _more_explained(spectra, beside, of_rotation)
+    incoherent = _incoherent(spectra, explained, segments.effective, 1 if turned is None else 2)
     noise = _noise(spectra, coherence, incoherent, segments.effective)
     trusted = _trusted(spectra, incoherent, noise, segments.effective)
     if half is not None:
-        whole, segments = segments, _half(segments, half, histories.source)
+        whole, segments = segments, segments.half(half)
+        if segments.effective < SPECTRUM.fewest_averages:
+            raise MeasurementError(
+                f"{histories.source}: {whole.count} segments are too few to be parted in two halves"
+            )
         noise = noise * (whole.effective / segments.effective) ** 0.5
         spectra = welch_spectra(base, floors, step, segments)
     frf = spectra.cross / np.maximum(spectra.base, _TINY)
-    inside = _resolved(grid, segments, step)
+    slack = 1e-9  # grids are sums of rounded steps
+    lowest, nyquist = (1.0 - slack) / segments.seconds, 0.5 * (1.0 - slack) / step
+    inside = (grid >= lowest) & (grid < nyquist)
     at_grid = _Interpolator(spectra.frequency_hz, grid, inside)
-    frf = at_grid(frf.real) + 1j * at_grid(frf.imag)
+    frf = at_grid.complex(frf)
     valid = (at_grid(trusted.astype(np.float64)) > 0.999) & (np.abs(frf) > 0)
     _require_points(valid, histories.source)
-    estimator = estimator_of(base, step, segments, grid, at_grid.matrix(), rotation)
-    sensors = _of_sensors(histories, direction, base)
+    inputs = np.stack([base] if rotation is None else [base, rotation])
+    estimator = estimator_of(inputs, step, segments, grid, at_grid.matrix())
     return Observation(
         frequency_hz=grid,
         floors=names,
@@ -95,145 +102,112 @@ def estimate_frf(
         resolution_hz=HANN_BANDWIDTH / segments.seconds,
         source=histories.source,
         estimator=replace(estimator, run_levels=levels_in_run(base, floors, step).parts),
-        rotation=None if turning is None else turning.over_translation(at_grid),
-        notes=(segments.note, *sensors, *_gaps(names, valid, inside)),
+        rotation=None if turned is None else at_grid.complex(turned),
+        notes=(
+            segments.note,
+            *_of_sensors(histories, direction, base),
+            *_gaps(names, valid, inside),
+            *histories.notes,
+        ),
+        excitation=histories.excitation,
+        histories=histories,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Turning:
-    """Spectra of the base's rotation.
-
-    Attributes:
-        beside: of translation and rotation, as if the rotation were a floor.
-        floors: of rotation and floors, as if the rotation were the base.
-    """
-
-    beside: Spectra
-    floors: Spectra
-
-    @staticmethod
-    def of(
-        base: Floats, rotation: Floats | None, floors: Floats, step: float, segments: Segments
-    ) -> "_Turning | None":
-        """None where no rotation was measured."""
-        if rotation is None:
-            return None
-        beside = welch_spectra(base, rotation[None], step, segments)
-        return _Turning(beside, welch_spectra(rotation, floors, step, segments))
-
-    def more_explained(self, spectra: Spectra) -> Floats:
-        """Share of each floor's power (f, b) that follows the rotation beside the translation."""
-        share = self.beside.cross[0] / np.maximum(spectra.base, _TINY)
-        own = self.beside.floors[0] - np.abs(share) ** 2 * spectra.base
-        cross = self.floors.cross - share.conj() * spectra.cross
-        # What goes with the translation alone leaves rounding.
-        there = own > ROTATION.rounding * self.beside.floors[0]
-        power = np.abs(cross) ** 2 / np.where(there, own, 1.0)
-        return np.asarray(np.where(there, power, 0.0) / np.maximum(spectra.floors, _TINY))
-
-    def over_translation(self, at_grid: "_Interpolator") -> Complexes:
-        """Rotation that goes with unit translation (m,), 1/m."""
-        share = self.beside.cross[0] / np.maximum(self.beside.base, _TINY)
-        return np.asarray(at_grid(share.real) + 1j * at_grid(share.imag))
-
-
-def _half(segments: Segments, number: int, source: str) -> Segments:
-    half = segments.half(number)
-    if half.effective < SPECTRUM.fewest_averages:
-        raise MeasurementError(
-            f"{source}: {segments.count} segments are too few to be parted in two halves"
-        )
-    return half
-
-
-def observation_from_table(
-    table: FrfTable,
-    frequency_hz: Floats,
-    default_noise: float = SPECTRUM.default_noise,
-    half: int | None = None,
-) -> Observation:
-    """Bring a table of FRFs to a frequency grid, interpolating ln|H| within the table's range.
+def _more_explained(spectra: Spectra, beside: Spectra, of_rotation: Spectra) -> Floats:
+    """Share of each floor's power (f, b) that follows the rotation beside the translation.
 
     Args:
+        spectra: of the base's translation and the floors.
+        beside: of translation and rotation, as if the rotation were a floor.
+        of_rotation: of rotation and floors, as if the rotation were the base.
+    """
+    share = beside.cross[0] / np.maximum(spectra.base, _TINY)
+    own = beside.floors[0] - np.abs(share) ** 2 * spectra.base
+    cross = of_rotation.cross - share.conj() * spectra.cross
+    # What goes with the translation alone leaves rounding.
+    there = own > ROTATION.rounding * beside.floors[0]
+    power = np.abs(cross) ** 2 / np.where(there, own, 1.0)
+    return np.asarray(np.where(there, power, 0.0) / np.maximum(spectra.floors, _TINY))
+
+
+def on_grid(table: Observation, frequency_hz: Floats) -> Observation:
+    """Bring FRFs of a table to a frequency grid, interpolating ln|H| within the table's range.
+
+    Args:
+        table: at its own frequencies.
         frequency_hz: (m,) the building's grid, increasing.
-        default_noise: sd of ln|H| where the table gives none.
-        half: 0 or 1 for every other independent point alone.
 
     Raises:
         MeasurementError: no point of the grid lies in the table's range.
     """
-    grid = _checked_grid(frequency_hz)
-    inside = (grid >= table.frequency_hz[0]) & (grid <= table.frequency_hz[-1])
-    at_grid = _Interpolator(table.frequency_hz, grid, inside)
-    stated = np.full_like(table.magnitude, np.nan) if table.log_sd is None else table.log_sd
-    noise = at_grid(np.where(np.isnan(stated), default_noise, stated))
-    phase = None
-    if table.complex_frf is not None:
-        phase = np.angle(at_grid(table.complex_frf.real) + 1j * at_grid(table.complex_frf.imag))
-    valid = np.broadcast_to(inside, noise.shape).copy()
+    grid, own = _checked_grid(frequency_hz), table.frequency_hz
+    inside = (grid >= own[0]) & (grid <= own[-1])
+    at_grid = _Interpolator(own, grid, inside)
+    phase = table.phase
+    if phase is not None:
+        phase = np.angle(at_grid.complex(np.exp(table.log_frf + 1j * phase)))
+    valid = np.broadcast_to(inside, (len(table.floors), grid.size)).copy()
     _require_points(valid, table.source)
-    resolution = _table_spacing(table, grid)
-    if half is not None:
-        valid &= _alternate(grid, resolution) == half
-    without = [f for f, row in zip(table.floors, stated, strict=True) if np.isnan(row).any()]
-    notes = (f"Noise on ln|H| taken as {default_noise:g} for {', '.join(without)}.",)
-    return Observation(
+    # Where a table is coarser than the grid, the grid repeats its points.
+    spacing = float(np.median(np.diff(own))) if own.size > 1 and grid.size > 1 else None
+    coarse = spacing is not None and spacing > 1.001 * float(np.median(np.diff(grid)))
+    return replace(
+        table,
         frequency_hz=grid,
-        floors=table.floors,
-        log_frf=at_grid(np.log(table.magnitude)),
-        noise_sd=noise,
+        log_frf=at_grid(table.log_frf),
+        noise_sd=at_grid(table.noise_sd),
         valid=valid,
         phase=phase,
-        resolution_hz=resolution,
-        source=table.source,
-        notes=(*(notes if without else ()), *_gaps(table.floors, valid, inside)),
+        resolution_hz=spacing if coarse else None,
+        notes=(*table.notes, *_gaps(table.floors, valid, inside)),
     )
 
 
-def _alternate(grid: Floats, resolution_hz: float | None) -> Indices:
-    """0 or 1 (m,) by turns, from one point that errs independently to the next."""
+def with_halves(seen: Observation, direction: str) -> Observation:
+    """An observation with two halves of itself that err independently, where it can be parted.
+
+    Of a record every other segment; of a table every other point that errs independently.
+    """
+    grid = seen.frequency_hz
+    if seen.histories is not None:
+        try:
+            halves = [estimate_frf(seen.histories, grid, direction, half) for half in (0, 1)]
+        except MeasurementError:
+            return seen
+        parts = tuple(select_floors(half, seen.floors) for half in halves)
+        return replace(seen, halves=parts)
     spacing = float(np.median(np.diff(grid))) if grid.size > 1 else 1.0
-    return np.floor((grid - grid[0]) / (resolution_hz or spacing) + 1e-6).astype(np.int32) % 2
-
-
-def _table_spacing(table: FrfTable, grid: Floats) -> float | None:
-    """Spacing of a table that is coarser than the grid, whose points it then repeats."""
-    if table.frequency_hz.size < 2 or grid.size < 2:
-        return None
-    spacing = float(np.median(np.diff(table.frequency_hz)))
-    return spacing if spacing > 1.001 * float(np.median(np.diff(grid))) else None
+    turn = np.floor((grid - grid[0]) / (seen.resolution_hz or spacing) + 1e-6).astype(int) % 2
+    parts = tuple(replace(seen, valid=seen.valid & (turn == half)) for half in (0, 1))
+    return replace(seen, halves=parts)
 
 
 def observation_for(
     building_floors: Sequence[str],
-    data: Histories | FrfTable,
+    data: Histories | Observation,
     frequency_hz: Floats,
-    *,
     direction: str = "x",
-    default_noise: float = SPECTRUM.default_noise,
-    half: int | None = None,
 ) -> Observation:
     """Return the observation in a file, on the building's floors and frequency grid.
 
     Args:
         building_floors: names of the building's floors, bottom to top, without the base.
-        data: the file's histories or FRF table.
+        data: the file's histories or table of FRFs.
         frequency_hz: (m,) the building's grid, increasing.
         direction: of the motion, for histories.
-        default_noise: see `observation_from_table`.
-        half: 0 or 1 for one half of the data alone.
 
     Raises:
         MeasurementError: the file has a floor that the building has not, or see `estimate_frf`
-            and `observation_from_table`.
+            and `on_grid`.
     """
-    require_floors_of_building(data.source, data.floors, building_floors)
-    if isinstance(data, FrfTable):
-        observation = observation_from_table(data, frequency_hz, default_noise, half)
+    forced = [data.excitation.force] if data.excitation.force else []
+    require_floors_of_building(data.source, (*data.floors, *forced), building_floors)
+    if isinstance(data, Observation):
+        found = on_grid(data, frequency_hz)
     else:
-        observation = estimate_frf(data, frequency_hz, direction, half=half)
-    return select_floors(observation, [f for f in building_floors if f in observation.floors])
+        found = estimate_frf(data, frequency_hz, direction)
+    return select_floors(found, [f for f in building_floors if f in found.floors])
 
 
 class _Interpolator:
@@ -252,6 +226,10 @@ class _Interpolator:
         columns = np.concatenate([self._upper - 1, self._upper])
         return csr_array((weights, (rows, columns)), shape=(share.size, self._bins))
 
+    def complex(self, values: Complexes) -> Complexes:
+        """The same of complex values, by their parts."""
+        return np.asarray(self(values.real) + 1j * self(values.imag))
+
     def __call__(self, values: Floats) -> Floats:
         """(f, b) at the bins to (f, m) at the grid."""
         low, high = values[..., self._upper - 1], values[..., self._upper]
@@ -265,28 +243,6 @@ def _checked_grid(frequency_hz: Floats) -> Floats:
     if not (increasing and np.isfinite(grid).all() and grid[0] > 0):
         raise MeasurementError("the frequency grid must increase, with values above 0 Hz")
     return grid
-
-
-def floor_means(histories: Histories, direction: str) -> tuple[Floats, Floats, tuple[str, ...]]:
-    """Mean over the sensors of the base (n,) and of each floor (f, n), and the floors' names."""
-    rows = {floor: histories.rows(floor, direction) for floor in (BASE, *histories.floors)}
-    floors = tuple(floor for floor in histories.floors if rows[floor])
-    if not rows[BASE] or not floors:
-        missing = "floor" if rows[BASE] else "base"
-        there = ", ".join(channel.name for channel in histories.channels)
-        raise MeasurementError(
-            f"{histories.source}: there is no {missing} channel in direction {direction}; the file"
-            f" has {there}"
-        )
-    base, *means = (histories.acceleration[rows[one]].mean(axis=0) for one in (BASE, *floors))
-    return base, np.array(means), floors
-
-
-def _resolved(grid: Floats, segments: Segments, time_step: float) -> Flags:
-    """Whether a frequency lies between one cycle in a segment and the Nyquist frequency."""
-    slack = 1e-9  # grids are sums of rounded steps
-    lowest, nyquist = 1.0 / segments.seconds, 0.5 / time_step
-    return (grid >= lowest * (1.0 - slack)) & (grid < nyquist * (1.0 - slack))
 
 
 def _smooth(density: Floats, spectra: Spectra) -> Floats:

@@ -1,91 +1,88 @@
-"""Tables of measured frequency response functions."""
+"""Measured FRFs in tables, and functions of frequency in other files with points as a table.
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+Responses to a force of a hammer or a shaker are given on as accelerance whatever the file holds.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femupdate.arrays import Complexes, Floats
-from femupdate.measurement.columns import FREQUENCY, FRF_COLUMNS, floor_height
-from femupdate.measurement.resolve import Layout, whole_or_parts
+from femupdate.arrays import Floats
+from femupdate.dynamics.excitation import Excitation
+from femupdate.errors import MeasurementError
+from femupdate.measurement.columns import (
+    BASE,
+    FREQUENCY,
+    FRF_COLUMNS,
+    FrfColumn,
+    floor_height,
+)
+from femupdate.measurement.observation import (
+    Observation,
+    at_frequencies,
+    require_floors_of_building,
+    select_floors,
+)
+from femupdate.measurement.quantity import force_unit
+from femupdate.measurement.recording import RecordedFunction, Recording
+from femupdate.measurement.resolve import Layout, in_parts, positions, whole_or_parts
 from femupdate.measurement.table import Table
-from femupdate.measurement.thresholds import RESPONSE
+from femupdate.measurement.thresholds import RESPONSE, SPECTRUM
 
+SOMEWHERE = "a force somewhere"
+_RESPONSES = ("frequency response", "transmissibility")
+_SHOWN = 8
 _RATIO_UNITS = ("", "-", "–", "1")
+_UNITS = "m/s2/N (accelerance), m/s/N (mobility) or m/N (receptance)"
 
 
-@dataclass(frozen=True, eq=False)
-class FrfTable:
-    """Frequency response functions: absolute floor acceleration over base acceleration.
+def frfs_in_table(
+    layout: Layout,
+    force: str | None = None,
+    unit: str | None = None,
+    noise: float = SPECTRUM.default_noise,
+) -> tuple[Observation, ...]:
+    """The FRFs in a table, an observation for each excitation, at the table's own frequencies.
 
-    Attributes:
-        frequency_hz: (m,) increasing.
-        floors: (f,) bottom to top.
-        magnitude: (f, m) |H|, above zero.
-        complex_frf: (f, m) H, where every floor has its real and imaginary part, else None.
-        log_sd: (f, m) standard deviation of ln|H|, NaN on floors without one; None without any.
-        source: where it comes from, for messages and reports.
-    """
-
-    frequency_hz: Floats
-    floors: tuple[str, ...]
-    magnitude: Floats
-    complex_frf: Complexes | None = None
-    log_sd: Floats | None = None
-    source: str = "FRF table"
-
-
-def frf_table(layout: Layout) -> FrfTable:
-    """Return the response functions in a table.
+    Args:
+        layout: of the table.
+        force: floor at which the force acts, where a column's name does not say it.
+        unit: of responses to a force, where a column does not say it.
+        noise: standard deviation of ln|H| where the table gives none.
 
     Raises:
         MeasurementError: the frequencies do not increase, a floor lacks a part of its response
-            function, or a magnitude or standard deviation is not above zero.
+            function, a magnitude or standard deviation is not above zero, the unit of a column is
+            not known, or two columns differ in their quantity.
     """
-    units = layout.force_units
+    file, units = layout.table.file, layout.force_units
+    told = force or any(column.force for column in layout.frfs)
+    if layout.frfs and (told or force_unit(unit or "")):
+        by_force = _by_force(layout, force)
+        ordered = sorted(by_force, key=floor_height)
+        return tuple(_under_force(by_force[floor], floor, unit, noise) for floor in ordered)
     if units:
-        raise layout.table.file.error(
+        raise file.error(
             f"a response in {units[0]} is one to a force; say at which floor it acts by the force"
             " option, or by the columns' names, such as 2F/RF for 2F under a force at RF"
         )
-    return curves_of(layout, _ratio)
+    values = {i: _ratio(layout.table, i) for i in layout.frfs.values()}
+    return (_observation(layout, values, (RESPONSE.least, RESPONSE.largest), noise),)
 
 
-def curves_of(
-    layout: Layout,
-    values: Callable[[Table, int], Floats],
-    possible: tuple[float, float] = (RESPONSE.least, RESPONSE.largest),
-) -> FrfTable:
-    """Return the curves in a table, all under one excitation.
+def _observation(
+    layout: Layout, values: Mapping[int, Floats], possible: tuple[float, float], default: float
+) -> Observation:
+    """The curves in a table, all under one excitation.
 
     Args:
-        values: (r,) of the table's column at a position, in SI units.
+        values: (r,) of the columns at their positions, in SI units.
         possible: smallest and largest amplitude that a building can have.
-
-    Raises:
-        MeasurementError: see `frf_table`.
+        default: standard deviation of ln|H| where the table gives none.
     """
     table, frequency = layout.table, layout.frequency_hz
-    _check_frequencies(table, frequency)
-    floors = tuple(sorted({column.floor for column in layout.frfs}, key=floor_height))
-    if not floors:
-        raise table.file.error(f"there is no column of a floor; columns are {FRF_COLUMNS}")
-    columns = {column.name: i for column, i in layout.frfs.items()}
-    curves = [_curve(table, floor, columns, values, possible) for floor in floors]
-    log_sd = np.array([_log_sd(table, columns.get(f"{floor}_sd")) for floor in floors])
-    whole = all(np.iscomplexobj(curve) for curve in curves)
-    return FrfTable(
-        frequency_hz=frequency,
-        floors=floors,
-        magnitude=np.abs(np.array(curves)),
-        complex_frf=np.array(curves) if whole else None,
-        log_sd=None if np.isnan(log_sd).all() else log_sd,
-        source=table.file.path.name,
-    )
-
-
-def _check_frequencies(table: Table, frequency: Floats) -> None:
     if frequency.size < RESPONSE.fewest:
         raise table.file.error(
             f"{frequency.size} rows are no response function; give at least {RESPONSE.fewest}",
@@ -98,35 +95,124 @@ def _check_frequencies(table: Table, frequency: Floats) -> None:
             int(table.lines[wrong[0]]),
             FREQUENCY,
         )
-
-
-def _curve(
-    table: Table,
-    floor: str,
-    columns: Mapping[str, int],
-    values: Callable[[Table, int], Floats],
-    possible: tuple[float, float],
-) -> NDArray[np.inexact]:
-    """Return |H| or H of a floor, (m,), whichever the table has."""
-    at, imaginary = whole_or_parts(table.file, floor, columns, f"|H| of floor {floor}")
-    real = values(table, at)
-    curve = real if imaginary is None else real + 1j * values(table, imaginary)
-    _require_possible(table, at, real if imaginary is None else np.abs(curve), "|H|", possible)
-    return curve
-
-
-def _log_sd(table: Table, position: int | None) -> Floats:
-    if position is None:
-        return np.full(table.values.shape[0], np.nan)
-    values = _ratio(table, position)
-    _require_possible(
-        table,
-        position,
-        values,
-        "the standard deviation of ln|H|",
-        (RESPONSE.least_sd, RESPONSE.largest_sd),
+    floors = tuple(sorted({column.floor for column in layout.frfs}, key=floor_height))
+    if not floors:
+        raise table.file.error(f"there is no column of a floor; columns are {FRF_COLUMNS}")
+    columns = {column.name: i for column, i in layout.frfs.items()}
+    curves: list[NDArray[np.inexact]] = []
+    noise = np.full((len(floors), frequency.size), default)
+    for row, floor in enumerate(floors):
+        at, imaginary = whole_or_parts(table.file, floor, columns, f"|H| of floor {floor}")
+        curve = values[at] if imaginary is None else values[at] + 1j * values[imaginary]
+        size = values[at] if imaginary is None else np.abs(curve)
+        _require_possible(table, at, size, "|H|", possible)
+        curves.append(curve)
+        stated = columns.get(f"{floor}_sd")
+        if stated is not None:
+            noise[row] = _ratio(table, stated)
+            what, least = "the standard deviation of ln|H|", RESPONSE.least_sd
+            _require_possible(table, stated, noise[row], what, (least, RESPONSE.largest_sd))
+    without = [floor for floor in floors if f"{floor}_sd" not in columns]
+    note = f"Noise on ln|H| taken as {default:g} for {', '.join(without)}."
+    # Signs of columns in |H| are not known, so that phases are those of complex floors together.
+    whole = all(np.iscomplexobj(curve) for curve in curves)
+    return Observation(
+        frequency_hz=frequency,
+        floors=floors,
+        log_frf=np.log(np.abs(np.array(curves))),
+        noise_sd=noise,
+        valid=np.ones(noise.shape, dtype=bool),
+        phase=np.angle(np.array(curves)) if whole else None,
+        source=table.file.path.name,
+        notes=(note,) if without else (),
     )
-    return values
+
+
+def _by_force(layout: Layout, force: str | None) -> dict[str, Layout]:
+    """The responses to the force at each floor, each response once."""
+    table, found = layout.table, dict[str, dict[FrfColumn, int]]()
+    for column, i in layout.frfs.items():
+        at = column.force or force
+        if at is None:
+            raise table.file.error(
+                "the floor at which the force acts is not said; name it by the force option, or by"
+                " the column's name, such as 2F/RF for 2F under a force at RF",
+                column=table.title(i),
+            )
+        if force is not None and at != force:
+            raise table.file.error(
+                f"the column says another floor than the force option, {force}; leave the option"
+                " out",
+                column=table.title(i),
+            )
+        own, plain = found.setdefault(at, {}), replace(column, force=at)
+        if plain in own:
+            raise table.file.error(
+                f"{table.title(i)} and {table.title(own[plain])} are the same response; remove one"
+            )
+        own[plain] = i
+    return {
+        at: replace(layout, known={i: column for column, i in own.items()})
+        for at, own in found.items()
+    }
+
+
+def _under_force(layout: Layout, force: str, asked: str | None, noise: float) -> Observation:
+    """The accelerance of floors, without phase: a sign or a phase of i omega does not matter."""
+    table, omega = layout.table, 2.0 * np.pi * layout.frequency_hz
+    values, quantities = {}, set()
+    for column, i in layout.frfs.items():
+        if column.part == "sd":
+            continue
+        stated = table.units[i] or asked
+        found = None if stated is None else force_unit(stated)
+        if found is None:
+            said = "has no unit" if stated is None else f"cannot be in {stated!r}"
+            raise table.file.error(
+                f"a response to a force {said}; give it by the unit option or in the column's"
+                f" name, as {_UNITS}",
+                column=table.title(i),
+            )
+        quantities.add(found.quantity)
+        values[i] = table.values[:, i] * found.factor * omega ** (2 - found.power)
+    if len(quantities) > 1:
+        raise table.file.error(
+            f"responses to the force at {force} are in several quantities,"
+            f" {' and '.join(sorted(quantities))}; give them in files of their own"
+        )
+    possible = RESPONSE.least_accelerance, RESPONSE.largest_accelerance
+    found_curves = _observation(layout, values, possible, noise)
+    (quantity,) = quantities or {"accelerance"}
+    return replace(found_curves, phase=None, excitation=Excitation(force), quantity=quantity)
+
+
+def in_band(
+    forced: Observation, building_floors: Sequence[str], band_hz: tuple[float, float]
+) -> Observation:
+    """Responses to a force in a table on a building's floors, at the file's own frequencies.
+
+    Args:
+        forced: all of the table.
+        building_floors: names, bottom to top.
+        band_hz: lowest and highest frequency at which the building's model is good.
+
+    Raises:
+        MeasurementError: the building has no such floor, or fewer than ten frequencies lie in the
+            band.
+    """
+    named = (*forced.floors, forced.excitation.force)
+    require_floors_of_building(forced.source, named, building_floors)
+    low, high = band_hz
+    slack = 1e-9  # grids are sums of rounded steps
+    own = forced.frequency_hz
+    used = (own >= low * (1.0 - slack)) & (own <= high * (1.0 + slack))
+    if np.count_nonzero(used) < RESPONSE.fewest_of_force:
+        raise MeasurementError(
+            f"{forced.source}: fewer than ten frequencies lie between {low:g} and {high:g} Hz,"
+            " which the building's frequency grid and --band leave; widen them"
+        )
+    ordered = [name for name in building_floors if name in forced.floors]
+    return replace(at_frequencies(select_floors(forced, ordered), used), resolution_hz=None)
 
 
 def _ratio(table: Table, position: int) -> Floats:
@@ -160,3 +246,94 @@ def _require_possible(
             int(table.lines[odd[0]]),
             table.title(position),
         )
+
+
+def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> Table:
+    """The response functions of a file that are given our names, as a table.
+
+    Args:
+        columns: our column name, such as `2F` or `2F/RF`, to the file's function: its number from
+            1, or its points, as `point 3 +X/point 1 +X`.
+
+    Raises:
+        MeasurementError: there is no response function, none is given a name, a name is not known,
+            or two differ in their frequencies.
+    """
+    file = recording.file
+    known = [one for one in recording.functions if one.kind in _RESPONSES]
+    if not known:
+        kinds = ", ".join(dict.fromkeys(one.kind for one in recording.functions))
+        raise file.error(f"the file holds {kinds}; a response needs histories or FRFs")
+    listing = _listing(known)
+    if not columns:
+        raise file.error(
+            "say which floor each response function is, by the columns option, such as 2F/RF=1"
+            f" for 2F under a force at RF; its functions are {listing}"
+        )
+    names = [f"{one.response or one.name}/{one.reference or 'not said'}" for one in known]
+    at = positions(file, "function", names, columns, listing)
+    chosen = {ours: known[k] for ours, k in at.items()}
+    first = next(iter(chosen.values()))
+    for one in chosen.values():
+        if not np.array_equal(one.frequency_hz, first.frequency_hz):
+            raise file.error("the response functions are not at the same frequencies; split them")
+    # Complex whatever they are: a real one may be below zero.
+    values = {ours: one.values.astype(np.complex128) for ours, one in chosen.items()}
+    units = {ours: one.unit for ours, one in chosen.items()}
+    return Table.of_arrays(file, {FREQUENCY: first.frequency_hz, **values}, units)
+
+
+def unnamed_functions(table: Table, at: int) -> tuple[RecordedFunction, ...]:
+    """The functions in a table whose columns do not say their floors, by the file's names.
+
+    Args:
+        table: with names; a complex column has become two, `name_re` and `name_im`.
+        at: position of the frequencies.
+    """
+    columns = {name: k for k, name in enumerate(table.names or ()) if k != at}
+    return tuple(
+        RecordedFunction(
+            kind="function",
+            name=name,
+            frequency_hz=table.values[:, at],
+            values=_values(table, *parts),
+            unit=table.units[parts[0]],
+        )
+        for name, parts in in_parts(columns).items()
+    )
+
+
+def response_functions(layout: Layout) -> tuple[RecordedFunction, ...]:
+    """The responses of floors to the base or to a force in a table, in the file's units."""
+    table, forced = layout.table, layout.under_force
+    columns: dict[str, dict[str, int]] = {}
+    for column, i in layout.frfs.items():
+        if column.part != "sd":
+            columns.setdefault(column.force, {})[column.name] = i
+    somewhere = SOMEWHERE if forced else BASE
+    return tuple(
+        RecordedFunction(
+            kind="frequency response",
+            name=name,
+            frequency_hz=layout.frequency_hz,
+            values=_values(table, *parts),
+            unit=table.units[parts[0]] if forced else None,
+            response=name,
+            reference=f"a force at {force}" if force else somewhere,
+        )
+        for force, own in columns.items()
+        for name, parts in in_parts(own).items()
+    )
+
+
+def _values(table: Table, at: int, imaginary: int | None) -> NDArray[np.inexact]:
+    whole = table.values[:, at]
+    return whole if imaginary is None else whole + 1j * table.values[:, imaginary]
+
+
+def _listing(functions: Sequence[RecordedFunction]) -> str:
+    told = [
+        f"{k} = {one.response or one.name}/{one.reference or 'not said'} ({one.unit or 'no unit'})"
+        for k, one in enumerate(functions[:_SHOWN], start=1)
+    ]
+    return ", ".join(told) + (", ..." if len(functions) > _SHOWN else "")

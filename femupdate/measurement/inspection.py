@@ -7,25 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.measurement.base_rotation import (
-    fault_of,
-    is_vertical_channel,
-    said_of_rotation,
-    vertical_pair,
-)
 from femupdate.measurement.channel import RecordedChannel, azimuth_of, in_m_s2
 from femupdate.measurement.channel_checks import channel_findings
 from femupdate.measurement.columns import BASE, FREQUENCY, Channel, parse_channel, parse_frf_column
-from femupdate.measurement.function_table import (
-    SOMEWHERE,
-    response_functions,
-    unnamed_functions,
-)
-from femupdate.measurement.kinds import base_motion_in
+from femupdate.measurement.floor_names import base_rank
+from femupdate.measurement.frf_table import SOMEWHERE, response_functions, unnamed_functions
+from femupdate.measurement.histories import fault_of, motions_in, said_of_rotation
+from femupdate.measurement.kinds import Reading, base_motion_in
 from femupdate.measurement.mode_table import modes_in_table
 from femupdate.measurement.modes import mode_findings
 from femupdate.measurement.next_step import NextStep, columns_option, next_step
-from femupdate.measurement.observation_file import motions_in
 from femupdate.measurement.pair_checks import pair_findings
 from femupdate.measurement.proposal import proposed_floors
 from femupdate.measurement.quantity import is_acceleration, si_factor
@@ -305,13 +296,13 @@ def _rotation(
         (
             one
             for one, floor in zip(histories, floors, strict=True)
-            if floor == BASE and not is_vertical_channel(one)
+            if floor == BASE and not one.vertical
         ),
         None,
     )
     known = [histories[k].unit or unit for k in placed]
     if len(placed) < 2 or base is None or any(one is None for one in known):
-        said = vertical_pair(histories, floors) if not placed else ""
+        said = _vertical_pair(histories, floors) if not placed else ""
         return (said,) if said else ()
     fault = fault_of(tuple(placed.values()))
     if fault is not None:
@@ -320,6 +311,25 @@ def _rotation(
     vertical = np.array([in_m_s2(recording.file, histories[k], unit) for k in placed])
     moved = in_m_s2(recording.file, base, unit)
     return said_of_rotation(tuple(placed.values()), vertical, moved)
+
+
+def _vertical_pair(channels: Sequence[RecordedChannel], floors: Sequence[str | None]) -> str:
+    """What vertical channels of the base inside a building could tell; empty where there are few.
+
+    Args:
+        floors: of each, or None.
+    """
+    inside = [
+        str(k + 1)
+        for k, (one, floor) in enumerate(zip(channels, floors, strict=True))
+        if floor == BASE and one.vertical and base_rank(one.location or one.name) == 0
+    ]
+    if len(inside) < 2:
+        return ""
+    return (
+        f"Channels {', '.join(inside)} are vertical at the base: with their places along the"
+        " motion, in m, they measure how it turns. Map them under names such as base@-2.5.z."
+    )
 
 
 def _functions_of_table(
@@ -336,7 +346,7 @@ def _functions_of_table(
         return unnamed_functions(own, axis)
     layout = layout_of(own, columns)
     if not layout.under_force:
-        base_motion_in(recording, unit, columns)  # refuses what cannot be
+        base_motion_in(recording, Reading(unit=unit, columns=columns))  # refuses what cannot be
     return response_functions(layout)
 
 

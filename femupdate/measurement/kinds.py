@@ -4,21 +4,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from femupdate.measurement.force_frf import ForceTest, force_test
-from femupdate.measurement.frf_table import FrfTable, frf_table
-from femupdate.measurement.function_table import table_of_functions
+from femupdate.measurement.frf_table import frfs_in_table, table_of_functions
+from femupdate.measurement.histories import Histories, histories_of
 from femupdate.measurement.modes import IdentifiedModes, identified_modes
-from femupdate.measurement.observation_file import (
-    ForceHistories,
-    Histories,
-    histories_of,
-)
-from femupdate.measurement.quantity import force_unit
+from femupdate.measurement.observation import Observation
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.resolve import layout_of, placed_channels
+from femupdate.measurement.thresholds import SPECTRUM
 
-AnyKind = Histories | ForceHistories | FrfTable | ForceTest | IdentifiedModes
+AnyKind = Histories | tuple[Observation, ...] | IdentifiedModes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,29 +25,19 @@ class Reading:
         columns: our column name to the file's.
         direction: of the motion; of identified modes other components are left out.
         force: floor at which the force acts, where the columns' names do not say it.
+        noise: standard deviation of ln|H| where a table of FRFs gives none.
     """
 
     unit: str | None = None
     columns: Mapping[str, str] | None = None
     direction: str = "x"
     force: str | None = None
-
-
-def read_any_kind(path: str | Path, how: Reading) -> AnyKind:
-    """Read a measured file of any kind.
-
-    Args:
-        how: see `Reading`.
-
-    Raises:
-        MeasurementError: the file, a column or a cell cannot be used; the message names it.
-    """
-    return kind_in(read_measured(path), how)
+    noise: float = SPECTRUM.default_noise
 
 
 def read_observation_file(
     path: str | Path, unit: str | None = None, columns: Mapping[str, str] | None = None
-) -> Histories | FrfTable:
+) -> Histories | Observation:
     """Read measured histories or response functions of floors under base motion.
 
     Args:
@@ -64,31 +49,33 @@ def read_observation_file(
             where they bear one of our names.
 
     Raises:
-        MeasurementError: as `read_any_kind`, or the file is of another kind.
+        MeasurementError: the file, a column or a cell cannot be used, or the file is of another
+            kind; the message names it.
     """
-    return base_motion_in(read_measured(path), unit, columns)
+    return base_motion_in(read_measured(path), Reading(unit=unit, columns=columns))
 
 
-def base_motion_in(
-    recording: Recording, unit: str | None = None, columns: Mapping[str, str] | None = None
-) -> Histories | FrfTable:
+def base_motion_in(recording: Recording, how: Reading) -> Histories | Observation:
     """What `read_observation_file` reads, in a file that was opened."""
-    found = kind_in(recording, Reading(unit=unit, columns=columns))
-    if isinstance(found, Histories | FrfTable):
-        return found
-    what, who = _OTHERS.get(type(found), _FORCED)
-    raise recording.file.error(f"these are {what}, which {who}; give histories or FRFs here")
-
-
-_EXPLAINED = "calibrate, diagnose and repair explain"
-_FORCED = "responses to a force", _EXPLAINED
-_OTHERS: Mapping[type, tuple[str, str]] = {
-    IdentifiedModes: ("identified modes", _EXPLAINED),
-}
+    found = kind_in(recording, how)
+    what = "identified modes"
+    if not isinstance(found, IdentifiedModes):
+        one = found if isinstance(found, Histories) else found[0]
+        if not one.excitation.force:
+            return one
+        what = "responses to a force"
+    raise recording.file.error(
+        f"these are {what}, which calibrate, diagnose and repair explain; give histories or FRFs"
+        " here"
+    )
 
 
 def kind_in(recording: Recording, how: Reading) -> AnyKind:
-    """What `read_any_kind` reads, in a file that was opened."""
+    """What a file holds; of FRFs an observation for each excitation, at the file's frequencies.
+
+    Raises:
+        MeasurementError: the file, a column or a cell cannot be used; the message names it.
+    """
     if recording.modes or recording.mode_table is not None:
         return identified_modes(recording, how.columns, how.direction)
     file, table, columns = recording.file, recording.table, how.columns
@@ -99,7 +86,4 @@ def kind_in(recording: Recording, how: Reading) -> AnyKind:
     layout = layout_of(table, columns)
     if layout.of_histories:
         return histories_of(file, layout.channels(), how.unit)
-    told = how.force or any(column.force for column in layout.frfs)
-    if layout.frfs and (told or force_unit(how.unit or "")):
-        return force_test(layout, how.force, how.unit)
-    return frf_table(layout)
+    return frfs_in_table(layout, how.force, how.unit, how.noise)

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femupdate.arrays import Complexes, Flags, Floats
+from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.errors import MeasurementError
 from femupdate.measurement.thresholds import SPECTRUM
 
 if TYPE_CHECKING:
     from femupdate.measurement.estimated import Estimator
+    from femupdate.measurement.histories import Histories
 
 HANN_BANDWIDTH = 1.5
 """Equivalent noise bandwidth of the Hann window times its length (Harris 1978)."""
@@ -25,14 +27,14 @@ _OF_FLOORS = ("log_frf", "noise_sd", "valid", "phase", "coherence", "scatter")
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """Measured FRFs, absolute floor acceleration over base acceleration.
+    """Measured FRFs: absolute acceleration of floors over that of the base, or over a force.
 
     Phases follow H = Y / X of a time dependence exp(+i omega t): a delay tau gives -omega tau.
 
     Attributes:
-        frequency_hz: (m,) the building's grid, increasing.
+        frequency_hz: (m,) increasing: the building's grid, or of a table its own frequencies.
         floors: (f,) bottom to top.
-        log_frf: (f, m) ln|H|; NaN where there is no estimate at all.
+        log_frf: (f, m) ln|H|, of responses to a force in 1/kg; NaN where there is no estimate.
         noise_sd: (f, m) standard deviation of ln|H| (and of the phase, rad); NaN likewise.
         valid: (f, m) whether a point may be used. Untrusted estimates (low
             coherence, no power in the base) are kept for plots and flagged here.
@@ -48,6 +50,11 @@ class Observation:
         rotation: (m,) complex rotation of the base that goes with its unit translation, 1/m, for
             pictures; None where none was measured. Fits go through the estimator, which has all
             of the rotation.
+        excitation: what drove the building.
+        quantity: of responses to a force what the file holds: receptance, mobility, accelerance.
+        level: doublings of the amplitude of motion above that of the first record.
+        halves: the data in two parts that err independently; none where they were not parted.
+        histories: that the FRFs are an estimate of; None for a table.
     """
 
     frequency_hz: Floats
@@ -63,6 +70,11 @@ class Observation:
     scatter: Floats | None = None
     estimator: "Estimator | None" = None
     rotation: Complexes | None = None
+    excitation: Excitation = BASE_MOTION
+    quantity: str = "accelerance"
+    level: float = 0.0
+    halves: "tuple[Observation, ...]" = ()
+    histories: "Histories | None" = None
 
     def __post_init__(self) -> None:
         shape = (len(self.floors), self.frequency_hz.size)
@@ -93,7 +105,11 @@ def select_floors(observation: Observation, floors: Sequence[str]) -> Observatio
             f" {', '.join(observation.floors)}, each once"
         )
     rows = [observation.floors.index(floor) for floor in floors]
-    return _with_rows(observation, floors, lambda values: values[rows])
+    halves = tuple(
+        select_floors(half, [floor for floor in floors if floor in half.floors])
+        for half in observation.halves
+    )
+    return replace(_with_rows(observation, floors, lambda values: values[rows]), halves=halves)
 
 
 def at_frequencies(observation: Observation, used: Flags) -> Observation:
@@ -112,6 +128,7 @@ def at_frequencies(observation: Observation, used: Flags) -> Observation:
         resolution_hz=observation.resolution_hz or spacing,
         estimator=None if own is None else own.at(used),
         rotation=None if observation.rotation is None else observation.rotation[used],
+        halves=tuple(at_frequencies(half, used) for half in observation.halves),
     )
 
 
@@ -125,7 +142,8 @@ def on_all_floors(observation: Observation, floors: Sequence[str]) -> Observatio
         wide[rows] = values
         return wide
 
-    return _with_rows(observation, floors, spread)
+    halves = tuple(on_all_floors(half, floors) for half in observation.halves)
+    return replace(_with_rows(observation, floors, spread), halves=halves)
 
 
 def _with_rows(

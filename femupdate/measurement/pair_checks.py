@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Complexes, Flags, Floats
-from femupdate.measurement.base_rotation import is_vertical_channel
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import BASE, floor_height, parse_channel
 from femupdate.measurement.thresholds import PAIR
@@ -57,9 +56,7 @@ def pair_findings(
     """
     found: list[str] = []
     vertical = [
-        str(k + 1)
-        for k, channel in enumerate(channels)
-        if is_vertical_channel(channel) and k not in placed
+        str(k + 1) for k, channel in enumerate(channels) if channel.vertical and k not in placed
     ]
     if vertical:
         are = "s " + ", ".join(vertical) + " are" if len(vertical) > 1 else f" {vertical[0]} is"
@@ -83,7 +80,7 @@ def _groups(
     """Channels that share their direction and times, on floors that are known."""
     found: dict[object, list[_Sensor]] = defaultdict(list)
     for number, (channel, floor) in enumerate(zip(channels, floors, strict=True), start=1):
-        if floor is not None and not is_vertical_channel(channel) and np.ptp(channel.values):
+        if floor is not None and not channel.vertical and np.ptp(channel.values):
             parsed = parse_channel(channel.name)
             along = parsed.direction if parsed else channel.direction.upper()
             key = along, channel.values.size, channel.time_step

@@ -69,6 +69,7 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
         scatter=(precision * deviation**2).sum(axis=0),
         estimator=mean_estimator([run.estimator for run in runs], _shares(precision), grid),
         rotation=_rotation(runs, _shares(precision)),
+        excitation=max((run.excitation for run in runs), key=lambda one: one.turns),
     )
 
 

@@ -4,7 +4,6 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from femupdate.measurement.base_rotation import is_vertical_channel
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import BASE, TIME, channel_name, floor_height, parse_channel
 from femupdate.measurement.floor_names import base_rank, floors_of
@@ -27,7 +26,7 @@ def proposed_floors(channels: Sequence[RecordedChannel]) -> tuple[str | None, ..
 def is_usable(channel: RecordedChannel) -> bool:
     """Whether a channel is, as far as is told, a horizontal acceleration."""
     acceleration = channel.quantity in ("acceleration", "unknown")
-    return acceleration and not is_vertical_channel(channel)
+    return acceleration and not channel.vertical
 
 
 def proposal(channels: Sequence[RecordedChannel]) -> dict[str, Proposed]:

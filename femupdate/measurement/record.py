@@ -11,7 +11,6 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
-from femupdate.measurement.base_rotation import fault_of, rotation_of
 from femupdate.measurement.channel import (
     RecordedChannel,
     acceleration_unit,
@@ -19,6 +18,7 @@ from femupdate.measurement.channel import (
     in_m_s2,
 )
 from femupdate.measurement.columns import BASE, Channel, parse_channel
+from femupdate.measurement.histories import LARGEST_PEAK, SMALLEST_PEAK, fault_of, rotation_of
 from femupdate.measurement.quantity import plain_unit
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.resolve import given_channels, positions
@@ -28,10 +28,6 @@ from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY
 
 logger = logging.getLogger(__name__)
-
-# m/s2.
-LARGEST_PEAK = RECORD.largest_g * STANDARD_GRAVITY
-SMALLEST_PEAK = RECORD.smallest_g * STANDARD_GRAVITY
 
 
 @dataclass(frozen=True, eq=False)

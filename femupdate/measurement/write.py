@@ -9,8 +9,8 @@ import numpy as np
 from femupdate.atomic import atomic_path
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import FREQUENCY, TIME
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.mode_table import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE
-from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.recording import RecordedMode
 
 _TIME_FORMAT = "%.10g"

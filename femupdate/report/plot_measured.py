@@ -9,7 +9,6 @@ from matplotlib.lines import Line2D
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.measurement.base_rotation import is_vertical_channel
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.inspection import InspectedChannel, Inspection
 from femupdate.measurement.modes import in_phase
@@ -118,7 +117,7 @@ def _driven(
     force = next((each for each in channels if each.channel.quantity == "force"), None)
     if force is not None and not base:
         return force, [each for each in channels if each.channel.quantity != "force"]
-    first = next((each for each in base if not is_vertical_channel(each.channel)), None)
+    first = next((each for each in base if not each.channel.vertical), None)
     if first is None:
         return None, []
     along = [each for each in channels if each.channel.direction == first.channel.direction]

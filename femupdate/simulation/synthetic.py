@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.simulation.sensors import SensorPoints
 

@@ -15,7 +15,7 @@ from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.kinds import Measured, measured_of, with_rest
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import ObservationSource, halves_of
+from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.second_record import level_between
 
 
@@ -74,7 +74,7 @@ class Given:
         error = model_error(building, mesh)
         for given, level in ((self, 0.0), (second, self.level)):
             for one in () if given is None else given.measured.forced:
-                force = FloorForce(one.force, measured.rest)
+                force = FloorForce(one.excitation.force, measured.rest)
                 own = force_data(one, force, building.floors, error, use_phase)
                 yield own.at_level(level)
 
@@ -128,8 +128,5 @@ def read_held(
 
 def _given(building: Building, source: ObservationSource) -> Given:
     """The files of one source, with halves of their FRFs under base motion."""
-    measured = measured_of(building, source)
-    if not measured.base_paths:
-        return Given(measured)
-    first, *further = measured.base_paths
-    return Given(measured, halves_of(building, replace(source, path=first, further=tuple(further))))
+    measured = measured_of(building, source, halves=True)
+    return Given(measured, measured.base.halves)

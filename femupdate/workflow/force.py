@@ -14,7 +14,6 @@ from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import FrfData, base_logs, log_responses
-from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
 from femupdate.study import Study, StudyPart
@@ -77,7 +76,7 @@ def _full_and_reduced(model: StudyModel) -> tuple[Structure, ReducedModel]:
     return structure_of(building, half_mesh_size(building)), finer.model
 
 
-def check_level(model: StudyModel, data: FrfData, one: ForcedObservation) -> None:
+def check_level(model: StudyModel, data: FrfData, one: Observation) -> None:
     """Refuse responses in another unit or quantity than their file says.
 
     The masses of the building are known, so that no stiffness of the prior moves the level of the
@@ -139,12 +138,10 @@ def _level(away: Tensor, omega: Tensor, power: int) -> tuple[float, float]:
     return float(middle[nearest].abs()), float(scatter[nearest])
 
 
-def _sentence(one: ForcedObservation, away: Tensor, omega: Tensor, spread: float) -> str:
+def _sentence(one: Observation, away: Tensor, omega: Tensor, spread: float) -> str:
     """What looks wrong, and what would be right."""
-    own = one.observation
-    said = (
-        f"{own.source}: the {one.quantity} of {', '.join(own.floors)} under a force at {one.force}"
-    )
+    floors = ", ".join(one.floors)
+    said = f"{one.source}: the {one.quantity} of {floors} under a {one.excitation.name}"
     level, _ = _level(away, omega, 0)
     best, guess = math.inf, ""
     power = _QUANTITIES.index(one.quantity)

@@ -11,8 +11,8 @@ from femupdate.arrays import Floats
 from femupdate.measurement.ambient import AmbientModes, identify_modes
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.columns import BASE, Channel
+from femupdate.measurement.histories import motions_in
 from femupdate.measurement.modes import mode_findings
-from femupdate.measurement.observation_file import motions_in
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.text import TextFile

@@ -13,16 +13,15 @@ from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import forced_logs
 from femupdate.inference.modal_terms import ModalErrors
 from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.force_frf import (
-    ForcedObservation,
-    ForceTest,
-    forced_estimate,
-    forced_observations,
-)
-from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.frf import observation_for, with_halves
+from femupdate.measurement.frf_table import in_band
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.modes import IdentifiedModes
-from femupdate.measurement.observation import Observation, require_floors_of_building
-from femupdate.measurement.observation_file import ForceHistories, Histories
+from femupdate.measurement.observation import (
+    Observation,
+    require_floors_of_building,
+    select_floors,
+)
 from femupdate.measurement.pair_checks import pair_findings
 from femupdate.progress import Progress
 from femupdate.study import Study
@@ -52,7 +51,7 @@ class Measured:
 
     base: Observation
     modes: tuple[IdentifiedModes, ...] = ()
-    forced: tuple[ForcedObservation, ...] = ()
+    forced: tuple[Observation, ...] = ()
     rest: RestFlexibility | None = None
     errors: ModalErrors = field(default_factory=ModalErrors)
     runs: tuple[Observation, ...] = ()
@@ -100,22 +99,22 @@ class Measured:
         if not self.others:
             return self.base
         sources = [self.base.source] if self.has_base else []
-        sources += [one.observation.source for one in self.forced]
+        sources += [one.source for one in self.forced]
         sources += [one.source for one in self.modes]
         return replace(self.base, source=" and ".join(dict.fromkeys(sources)))
 
     def fingerprint(self) -> str:
         """Hash of all data as read, and of what is assumed of their errors."""
-        forces = [(one.force, one.observation.floors) for one in self.forced]
+        forces = [(one.excitation.force, one.floors) for one in self.forced]
         said = (self.modes and self.errors, self.base.floors, forces)
         data = hashlib.sha256(repr(said).encode())
         arrays = [self.base.log_frf, self.base.noise_sd, self.base.valid]
-        for one in self.modes:
-            arrays += [one.frequency_hz, one.frequency_sd_hz, one.damping, one.damping_sd]
-            arrays += [one.shape, one.shape_sd]
-            data.update(repr(one.floors).encode())
-        for own in (one.observation for one in self.forced):
-            arrays += [own.log_frf, own.noise_sd, own.valid]
+        for modes in self.modes:
+            arrays += [modes.frequency_hz, modes.frequency_sd_hz, modes.damping, modes.damping_sd]
+            arrays += [modes.shape, modes.shape_sd]
+            data.update(repr(modes.floors).encode())
+        for one in self.forced:
+            arrays += [one.log_frf, one.noise_sd, one.valid]
         if self.base.rotation is not None:
             arrays.append(np.nan_to_num(self.base.rotation).view(np.float64))
         for values in arrays:
@@ -125,12 +124,11 @@ class Measured:
     def _force_notes(self) -> list[str]:
         told = []
         for one in self.forced:
-            floors = ", ".join(one.observation.floors)
             told.append(
-                f"{one.observation.source}: {one.quantity} of {floors} under a force at"
-                f" {one.force}, taken to act through the middle of its sensors."
+                f"{one.source}: {one.quantity} of {', '.join(one.floors)} under a"
+                f" {one.excitation.name}, taken to act through the middle of its sensors."
             )
-            told += [f"{one.observation.source}: {note}" for note in one.observation.notes]
+            told += [f"{one.source}: {note}" for note in one.notes]
         if self.forced and self.nominal_masses:
             told.append(
                 "The building's masses are nominal (masses_known = false), but the level of a force"
@@ -204,21 +202,30 @@ def with_rest(study: Study, model: StudyModel, measured: Measured, progress: Pro
     return measured
 
 
-def measured_of(building: Building, source: ObservationSource) -> Measured:
-    """Like `read_measured_of`, for a building that has no model yet."""
+def measured_of(building: Building, source: ObservationSource, halves: bool = False) -> Measured:
+    """Like `read_measured_of`, for a building that has no model yet.
+
+    Args:
+        building: that was measured.
+        source: of the files.
+        halves: part FRFs under base motion in two that err independently.
+    """
     base: list[Path] = []
     modes: list[IdentifiedModes] = []
-    forced: list[ForcedObservation] = []
+    forced: list[Observation] = []
     doubts: list[str] = []
+    direction = direction_of(building)
     for path in source.paths:
-        read = source.read(path, direction_of(building))
+        read = source.read(path, direction, building.observation.noise_sd)
         if isinstance(read, IdentifiedModes):
             modes.append(_chosen(building, source, path, read))
-        elif isinstance(read, ForceTest | ForceHistories):
-            forced += _forced(building, source, read)
+            continue
+        found = (read,) if isinstance(read, Histories) else read
+        if found[0].excitation.force:
+            forced += [seen for one in found for seen in _forced(building, source, one)]
         else:
             base.append(path)
-            doubts += _doubts(path, read, direction_of(building))
+            doubts += _doubts(path, read, direction) if isinstance(read, Histories) else ()
     errors = ModalErrors()
     if source.mode_error is not None:
         errors = replace(errors, model_frequency=source.mode_error)
@@ -235,16 +242,14 @@ def measured_of(building: Building, source: ObservationSource) -> Measured:
         _require_sensors(source, others.base.floors)
         return others
     own = replace(source, path=base[0], further=tuple(base[1:]))
-    runs = runs_of(building, own)
+    runs = runs_of(building, own, halves)
     return replace(
         others, base=as_one(building, runs), runs=runs, doubts=tuple(doubts), base_paths=own.paths
     )
 
 
-def _doubts(path: Path, read: Histories | FrfTable, direction: str) -> list[str]:
+def _doubts(path: Path, read: Histories, direction: str) -> list[str]:
     """Whether channels of a record are late, drift, are swapped or reversed, in sentences."""
-    if isinstance(read, FrfTable):
-        return []
     there = [k for k, one in enumerate(read.channels) if one.direction == direction]
     channels = [
         RecordedChannel(
@@ -260,26 +265,20 @@ def _doubts(path: Path, read: Histories | FrfTable, direction: str) -> list[str]
 
 
 def _forced(
-    building: Building, source: ObservationSource, test: ForceTest | ForceHistories
-) -> list[ForcedObservation]:
-    """Responses to forces of the floors and in the band that are asked for."""
+    building: Building, source: ObservationSource, given: Histories | Observation
+) -> list[Observation]:
+    """Responses to a force, on the floors and in the band that are asked for; none of no floor."""
     grid = building.frequency_grid.frequencies_hz()
     low, high = source.band_hz or (0.0, np.inf)
     band = max(low, float(grid[0])), min(high, float(grid[-1]))
-    noise = building.observation.noise_sd
-    if isinstance(test, ForceHistories):
-        inside = grid[(grid >= band[0]) & (grid <= band[1])]
-        seen = forced_estimate(test, building.floors, inside, direction_of(building))
-        tests: tuple[ForcedObservation, ...] = (seen,)
+    if isinstance(given, Histories):
+        inside, direction = grid[(grid >= band[0]) & (grid <= band[1])], direction_of(building)
+        seen = observation_for(building.floors, given, inside, direction)
+        seen = with_halves(seen, direction)
     else:
-        tests = forced_observations(test, building.floors, band, noise)
-    found = []
-    for one in tests:
-        floors = one.observation.floors
-        wanted = [name for name in floors if name in (source.sensors or floors)]
-        if wanted:
-            found.append(one.of_floors(wanted))
-    return found
+        seen = in_band(given, building.floors, band)
+    wanted = [name for name in seen.floors if name in (source.sensors or seen.floors)]
+    return [select_floors(seen, wanted)] if wanted else []
 
 
 def _chosen(
@@ -311,11 +310,11 @@ def _require_sensors(source: ObservationSource, floors: Sequence[str]) -> None:
 
 
 def no_base_motion(
-    building: Building, modes: Sequence[IdentifiedModes], forced: Sequence[ForcedObservation]
+    building: Building, modes: Sequence[IdentifiedModes], forced: Sequence[Observation]
 ) -> Observation:
     """An observation of the floors of other kinds that holds no FRFs under base motion."""
     seen = {name for one in modes for name in one.floors}
-    seen |= {name for one in forced for name in one.observation.floors}
+    seen |= {name for one in forced for name in one.floors}
     floors = tuple(name for name in building.floors if name in seen)
     frequency = building.frequency_grid.frequencies_hz()
     empty = np.full((len(floors), frequency.size), np.nan)

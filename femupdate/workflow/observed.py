@@ -12,15 +12,15 @@ from femupdate.building.schema import Building
 from femupdate.building.shear import require_heights
 from femupdate.errors import MeasurementError
 from femupdate.measurement.agreement import agreement
-from femupdate.measurement.frf import observation_for
-from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.frf import observation_for, with_halves
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import AnyKind, Reading, base_motion_in, kind_in
 from femupdate.measurement.observation import Observation, select_floors
-from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.pooled import pooled
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.registry import read_measured
 from femupdate.measurement.text import read_head
+from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.study import file_hash
 from femupdate.workflow.thresholds import UNITS
 
@@ -53,7 +53,6 @@ class ObservationSource:
         further: files of other runs, read in the same way, to be explained together.
         force: floor at which a force acts, for responses to it whose columns do not say it.
         mode_error: standard deviation of the model's own ln f, for identified modes; default None.
-        half: 0 or 1 for one half of the data alone (see `halves_of`).
         files: what was read of them (see `opened`); each is read whenever it is needed where empty.
     """
 
@@ -65,7 +64,6 @@ class ObservationSource:
     further: tuple[Path, ...] = ()
     force: str | None = None
     mode_error: float | None = None
-    half: int | None = None
     files: tuple[OpenedFile, ...] = field(default=(), repr=False, compare=False)
 
     @property
@@ -78,10 +76,6 @@ class ObservationSource:
         """Every file as a source of its own."""
         return tuple(replace(self, path=path, further=()) for path in self.paths)
 
-    def reading(self, direction: str) -> Reading:
-        """How each of the files is read, for a direction of the motion."""
-        return Reading(unit=self.unit, columns=self.columns, direction=direction, force=self.force)
-
     def opened(self) -> "ObservationSource":
         """The source with its files read: all that follows sees them as they are now.
 
@@ -92,21 +86,34 @@ class ObservationSource:
             return self
         return replace(self, files=tuple(_opened(path) for path in self.paths))
 
-    def read(self, path: Path, direction: str) -> AnyKind:
+    def read(self, path: Path, direction: str, noise: float = SPECTRUM.default_noise) -> AnyKind:
         """What one of the files holds, for a direction of the motion.
+
+        Args:
+            path: of the file.
+            direction: of the motion.
+            noise: standard deviation of ln|H| where a table of FRFs gives none.
 
         Raises:
             MeasurementError: the file cannot be used.
         """
-        return kind_in(self._recording(path), self.reading(direction))
+        how = Reading(
+            unit=self.unit,
+            columns=self.columns,
+            direction=direction,
+            force=self.force,
+            noise=noise,
+        )
+        return kind_in(self._recording(path), how)
 
-    def read_base_motion(self) -> Histories | FrfTable:
+    def read_base_motion(self, noise: float = SPECTRUM.default_noise) -> Histories | Observation:
         """Histories or response functions under base motion in the first file.
 
         Raises:
             MeasurementError: the file cannot be used, or is of another kind.
         """
-        return base_motion_in(self._recording(self.path), self.unit, self.columns)
+        how = Reading(unit=self.unit, columns=self.columns, noise=noise)
+        return base_motion_in(self._recording(self.path), how)
 
     def _recording(self, path: Path) -> Recording:
         kept = {one.path: one.recording for one in self.files}
@@ -132,28 +139,20 @@ def _opened(path: Path) -> OpenedFile:
     return OpenedFile(path, file_hash(path), read_measured(path).without_text())
 
 
-def observation_of(building: Building, source: ObservationSource) -> Observation:
+def observation_of(
+    building: Building, source: ObservationSource, halves: bool = False
+) -> Observation:
     """Read the files of a source on a building's floors and frequency grid, as one observation.
+
+    Args:
+        building: its floors and grid count.
+        source: of the files.
+        halves: part the data in two that err independently: of several runs every other one.
 
     Raises:
         MeasurementError: a file cannot be used, or belongs to another building.
     """
-    return as_one(building, runs_of(building, source))
-
-
-def halves_of(building: Building, source: ObservationSource) -> tuple[Observation, ...]:
-    """The data in two parts that err independently; none where they cannot be parted.
-
-    Of several runs every other one; of one record every other segment; of a table every other
-    point.
-    """
-    try:
-        if len(source.paths) > 1:
-            runs = runs_of(building, source)
-            return tuple(as_one(building, runs[number::2]) for number in (0, 1))
-        return tuple(observation_of(building, replace(source, half=number)) for number in (0, 1))
-    except MeasurementError:
-        return ()
+    return as_one(building, runs_of(building, source, halves))
 
 
 def as_one(building: Building, runs: Sequence[Observation]) -> Observation:
@@ -163,16 +162,25 @@ def as_one(building: Building, runs: Sequence[Observation]) -> Observation:
     together = f"{len(runs)} runs are explained together: {', '.join(r.source for r in runs)}."
     said = agreement(runs, building.floors).sentence()
     notes = [f"{run.source}: {note}" for run in runs for note in run.notes]
-    return replace(pooled(runs, building.floors), notes=(f"{together} {said}", *notes))
+    halves = tuple(pooled(runs[number::2], building.floors) for number in (0, 1))
+    one = pooled(runs, building.floors)
+    return replace(one, notes=(f"{together} {said}", *notes), halves=halves)
 
 
-def runs_of(building: Building, source: ObservationSource) -> tuple[Observation, ...]:
+def runs_of(
+    building: Building, source: ObservationSource, halves: bool = False
+) -> tuple[Observation, ...]:
     """Every file of a source as an observation of its own, under a name that no other has.
+
+    Args:
+        building, source: see `observation_of`.
+        halves: part a single run in two halves.
 
     Raises:
         MeasurementError: a file cannot be used, belongs to another building, or two are the same.
     """
-    runs: Sequence[Observation] = [_whole(building, one) for one in source.runs]
+    halves = halves and len(source.paths) == 1
+    runs: Sequence[Observation] = [_whole(building, one, halves) for one in source.runs]
     if len({run.source for run in runs}) < len(runs):
         named = zip(runs, source.paths, strict=True)
         runs = [replace(run, source=str(path)) for run, path in named]
@@ -184,19 +192,14 @@ def runs_of(building: Building, source: ObservationSource) -> tuple[Observation,
     return tuple(runs)
 
 
-def _whole(building: Building, source: ObservationSource) -> Observation:
+def _whole(building: Building, source: ObservationSource, halves: bool) -> Observation:
     """All floors of one file, over the whole grid."""
-    observation = observation_for(
-        building.floors,
-        source.read_base_motion(),
-        building.frequency_grid.frequencies_hz(),
-        direction=direction_of(building),
-        default_noise=building.observation.noise_sd,
-        half=source.half,
-    )
-    if observation.rotation is not None:
+    data = source.read_base_motion(building.observation.noise_sd)
+    grid, direction = building.frequency_grid.frequencies_hz(), direction_of(building)
+    seen = observation_for(building.floors, data, grid, direction)
+    if seen.rotation is not None:
         require_heights(building)
-    return observation
+    return with_halves(seen, direction) if halves else seen
 
 
 def _require_different(runs: Sequence[Observation]) -> None:
@@ -248,6 +251,7 @@ def _within(observation: Observation, band_hz: tuple[float, float]) -> Observati
         valid=observation.valid & inside,
         log_frf=np.where(inside, observation.log_frf, np.nan),
         noise_sd=np.where(inside, observation.noise_sd, np.nan),
+        halves=tuple(_within(half, band_hz) for half in observation.halves),
     )
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.dynamics.member_histories import Place
 from femupdate.errors import MeasurementError
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import direction_of

@@ -20,7 +20,7 @@ from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair, mend
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.inference.maxima import found_from
-from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.histories import Histories
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import plus_minus
 from femupdate.seeds import Seed

@@ -7,8 +7,7 @@ import numpy as np
 from femupdate.dynamics.level import RunLevels, levels_in_run, motion_level
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import BASE
-from femupdate.measurement.frf import floor_means
-from femupdate.measurement.observation_file import ForceHistories, Histories
+from femupdate.measurement.histories import Histories
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, direction_of
 
@@ -61,15 +60,13 @@ def run_levels(model: StudyModel, source: ObservationSource) -> RunLevels:
     """
     direction = direction_of(model.building)
     data = _histories(source, direction)
-    base, floors, _ = floor_means(data, direction)
+    base, floors, _ = data.means(direction)
     return levels_in_run(base, floors, data.time_step)
 
 
 def _histories(source: ObservationSource, direction: str) -> Histories:
     for path in source.paths:
         read = source.read(path, direction)
-        if isinstance(read, ForceHistories):
-            return read.histories
         if isinstance(read, Histories):
             return read
     raise MeasurementError(

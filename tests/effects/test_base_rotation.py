@@ -16,7 +16,7 @@ from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.effects.structure import structure_of
 from femupdate.measurement.columns import parse_channel
 from femupdate.measurement.frf import estimate_frf
-from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.histories import Histories
 
 ZETA = 0.03
 HEIGHT, OMEGA = 6.5, 2.0 * np.pi * 3.0

@@ -7,6 +7,7 @@ from scipy.stats import qmc
 
 from femupdate.building.files import load_building
 from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.force_response import accelerance
 from femupdate.dynamics.projection import lumped
 from femupdate.dynamics.system import System
@@ -17,7 +18,6 @@ from femupdate.inference.maxima import draws_about, found_from
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.prior_search import best_of_prior
 from femupdate.inference.smc import TemperedSmc
-from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.observation import Observation
 
 TRUTH = torch.tensor([[1.3, 0.8, 1.1, 0.7, 0.02]], dtype=torch.float64)
@@ -47,8 +47,10 @@ def likelihood_by(system, forced, low=0.01, high=0.1):
 
 def forced(log_frf, valid=None, noise=0.1):
     there = np.ones(log_frf.shape, dtype=bool) if valid is None else valid
-    own = Observation(FREQUENCY, ("2F", "RF"), log_frf, np.full(log_frf.shape, noise), there)
-    return ForcedObservation("3F", "accelerance", own)
+    sd = np.full(log_frf.shape, noise)
+    return Observation(
+        FREQUENCY, ("2F", "RF"), log_frf, sd, there, excitation=Excitation(force="3F")
+    )
 
 
 def test_residuals_are_those_written_by_hand(system, exact):
@@ -136,8 +138,9 @@ def test_posterior_is_that_by_brute_force(system):
     data = log_accelerance(TRUTH[:, :4].numpy())[0] + noise
     theta, weight = brute_force(data)
     there = np.ones((2, 16), dtype=bool)
-    own = Observation(BAND, ("3F", "RF"), data, np.full((2, 16), NOISE), there)
-    likelihood = likelihood_by(system, ForcedObservation("RF", "accelerance", own), ZETA, ZETA)
+    sd, roof = np.full((2, 16), NOISE), Excitation(force="RF")
+    own = Observation(BAND, ("3F", "RF"), data, sd, there, excitation=roof)
+    likelihood = likelihood_by(system, own, ZETA, ZETA)
     prior = likelihood.prior
     starts, _ = best_of_prior(prior, likelihood, 1)
     maxima = found_from(prior, likelihood.residuals, starts)

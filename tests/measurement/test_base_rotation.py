@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.base_rotation import rotation_of
 from femupdate.measurement.columns import parse_channel
 from femupdate.measurement.frf import estimate_frf
+from femupdate.measurement.histories import Histories, rotation_of
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.mapping_file import read_mapping, write_mapping
-from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.pooled import pooled
 
 STEP, COUNT = 0.02, 3000
@@ -88,7 +87,9 @@ def test_runs_together_keep_the_rotation_of_each(tmp_path):
     np.testing.assert_allclose(both.rotation, share * one.rotation, rtol=1e-6)
     assert both.estimator.turns
     np.testing.assert_allclose(
-        both.estimator.rotation.sum(axis=1), share * one.estimator.rotation.sum(axis=1), rtol=1e-6
+        both.estimator.columns[1].sum(axis=1),
+        share * one.estimator.columns[1].sum(axis=1),
+        rtol=1e-6,
     )
 
 

@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from femupdate.errors import MeasurementError
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import read_record
 
 VALUES = np.round(50 * np.sin(0.7 * np.arange(70)) + 0.1 * np.arange(70), 3)
@@ -89,7 +89,7 @@ def test_damaged_observation(kind, hurts):
     if isinstance(data, str):
         assert "file.csv" in data
     else:
-        values = data.acceleration if isinstance(data, Histories) else data.magnitude
+        values = data.acceleration if isinstance(data, Histories) else data.log_frf
         assert np.isfinite(values).all()
 
 

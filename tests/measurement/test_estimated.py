@@ -9,7 +9,7 @@ import torch
 from femupdate.measurement.columns import parse_channel
 from femupdate.measurement.estimated import mean_estimator
 from femupdate.measurement.frf import estimate_frf
-from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.histories import Histories
 
 STEP, GRID = 0.02, np.arange(1, 201) * 0.05
 

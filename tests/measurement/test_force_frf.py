@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.force_frf import ForceTest, forced_observations
-from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.frf_table import in_band
 from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import Reading, read_any_kind, read_observation_file
+from femupdate.measurement.kinds import Reading, kind_in, read_observation_file
 from femupdate.measurement.quantity import force_unit
+from femupdate.measurement.registry import read_measured
 
 G = 9.80665
 
 
 def read(path, **how):
-    return read_any_kind(path, Reading(**how))
+    return kind_in(read_measured(path), Reading(**how))
 
 
 @pytest.mark.parametrize(
@@ -61,29 +61,27 @@ def test_every_quantity_is_one_accelerance(write):
     for head, values, how, quantity in cases:
         pairs = zip(frequency, values, strict=True)
         text = "\n".join(f"{f:g},{v.real:.12g}{v.imag:+.12g}j" for f, v in pairs)
-        (one,) = read(write(f"frequency_hz,{head}\n{text}\n"), **how).tables
-        assert (one.force, one.quantity, one.accelerance.floors) == ("2F", quantity, ("RF",))
-        np.testing.assert_array_equal(one.accelerance.frequency_hz, frequency[1:])
-        np.testing.assert_allclose(one.accelerance.magnitude[0], np.abs(accelerance[1:]), rtol=1e-9)
+        (one,) = read(write(f"frequency_hz,{head}\n{text}\n"), **how)
+        assert (one.excitation.force, one.quantity, one.floors) == ("2F", quantity, ("RF",))
+        np.testing.assert_array_equal(one.frequency_hz, frequency[1:])
+        np.testing.assert_allclose(np.exp(one.log_frf[0]), np.abs(accelerance[1:]), rtol=1e-9)
 
 
 def test_several_forces_and_a_standard_deviation(write):
     rows = "\n".join(f"{f},1,{2 * f},3,.1" for f in range(1, 21))
     path = write(f"frequency_hz,2F/RF,RF/RF,2F/2F,RF/RF_sd\n{rows}\n", "force.csv")
-    test = read(path, unit="m/s2/N")
-    assert isinstance(test, ForceTest)
-    low, roof = forced_observations(test, ("2F", "3F", "RF"), (3.0, 15.0), 0.3)
-    assert (low.force, low.observation.floors) == ("2F", ("2F",))
-    assert (roof.force, roof.observation.floors) == ("RF", ("2F", "RF"))
-    own = roof.observation
+    low, roof = read(path, unit="m/s2/N", noise=0.3)
+    assert (low.excitation.force, low.floors) == ("2F", ("2F",))
+    assert (roof.excitation.force, roof.floors) == ("RF", ("2F", "RF"))
+    own = in_band(roof, ("2F", "3F", "RF"), (3.0, 15.0))
     np.testing.assert_array_equal(own.frequency_hz, np.arange(3.0, 16.0))
     np.testing.assert_allclose(own.log_frf[1], np.log(2.0 * np.arange(3.0, 16.0)))
     np.testing.assert_array_equal(own.noise_sd[:, 0], [0.3, 0.1])
     assert own.notes == ("Noise on ln|H| taken as 0.3 for 2F.",)
     with pytest.raises(MeasurementError, match="fewer than ten frequencies lie between 3 and 5 Hz"):
-        forced_observations(test, ("2F", "RF"), (3.0, 5.0), 0.3)
+        in_band(roof, ("2F", "RF"), (3.0, 5.0))
     with pytest.raises(MeasurementError, match="file of another building"):
-        forced_observations(test, ("2F", "3F"), (1.0, 20.0), 0.3)
+        in_band(roof, ("2F", "3F"), (1.0, 20.0))
 
 
 ROWS = "1,2,3\n2,2,3\n3,2,3\n"
@@ -124,9 +122,9 @@ def test_other_commands_say_what_the_file_is(write):
 
 def test_base_frfs_as_complex_text(write):
     path = write("frequency_hz,2F\n1,1+0j\n2,3-4j\n3,-1e-1+2E+0i\n", "frf.csv")
-    table = read(path)
-    assert isinstance(table, FrfTable)
-    np.testing.assert_allclose(table.complex_frf[0], [1.0, 3.0 - 4.0j, -0.1 + 2.0j])
+    (table,) = read(path)
+    found = np.exp(table.log_frf + 1j * table.phase)
+    np.testing.assert_allclose(found[0], [1.0, 3.0 - 4.0j, -0.1 + 2.0j])
     assert inspect_file(path).step.command == f"femupdate calibrate {path}"
 
 
@@ -158,9 +156,9 @@ def test_functions_of_a_universal_file(tmp_path):
         )  # fmt: skip
         pyuff.UFF(str(path)).write_sets(one, "add")
     names = {"2F/RF": "1", "RF/RF": "point 4 +X/point 4 +X"}
-    (one,) = read(path, columns=names).tables
-    assert (one.force, one.accelerance.floors) == ("RF", ("2F", "RF"))
-    np.testing.assert_allclose(one.accelerance.magnitude, np.abs(curves), rtol=1e-5)
+    (one,) = read(path, columns=names)
+    assert (one.excitation.force, one.floors) == ("RF", ("2F", "RF"))
+    np.testing.assert_allclose(np.exp(one.log_frf), np.abs(curves), rtol=1e-5)
     with pytest.raises(
         MeasurementError, match=r"by number: 1 = point 3 \+X/point 4 \+X \(\(m/s2\)"
     ):

@@ -11,9 +11,9 @@ from femupdate.measurement.columns import Channel, parse_channel
 from femupdate.measurement.frf import (
     estimate_frf,
     observation_for,
-    observation_from_table,
+    on_grid,
 )
-from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.observation import (
     HANN_BANDWIDTH,
@@ -21,7 +21,6 @@ from femupdate.measurement.observation import (
     resolved_share,
     select_floors,
 )
-from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.measurement.welch import Segments, effective_averages
 
@@ -325,37 +324,36 @@ def test_select_floors():
             select_floors(observation, wrong)
 
 
-def table(**others) -> FrfTable:
-    magnitude = np.exp(np.array([[0.0, 1.0, -1.0], [2.0, 2.0, 4.0]]))
-    return FrfTable(np.array([1.0, 2.0, 4.0]), ("2F", "RF"), magnitude, source="t.csv", **others)
+def table(noise=0.2, **others) -> Observation:
+    size, valid = np.array([[0.0, 1.0, -1.0], [2.0, 2.0, 4.0]]), np.ones((2, 3), dtype=bool)
+    sd = np.broadcast_to(noise, (2, 3)).copy()
+    own, floors = np.array([1.0, 2.0, 4.0]), ("2F", "RF")
+    return Observation(own, floors, size, sd, valid, source="t.csv", **others)
 
 
 def test_table_is_interpolated_in_the_logarithm_and_not_beyond():
-    observation = observation_from_table(table(), np.array([0.5, 1.0, 1.5, 3.0, 4.0, 4.5]))
+    observation = on_grid(table(), np.array([0.5, 1.0, 1.5, 3.0, 4.0, 4.5]))
     np.testing.assert_allclose(
         observation.log_frf[:, 1:5], [[0, 0.5, 0, -1], [2, 2, 3, 4]], atol=1e-15
     )
     np.testing.assert_array_equal(observation.valid, [[0, 1, 1, 1, 1, 0]] * 2)
     assert (observation.noise_sd[observation.valid] == 0.2).all()
     assert observation.phase is None
-    assert "Noise on ln|H| taken as 0.2 for 2F, RF." in observation.notes
 
 
 def test_table_brings_its_own_noise_and_phase():
-    log_sd = np.array([[0.1, 0.3, 0.3], [np.nan] * 3])
     angle = np.array([[0.0, -1.0, -2.0], [0.5, 1.0, 3.0]])
-    data = table(log_sd=log_sd, complex_frf=table().magnitude * np.exp(1j * angle))
-    observation = observation_from_table(data, np.array([1.0, 1.5, 2.0]), default_noise=0.07)
+    data = table([[0.1, 0.3, 0.3], [0.07] * 3], phase=angle)
+    observation = on_grid(data, np.array([1.0, 1.5, 2.0]))
     np.testing.assert_allclose(observation.noise_sd, [[0.1, 0.2, 0.3], [0.07] * 3])
     np.testing.assert_allclose(observation.phase[:, [0, 2]], angle[:, :2], atol=1e-15)
-    assert "0.07 for RF." in observation.notes[0]
-    through = observation_for(["2F", "3F", "RF"], data, np.array([1.0, 1.5]), default_noise=0.07)
+    through = observation_for(["2F", "3F", "RF"], data, np.array([1.0, 1.5]))
     np.testing.assert_array_equal(through.noise_sd, observation.noise_sd[:, :2])
 
 
 def test_table_outside_the_grid_and_of_another_building():
     with pytest.raises(MeasurementError, match=r"t\.csv: no point of the frequency grid"):
-        observation_from_table(table(), np.array([5.0, 6.0]))
+        on_grid(table(), np.array([5.0, 6.0]))
     with pytest.raises(MeasurementError, match="another building"):
         observation_for(["3F", "RF"], table(), GRID)
 

@@ -5,13 +5,14 @@ import pytest
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import Reading, read_any_kind, read_observation_file
+from femupdate.measurement.kinds import Reading, kind_in, read_observation_file
 from femupdate.measurement.modes import in_phase, mac, mode_findings, phase_collinearity
 from femupdate.measurement.recording import RecordedMode
+from femupdate.measurement.registry import read_measured
 
 
 def read(path, **how):
-    return read_any_kind(path, Reading(**how))
+    return kind_in(read_measured(path), Reading(**how))
 
 
 TABLE = """# identified by somebody

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.frf_table import FrfTable
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.observation_file import Histories
 
 N = 100
 NAMES = ("base", "2F:1", "2F:2", "RF", "RF.y")
@@ -101,27 +100,27 @@ def test_frf_table_of_magnitudes_with_some_noise(write):
     frequency = [0.5, 1.0, 2.5]
     columns = {"RF": [1.1, 3, 0.2], "2F_sd": [0.1, 0.2, 0.3], "2F": [1, 2, 0.5]}
     table = read_observation_file(write(frf_text(frequency, columns, units="Hz,-,-,-")))
-    assert isinstance(table, FrfTable)
     np.testing.assert_array_equal(table.frequency_hz, frequency)
     assert table.floors == ("2F", "RF")
-    np.testing.assert_array_equal(table.magnitude, [[1, 2, 0.5], [1.1, 3, 0.2]])
-    np.testing.assert_array_equal(table.log_sd, [[0.1, 0.2, 0.3], [np.nan] * 3])
-    assert table.complex_frf is None
+    np.testing.assert_allclose(np.exp(table.log_frf), [[1, 2, 0.5], [1.1, 3, 0.2]])
+    np.testing.assert_array_equal(table.noise_sd, [[0.1, 0.2, 0.3], [0.2] * 3])
+    assert table.notes == ("Noise on ln|H| taken as 0.2 for RF.",)
+    assert table.phase is None
 
 
 def test_frf_table_of_complex_values(write):
     columns = {"RF_re": [1, 0, -1], "RF_im": [0, -2, -0.5], "2F_re": [1, 1, 1], "2F_im": [0, 0, 1]}
     table = read_observation_file(write(frf_text([1, 2, 4], columns)))
-    np.testing.assert_array_equal(table.complex_frf, [[1, 1, 1 + 1j], [1, -2j, -1 - 0.5j]])
-    np.testing.assert_allclose(table.magnitude[1], [1, 2, np.sqrt(1.25)], rtol=1e-15)
-    assert table.log_sd is None
+    found = np.exp(table.log_frf + 1j * table.phase)
+    np.testing.assert_allclose(found, [[1, 1, 1 + 1j], [1, -2j, -1 - 0.5j]], atol=1e-15)
+    np.testing.assert_allclose(table.log_frf[1], np.log([1, 2, np.sqrt(1.25)]), atol=1e-15)
 
 
 def test_complex_and_magnitude_floors_beside_each_other(write):
     columns = {"RF_re": [0, 0, -1], "RF_im": [3, -2, 0], "2F": [1, 2, 4]}
     table = read_observation_file(write(frf_text([1, 2, 4], columns)))
-    np.testing.assert_array_equal(table.magnitude, [[1, 2, 4], [3, 2, 1]])
-    assert table.complex_frf is None
+    np.testing.assert_allclose(np.exp(table.log_frf), [[1, 2, 4], [3, 2, 1]])
+    assert table.phase is None
 
 
 def with_row(number: int, old: str, new: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.channel import azimuth_of, is_vertical
+from femupdate.measurement.channel import RecordedChannel, azimuth_of
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import read_record
 from femupdate.measurement.registry import read_measured
@@ -296,7 +296,7 @@ def test_azimuths(text, azimuth):
     assert azimuth_of(text) == azimuth
 
 
-@pytest.mark.parametrize("text", ["Up", "UD", "U-D", "UD1", "Z", "vert", "Down"])
+@pytest.mark.parametrize("text", ["Up", "UD", "U-D", "UD1", "Z", "vert", "Down", "EW"])
 def test_vertical(text):
-    assert is_vertical(text)
-    assert not is_vertical("EW")
+    channel = RecordedChannel(name="1", values=np.ones(9), time_step=0.01, unit="g", direction=text)
+    assert channel.vertical == (text != "EW")

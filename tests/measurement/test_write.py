@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import channel_name, floor_height, parse_channel
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.write import write_observation_histories
 
 

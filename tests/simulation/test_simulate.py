@@ -18,8 +18,8 @@ from femupdate.errors import BuildingError, MeasurementError, ModelError
 from femupdate.fe.assembly import assemble
 from femupdate.fe.solve import lowest_modes, modes_below
 from femupdate.measurement.frf import estimate_frf
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.simulation.simulate import (
     SimulationSettings,

@@ -16,7 +16,7 @@ from femupdate.workflow.checks import check_calibration, readable
 from femupdate.workflow.finder_data import read_given
 from femupdate.workflow.kinds import measured_of
 from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource, halves_of
+from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.second_record import record_levels
 from femupdate.workflow.status import study_status
 
@@ -56,14 +56,14 @@ def test_so_does_the_search_for_what_is_missing(path, reads, calibrated):
 
 def test_a_file_that_changes_on_the_way_changes_nothing(path, tower_model):
     building, source = tower_model.building, ObservationSource(path).opened()
-    before = measured_of(building, ObservationSource(path))
-    halves, levels = halves_of(building, source), record_levels(tower_model, source)
+    before = measured_of(building, ObservationSource(path), halves=True)
+    levels = record_levels(tower_model, source)
     origin = source.made_from()
     assert origin == {"observation": file_hash(path)}
     path.write_text("time_s,base,2F,RF\n0,1,2,3\n", encoding="utf-8")
-    after = measured_of(building, source)
+    after = measured_of(building, source, halves=True)
     assert after.fingerprint() == before.fingerprint()
-    for own, other in zip(halves, halves_of(building, source), strict=True):
+    for own, other in zip(before.base.halves, after.base.halves, strict=True):
         assert np.array_equal(own.log_frf, other.log_frf, equal_nan=True)
     assert record_levels(tower_model, source) == levels
     assert source.made_from() == source.opened().made_from() == origin

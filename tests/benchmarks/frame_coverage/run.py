@@ -19,7 +19,7 @@ from femupdate.dynamics.history import HistorySettings, floor_histories
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
 from femupdate.measurement.columns import BASE, Channel
-from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
 from femupdate.simulation.truth import FineModel, fine_model, truth_of

@@ -5,11 +5,11 @@ import torch
 from torch import Tensor
 
 from femupdate.building.schema import Building
+from femupdate.dynamics.excitation import Excitation
 from femupdate.effects.effect import Effect
 from femupdate.inference.frf_data import FloorForce
 from femupdate.inference.modal_terms import ModalErrors
 from femupdate.inference.mode_data import modes_as_read
-from femupdate.measurement.force_frf import ForcedObservation
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import Observation
 from femupdate.simulation.truth import Truth
@@ -104,18 +104,18 @@ def _hammer(
     known: tuple[Tensor, Tensor, Tensor],
     building: Building,
     rng: np.random.Generator,
-) -> ForcedObservation:
+) -> Observation:
     grid = np.arange(_FIRST_HZ, building.frequency_grid.stop, _SPACING_HZ)
     floors = truth.system.floors
     force = FloorForce(floors[int(rng.integers(len(floors)))])
     exact = force.frf(truth.system, *known, torch.from_numpy(grid))[0].abs().log().numpy()
     noise = np.full(exact.shape, _ACCELERANCE)
-    observation = Observation(
+    return Observation(
         frequency_hz=grid,
         floors=floors,
         log_frf=exact + noise * rng.standard_normal(exact.shape),
         noise_sd=noise,
         valid=np.ones(exact.shape, dtype=bool),
         source="trial",
+        excitation=Excitation(force.floor),
     )
-    return ForcedObservation(force.floor, "accelerance", observation)

@@ -11,8 +11,8 @@ from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.frf import estimate_frf
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.observation import Observation
-from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.simulation.simulate import white_noise
 from femupdate.simulation.truth import FineModel, Truth, truth_of

@@ -18,8 +18,8 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
 from femupdate.inference.event_scatter import EventScatter
 from femupdate.inference.posterior import Posterior
+from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.observation_file import Histories
 from femupdate.measurement.record import read_record
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study

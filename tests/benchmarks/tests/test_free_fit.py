@@ -6,7 +6,7 @@ from femupdate.benchmarks.measured.free_fit import fit_free
 from scipy.signal import cont2discrete, dlsim
 
 from femupdate.measurement.columns import BASE, Channel
-from femupdate.measurement.observation_file import Histories
+from femupdate.measurement.histories import Histories
 
 STEP = 0.01
 FREQUENCY, DAMPING = np.array([2.1, 6.3]), np.array([0.03, 0.015])

@@ -1,4 +1,10 @@
-"""Histories of a building's floors, in SI units, and what of them is refused."""
+"""Histories of a building's floors, in SI units, and what of them is refused.
+
+Of the base's own rotation, vertical sensors tell that stand at places along the motion. A base that
+turns by a small angle, so that what stands on it leans forward, goes down in front: at the place s
+along the motion its vertical acceleration is that of its middle less s times the angular
+acceleration. Of more than two sensors the slope is the least-squares one.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,18 +13,21 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.measurement.base_rotation import fault_of
+from femupdate.dynamics.excitation import Excitation
+from femupdate.errors import MeasurementError
 from femupdate.measurement.channel import RecordedChannel, acceleration_unit
 from femupdate.measurement.columns import BASE, Channel, ForceChannel, floor_height
 from femupdate.measurement.quantity import newtons, si_factor
-from femupdate.measurement.record import LARGEST_PEAK
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.resolve import Motion, placed_channels
 from femupdate.measurement.sampling import check_step
 from femupdate.measurement.text import TextFile
-from femupdate.measurement.thresholds import RECORD
+from femupdate.measurement.thresholds import RECORD, ROTATION
 from femupdate.units import STANDARD_GRAVITY, percent
 
+# m/s2.
+LARGEST_PEAK = RECORD.largest_g * STANDARD_GRAVITY
+SMALLEST_PEAK = RECORD.smallest_g * STANDARD_GRAVITY
 LARGEST_RESPONSE = RECORD.largest_floor * LARGEST_PEAK  # m/s2
 
 
@@ -29,14 +38,19 @@ class Histories:
     Attributes:
         time_step: s.
         channels: (c,) what each row is.
-        acceleration: (c, n) absolute acceleration, m/s2.
+        acceleration: (c, n) absolute acceleration, m/s2; of a force, which stands where the base
+            would be, N.
         source: where they come from, for messages and reports.
+        force: floor at which a force acts; empty where the base moves.
+        notes: for people.
     """
 
     time_step: float
     channels: tuple[Channel, ...]
     acceleration: Floats
     source: str = "histories"
+    force: str = ""
+    notes: tuple[str, ...] = ()
 
     @property
     def floors(self) -> tuple[str, ...]:
@@ -44,30 +58,43 @@ class Histories:
         names = {channel.floor for channel in self.channels} - {BASE}
         return tuple(sorted(names, key=floor_height))
 
+    @property
+    def rotation(self) -> Floats | None:
+        """Angular acceleration (n,) of the base, see `rotation_of`."""
+        return rotation_of(self.channels, self.acceleration)
+
+    @property
+    def excitation(self) -> Excitation:
+        """What drives the building."""
+        return Excitation(self.force, self.rotation is not None)
+
     def rows(self, floor: str, direction: str) -> list[int]:
         """Rows of the sensors of a floor, or of the base, in one direction."""
         here = floor, direction
         return [k for k, one in enumerate(self.channels) if (one.floor, one.direction) == here]
 
+    def means(self, direction: str) -> tuple[Floats, Floats, tuple[str, ...]]:
+        """Mean over the sensors of base (n,) and of each floor (f, n), and the floors' names.
 
-@dataclass(frozen=True, eq=False)
-class ForceHistories:
-    """Accelerations of floors under one force.
-
-    Attributes:
-        force: floor at which it acts.
-        histories: where the base would be stands the force, N.
-        notes: for people.
-    """
-
-    force: str
-    histories: Histories
-    notes: tuple[str, ...] = ()
+        Raises:
+            MeasurementError: there is no base or floor channel in the direction.
+        """
+        rows = {floor: self.rows(floor, direction) for floor in (BASE, *self.floors)}
+        floors = tuple(floor for floor in self.floors if rows[floor])
+        if not rows[BASE] or not floors:
+            missing = "floor" if rows[BASE] else "base"
+            there = ", ".join(channel.name for channel in self.channels)
+            raise MeasurementError(
+                f"{self.source}: there is no {missing} channel in direction {direction}; the file"
+                f" has {there}"
+            )
+        base, *means = (self.acceleration[rows[one]].mean(axis=0) for one in (BASE, *floors))
+        return base, np.array(means), floors
 
 
 def histories_of(
     file: TextFile, channels: Mapping[Motion, RecordedChannel], unit: str | None = None
-) -> Histories | ForceHistories:
+) -> Histories:
     """The histories of a building in channels.
 
     Args:
@@ -113,7 +140,7 @@ def _under_force(
     channels: Mapping[Motion, RecordedChannel],
     motions: Mapping[Channel, RecordedChannel],
     unit: str | None,
-) -> ForceHistories:
+) -> Histories:
     if len(forces) > 1:
         raise file.error(
             f"forces act at {' and '.join(one.floor for one in forces)}; give the record of each in"
@@ -134,13 +161,13 @@ def _under_force(
     moved = [_acceleration(file, each, ours, unit) for ours, each in floors.items()]
     names = (Channel(BASE, BASE, direction=force.direction), *floors)
     rows = np.array([pushed, *moved])
-    histories = Histories(excitation.time_step, names, rows, file.path.name)
     base = [
         _acceleration(file, each, ours, unit)
         for ours, each in motions.items()
         if ours.floor == BASE and ours.direction == force.direction
     ]
-    return ForceHistories(force.floor, histories, _base_beside(force.floor, base, moved))
+    notes = _base_beside(force.floor, base, moved)
+    return Histories(excitation.time_step, names, rows, file.path.name, force.floor, notes)
 
 
 def _base_beside(forced: str, base: Sequence[Floats], floors: Sequence[Floats]) -> tuple[str, ...]:
@@ -215,3 +242,72 @@ def _acceleration(
             column=title,
         )
     return values
+
+
+def rotation_of(channels: Sequence[Channel], acceleration: Floats) -> Floats | None:
+    """Angular acceleration (n,) of the base, rad/s2, forward positive, without its mean.
+
+    Args:
+        channels: c of them, all that were recorded.
+        acceleration: (c, n) m/s2.
+
+    Returns:
+        None where fewer than two vertical sensors stand at known places of the base.
+    """
+    rows, places = _vertical(channels)
+    if len(rows) < 2:
+        return None
+    arm = places - places.mean()
+    slope = arm @ acceleration[rows] / (arm @ arm)
+    return np.asarray(slope.mean() - slope)
+
+
+def fault_of(channels: Sequence[Channel]) -> str | None:
+    """Why vertical sensors of the base cannot measure its rotation, or None where they can."""
+    rows, places = _vertical(channels)
+    if len(rows) < 2 or np.ptp(places) >= ROTATION.apart_m:
+        return None
+    names = " and ".join(channels[row].name for row in rows)
+    return (
+        f"{names} stand at one place, and a rotation needs two places along the motion; correct the"
+        " places, which are in metres, or leave the columns out"
+    )
+
+
+def said_of_rotation(
+    channels: Sequence[Channel], acceleration: Floats, base: Floats
+) -> tuple[str, ...]:
+    """Sentences on what vertical sensors of the base tell of its rotation.
+
+    Args:
+        channels, acceleration: see `rotation_of`.
+        base: (n,) translation, m/s2.
+    """
+    _, places = _vertical(channels)
+    rotation = rotation_of(channels, acceleration)
+    if rotation is not None:
+        at = ", ".join(f"{place:g}" for place in places)
+        moved = float(np.sqrt((rotation**2).mean()))
+        share = ROTATION.height_m * moved / float(base.std())
+        doubt = (
+            " Is their unit right, and are the places in metres?" if share > ROTATION.most else ""
+        )
+        return (
+            f"The base's rotation is measured by vertical sensors at {at} m and is an input:"
+            f" {moved:.3g} rad/s2 rms, which moves a point {ROTATION.height_m:g} m up by"
+            f" {percent(share)} of what the translation does.{doubt}",
+        )
+    alone = [one.name for one in channels if one.floor == BASE and one.direction == "z"]
+    if not alone:
+        return ()
+    few = f"{alone[0]} alone does" if len(alone) == 1 else f"{', '.join(alone)} do"
+    return (
+        f"{few} not tell the base's rotation, which is taken as zero: that takes two vertical"
+        " sensors with their places along the motion, such as base@-2.5.z and base@2.5.z.",
+    )
+
+
+def _vertical(channels: Sequence[Channel]) -> tuple[list[int], Floats]:
+    """Rows and places of the vertical sensors whose place is known."""
+    known = [(row, one.place) for row, one in enumerate(channels) if one.place is not None]
+    return [row for row, _ in known], np.array([place for _, place in known], dtype=np.float64)

@@ -1,0 +1,24 @@
+"""What drives a building: motion of its base, or a force at a floor."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What drives a building; by default motion of its base.
+
+    Attributes:
+        force: floor at which a force acts; empty where the base moves.
+        turns: whether the base's own rotation is known, a second column beside its translation.
+    """
+
+    force: str = ""
+    turns: bool = False
+
+    @property
+    def name(self) -> str:
+        """For people; empty for motion of the base, of which nothing need be said."""
+        return f"force at {self.force}" if self.force else ""
+
+
+BASE_MOTION = Excitation()
