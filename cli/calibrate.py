@@ -9,14 +9,20 @@ from femupdate.study import MAIN_POSTERIOR, Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import Tables, reading_options, study_options, table_options
-from .help import GroupedCommand
-from .parameters import BuildingName, InputFile
+from .common import (
+    Tables,
+    building_option,
+    observations_argument,
+    reading_options,
+    study_options,
+    table_options,
+)
+from .group import GroupedCommand
 
 
 @click.command("calibrate", cls=GroupedCommand)
-@click.argument("observations", type=InputFile(), nargs=-1, required=True)
-@click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
+@observations_argument
+@building_option
 @click.option("--exact", is_flag=True, help="Sample the likelihood of the data themselves.")
 @click.option(
     "--particles",
@@ -47,14 +53,12 @@ from .parameters import BuildingName, InputFile
 @table_options("posterior")
 def command(
     observations: tuple[Path, ...],
-    building: str | None,
     name: str,
-    reading: dict[str, Any],
     tables: Tables,
     study: Study,
     bars: Bars,
     pictures: bool,
-    **settings: Any,
+    **asked: Any,
 ) -> Answer:
     """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
 
@@ -70,18 +74,11 @@ def command(
       femupdate calibrate examples/six_story_white_noise.csv
       femupdate calibrate examples/six_story_white_noise.csv --sensors RF --name roof
     """
-    from femupdate.workflow.calibrate import calibrate_study
-    from femupdate.workflow.calibrate_settings import CalibrationSettings
-    from femupdate.workflow.checks import check_calibration, readable
-    from femupdate.workflow.model import open_study
+    from femupdate import interface
     from femupdate.workflow.result_tables import posterior_tables
 
     study = Study(study.folder, name)
-    source = readable(reading, *observations)
-    chosen = CalibrationSettings(**settings)
-    check_calibration(study, source, chosen, building)
-    model = open_study(study, building, bars)
-    report = calibrate_study(study, model, source, chosen, bars)
+    report = interface.calibrate(study, *observations, name=name, progress=bars, **asked)
     written = tables.write(study, posterior_tables(study, report))
     if not pictures:
         return Answer(report, (), tables=written)

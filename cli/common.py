@@ -18,7 +18,16 @@ from femupdate.study_lock import locked
 
 from .answer import Answer
 from .bars import Bars
-from .parameters import Band, Columns, Input, InputFile, Names, StudyFolder
+from .parameters import (
+    Band,
+    BuildingName,
+    Channel,
+    Columns,
+    Input,
+    InputFile,
+    Names,
+    StudyFolder,
+)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -41,6 +50,43 @@ study_option = click.option(
     help="Folder that holds everything for one building.",
 )
 """Adds --study to a command that takes care of the rest itself."""
+
+building_option = click.option(
+    "--building", type=BuildingName(), help="Shipped name or TOML file, for a new study."
+)
+observations_argument = click.argument("observations", type=InputFile(), nargs=-1, required=True)
+unit_option = click.option("--unit", help="Unit of the accelerations, where the file gives none.")
+channel_option = click.option(
+    "--channel", type=Channel(), help="Channel of the record, by name or number."
+)
+scale_option = click.option(
+    "--scale", type=float, default=1.0, show_default=True, help="Factor on the record."
+)
+replace_option = click.option(
+    "--replace", "--force", is_flag=True, help="Replace an existing file."
+)
+"""Of commands that write one file, with `check_free`; --force is what it was called before."""
+
+
+def output_option(text: str, *, required: bool = True) -> Callable[[F], F]:
+    """Add --output of a command that writes one file.
+
+    Args:
+        text: for the help.
+    """
+    path = click.Path(dir_okay=False, path_type=Path)
+    return click.option("-o", "--output", type=path, required=required, help=text)
+
+
+def check_free(output: Path, replace: bool) -> None:
+    """Refuse a file that is there, unless it is to be replaced.
+
+    Raises:
+        Failure: it is there.
+    """
+    if output.exists() and not replace:
+        raise Failure(f"{output} is there already; choose another name, or replace it by --replace")
+
 
 _POSTERIOR = click.option(
     "--posterior",
@@ -165,7 +211,7 @@ def reading_options(function: F) -> F:
         help="Floors to use, such as RF or 2F,RF; default all.",
     )
     @click.option("--band", type=Band(), help="Frequency range, such as 0.5,18 (Hz).")
-    @click.option("--unit", help="Unit of the accelerations, where the file gives none.")
+    @unit_option
     @columns_options
     @click.option(
         "--mode-error",
@@ -178,29 +224,6 @@ def reading_options(function: F) -> F:
         names = ("sensors", "unit", "columns", "mode_error", "force")
         reading = {name: kwargs.pop(name) for name in names}
         return function(*args, reading={**reading, "band_hz": kwargs.pop("band")}, **kwargs)
-
-    return wrapper  # type: ignore[return-value]
-
-
-def noticed_options(function: F) -> F:
-    """Add what an engineer would notice, passed on as `noticed`; what is left out is not in it."""
-    share = click.FloatRange(min=0.0, max=1.0)
-
-    @click.option(
-        "--least-frequency",
-        type=share,
-        help="Change of a frequency that is of consequence, as a ratio; default 0.01.",
-    )
-    @click.option(
-        "--least-response",
-        type=share,
-        help="Change or error of a response that is, as a ratio; default 0.02.",
-    )
-    @functools.wraps(function)
-    def wrapper(*args: Any, **kwargs: Any) -> Any:
-        given = {name: kwargs.pop(name) for name in ("least_frequency", "least_response")}
-        noticed = {name: value for name, value in given.items() if value is not None}
-        return function(*args, noticed=noticed, **kwargs)
 
     return wrapper  # type: ignore[return-value]
 

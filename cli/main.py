@@ -8,28 +8,37 @@ import click
 
 from femupdate import __version__
 
-from .lazy import LazyGroup
+from .group import LazyGroup
 
-# Command name to the module beside this one that holds it, and its line in the help, in the order
-# of the work.
+# Command name to the module beside this one that holds it, with its name there, and its line in the
+# help, in the order of the work.
 _COMMANDS = {
-    "inspect": ("inspect_file", "Say what is in measured files and what looks wrong."),
-    "identify": ("identify", "Identify modes from floor motions alone (ambient vibration)."),
-    "build-model": ("build_model", "Build and reduce the model of a building, and draw its modes."),
-    "train": ("train", "Train the surrogate of a building; resumes where it stopped."),
+    "inspect": ("measured:inspect", "Say what is in measured files and what looks wrong."),
+    "identify": (
+        "measured:identify",
+        "Identify modes from floor motions alone (ambient vibration).",
+    ),
+    "build-model": (
+        "build:build_model",
+        "Build and reduce the model of a building, and draw its modes.",
+    ),
+    "train": ("build:train", "Train the surrogate of a building; resumes where it stopped."),
     "calibrate": ("calibrate", "Draw the posterior of the stiffness factors from measured files."),
     "predict": ("predict", "Predict floor histories and story shears for a ground motion."),
-    "diagnose": ("diagnose", "Find where model and measurement disagree, and what is missing."),
-    "repair": ("repair", "Add what is missing, and show before and after."),
-    "render": ("render", "Draw mode shapes of the posterior."),
-    "compare": ("compare", "Say which stories changed between two posteriors."),
-    "report": ("report", "Write one HTML page with everything that a study says."),
-    "status": ("status", "Say what a study holds, what is stale, and what to do next."),
+    "diagnose": (
+        "find:diagnose",
+        "Find where model and measurement disagree, and what is missing.",
+    ),
+    "repair": ("find:repair", "Add what is missing, and show before and after."),
+    "render": ("predict:render", "Draw mode shapes of the posterior."),
+    "compare": ("study:compare", "Say which stories changed between two posteriors."),
+    "report": ("study:report", "Write one HTML page with everything that a study says."),
+    "status": ("study:status", "Say what a study holds, what is stale, and what to do next."),
     "simulate": ("simulate", "Make a synthetic observation file from the full model."),
     "benchmark": ("benchmark", "Compare with published tables and other programs."),
-    "list": ("list", "List shipped buildings, effects, and formats of measured files."),
-    "examples": ("examples", "Copy the shipped example files into a folder."),
-    "demo": ("demo", "Run the whole chain on a shipped example, in minutes."),
+    "list": ("shipped:listing", "List shipped buildings, effects, and formats of measured files."),
+    "examples": ("shipped:examples", "Copy the shipped example files into a folder."),
+    "demo": ("shipped:demo", "Run the whole chain on a shipped example, in minutes."),
 }
 
 

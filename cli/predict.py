@@ -1,6 +1,5 @@
-"""femupdate predict."""
+"""femupdate predict and render: what follows from a posterior."""
 
-from pathlib import Path
 from typing import Any
 
 import click
@@ -9,16 +8,24 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import Tables, columns_options, study_options, table_options
-from .help import GroupedCommand
-from .parameters import Channel, InputFile, Member
+from .common import (
+    Tables,
+    channel_option,
+    columns_options,
+    scale_option,
+    study_options,
+    table_options,
+    unit_option,
+)
+from .group import GroupedCommand
+from .parameters import InputFile, Member
 
 
 @click.command("predict", cls=GroupedCommand)
 @click.option("--record", type=InputFile(), required=True, help="Ground motion.")
-@click.option("--channel", type=Channel(), help="Channel of the record, by name or number.")
-@click.option("--unit", help="Unit of the accelerations, where the file gives none.")
-@click.option("--scale", type=float, default=1.0, show_default=True, help="Factor on the record.")
+@channel_option
+@unit_option
+@scale_option
 @click.option(
     "--damping",
     type=click.FloatRange(0.0, 1.0),
@@ -76,19 +83,13 @@ from .parameters import Channel, InputFile, Member
 @study_options(needs="posterior")
 @table_options("prediction")
 def command(
-    record: Path,
-    channel: int | str | None,
-    unit: str | None,
-    scale: float,
-    measured: Path | None,
-    columns: dict[str, str] | None,
     floor_spectra: bool,
     spectrum_damping: float,
     tables: Tables,
     study: Study,
     bars: Bars,
     pictures: bool,
-    **settings: Any,
+    **asked: Any,
 ) -> Answer:
     """Predict floor accelerations and story shears for a ground motion.
 
@@ -99,21 +100,11 @@ def command(
       femupdate predict --record examples/records/ridgecrest_2019_clc_90.csv --scale 0.1
       femupdate predict --record run2.csv --measured run2.csv --posterior roof
     """
-    from femupdate.workflow.checks import open_calibrated
-    from femupdate.workflow.predict import predict_study
-    from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+    from femupdate import interface
     from femupdate.workflow.result_tables import prediction_tables
 
     oscillators = spectrum_damping if floor_spectra else None
-    report = predict_study(
-        study,
-        open_calibrated(study, bars),
-        RecordSource(record, unit, channel, scale),
-        PredictionSettings(spectrum_damping=oscillators, **settings),
-        measured=measured,
-        columns=columns,
-        progress=bars,
-    )
+    report = interface.predict(study, progress=bars, spectrum_damping=oscillators, **asked)
     written = tables.write(study, prediction_tables(report))
     files = [study.result("member_forces.csv")] if report.members else []
     if not pictures:
@@ -121,3 +112,56 @@ def command(
     from femupdate.workflow.pictures_prediction import draw_prediction
 
     return Answer(report, draw_prediction(study, report, bars), files=files, tables=written)
+
+
+@click.command("render", cls=GroupedCommand)
+@click.option(
+    "--modes", type=click.IntRange(1, 12), default=3, show_default=True, help="Number of modes."
+)
+@click.option(
+    "--mode",
+    "wanted",
+    type=click.IntRange(min=1),
+    multiple=True,
+    help="Number of a mode, as build-model lists it, to draw instead; may be given several times.",
+)
+@click.option(
+    "--samples",
+    type=click.IntRange(min=5),
+    default=60,
+    show_default=True,
+    help="Draws of the posterior over which shapes are averaged.",
+)
+@click.option("--gif", is_flag=True, help="Also write the modes as animated GIF files.")
+@study_options(needs="posterior", draws=False)
+@table_options("modes")
+def render(
+    modes: int,
+    wanted: tuple[int, ...],
+    samples: int,
+    gif: bool,
+    tables: Tables,
+    study: Study,
+    seed: int,
+    bars: Bars,
+) -> Answer:
+    """Draw the mode shapes of the posterior off screen: mean shape and its spread.
+
+    The modes that matter most to the data come first, or those asked for are drawn. They have
+    the numbers of the full model, as `femupdate build-model` lists them.
+
+    \b
+    Examples:
+      femupdate render
+      femupdate render --mode 3 --mode 11 --gif
+    """
+    from femupdate.workflow.checks import open_calibrated
+    from femupdate.workflow.render import render_study
+    from femupdate.workflow.result_tables import mode_tables
+
+    model = open_calibrated(study, bars)
+    report = render_study(
+        study, model, modes, samples, wanted=wanted, animated=gif, seed=seed, progress=bars
+    )
+    written = tables.write(study, mode_tables(report))
+    return Answer(report, more={"study": study.folder}, tables=written)

@@ -9,19 +9,21 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import Failure, study_options
-from .help import GroupedCommand
-from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEffect
+from .common import (
+    channel_option,
+    check_free,
+    output_option,
+    replace_option,
+    scale_option,
+    study_options,
+    unit_option,
+)
+from .group import GroupedCommand
+from .parameters import Band, BuildingName, InputFile, Numbers, SizedEffect
 
 
 @click.command("simulate", cls=GroupedCommand)
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    required=True,
-    help="CSV file to write; the truth goes beside it as .truth.json.",
-)
+@output_option("CSV file to write; the truth goes beside it as .truth.json.")
 @click.option(
     "--building", type=BuildingName(), help="Shipped name or TOML file; default: that of the study."
 )
@@ -69,9 +71,9 @@ from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEf
     help="Places of these sensors along the motion, m.",
 )
 @click.option("--record", type=InputFile(), help="Ground motion to use instead of noise.")
-@click.option("--channel", type=Channel(), help="Channel of the record, by name or number.")
-@click.option("--unit", help="Unit of the record, where the file gives none.")
-@click.option("--scale", type=float, default=1.0, show_default=True, help="Factor on the record.")
+@channel_option
+@unit_option
+@scale_option
 @click.option(
     "--effect",
     "effects",
@@ -79,7 +81,7 @@ from .parameters import Band, BuildingName, Channel, InputFile, Numbers, SizedEf
     type=SizedEffect(),
     help="Hidden effect and its size, such as added_mass@3F=0.1; may be given several times.",
 )
-@click.option("--force", is_flag=True, help="Replace an existing file.")
+@replace_option
 @click.option(
     "--sensor-noise",
     "sensor_noise_m_s2",
@@ -96,7 +98,7 @@ def command(
     channel: int | str | None,
     unit: str | None,
     scale: float,
-    force: bool,
+    replace: bool,
     study: Study,
     bars: Bars,
     **settings: Any,
@@ -110,8 +112,7 @@ def command(
     Example:
       femupdate simulate -o obs.csv --building shear_4dof --effect added_mass@3F=0.1
     """
-    if output.exists() and not force:
-        raise Failure(f"{output} is there already; choose another name, or replace it by --force")
+    check_free(output, replace)
     from femupdate.measurement.record import read_record
     from femupdate.simulation.simulate import (
         SimulationSettings,

@@ -2,6 +2,7 @@
 
 from importlib import import_module as _import_module
 from pathlib import Path as _Path
+from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
 __version__ = "0.1.0"
@@ -12,14 +13,93 @@ _checkout = _Path(__file__).resolve().parent.parent
 if (_checkout / "cli" / "main.py").exists():
     __path__.extend([str(_checkout), str(_checkout / "tests")])
 
-# Imported when first used: the commands start without what the work itself needs.
-_INTERFACE = (
-    *("Building", "Observation", "RecordSource"),
-    *("calibrate", "compare", "diagnose", "predict"),
+# Where each public name is: imported when it is first used, so that commands start without it.
+_NOUNS = {
+    "Building": "building.common",
+    "Diagnosis": "discrepancy.diagnose",
+    "Effect": "effects.effect",
+    "GroundMotion": "measurement.record",
+    "Likelihood": "inference.likelihood",
+    "Observation": "measurement.observation",
+    "Parameters": "inference.parameters",
+    "Posterior": "inference.posterior",
+    "Prediction": "workflow.predict:PredictionReport",
+    "Recording": "measurement.recording",
+    "Structure": "effects.structure",
+    "Study": "study",
+    "Surrogate": "surrogate.storage:TrainedSurrogate",
+    "System": "dynamics.system",
+}
+_VERBS = (
+    *("calibrate", "compare", "diagnose", "inspect", "predict", "reduce", "repair", "simulate"),
+    *("train", "write_report"),
 )
+
+if _TYPE_CHECKING:
+    from femupdate.building.common import Building
+    from femupdate.discrepancy.diagnose import Diagnosis
+    from femupdate.dynamics.system import System
+    from femupdate.effects.effect import Effect
+    from femupdate.effects.structure import Structure
+    from femupdate.inference.likelihood import Likelihood
+    from femupdate.inference.parameters import Parameters
+    from femupdate.inference.posterior import Posterior
+    from femupdate.interface import (
+        calibrate,
+        compare,
+        diagnose,
+        inspect,
+        predict,
+        reduce,
+        repair,
+        simulate,
+        train,
+        write_report,
+    )
+    from femupdate.measurement.observation import Observation
+    from femupdate.measurement.record import GroundMotion
+    from femupdate.measurement.recording import Recording
+    from femupdate.study import Study
+    from femupdate.surrogate.storage import TrainedSurrogate as Surrogate
+    from femupdate.workflow.predict import PredictionReport as Prediction
 
 
 def __getattr__(name: str) -> _Any:
-    if name in _INTERFACE:
+    if name in _NOUNS:
+        module, _, own = _NOUNS[name].partition(":")
+        return getattr(_import_module(f"femupdate.{module}"), own or name)
+    if name in _VERBS:
         return getattr(_import_module("femupdate.interface"), name)
     raise AttributeError(f"module 'femupdate' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_NOUNS, *_VERBS})
+
+
+__all__ = [
+    "Building",
+    "Diagnosis",
+    "Effect",
+    "GroundMotion",
+    "Likelihood",
+    "Observation",
+    "Parameters",
+    "Posterior",
+    "Prediction",
+    "Recording",
+    "Structure",
+    "Study",
+    "Surrogate",
+    "System",
+    "calibrate",
+    "compare",
+    "diagnose",
+    "inspect",
+    "predict",
+    "reduce",
+    "repair",
+    "simulate",
+    "train",
+    "write_report",
+]

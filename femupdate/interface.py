@@ -1,145 +1,162 @@
-"""The Python interface: what the commands do, as functions of a building and its observations.
+"""The Python interface: what the commands do, as functions of a study and its measured files.
 
     import femupdate
 
-    building = femupdate.Building.load("shear_3dof")
-    observation = femupdate.Observation.read("run.csv")
-    print(*femupdate.calibrate(building, observation).lines(), sep="\\n")
+    study = femupdate.Study("house")
+    print(*femupdate.calibrate(study, "run.csv", building="shear_3dof").lines(), sep="\\n")
 
-Every result has its figures as attributes, `as_dict()` for programs and `lines()` for people.
+Every result has its figures as attributes, `as_dict()` for programs and `lines()` for people. Of a
+study its folder will do. All raise `FemupdateError`, whose text says what to do.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from femupdate.progress import SILENT, Progress
 from femupdate.study import MAIN_POSTERIOR, Study
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.calibration_report import CalibrationReport
-from femupdate.workflow.checks import check_calibration, readable
-from femupdate.workflow.compare import CompareReport, compare_states, find_state
-from femupdate.workflow.diagnose import DiagnosisReport, diagnose_study
-from femupdate.workflow.model import StudyModel, choose_building, open_study
-from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import PredictionReport, predict_study
-from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+
+if TYPE_CHECKING:
+    from femupdate.simulation.simulate import WrittenSimulation
+    from femupdate.workflow.calibration_report import CalibrationReport
+    from femupdate.workflow.compare import CompareReport
+    from femupdate.workflow.diagnose import DiagnosisReport
+    from femupdate.workflow.inspect_files import InspectedFiles
+    from femupdate.workflow.model import StudyModel
+    from femupdate.workflow.predict import PredictionReport
+    from femupdate.workflow.repair import RepairReport
+    from femupdate.workflow.report import ReportReport
+    from femupdate.workflow.train import TrainReport
+
+Folder = Study | Path | str
+File = Path | str
+Reading = Mapping[str, Any]
 
 
-@dataclass(frozen=True, eq=False)
-class Building:
-    """A building and the study in which everything made for it is kept.
+def reduce(
+    study: Folder, building: File | None = None, *, progress: Progress = SILENT
+) -> "StudyModel":
+    """The building of a study with its reduced model, made where the study has none.
 
-    Attributes:
-        study: its folder; made when something is first written.
+    Args:
+        building: its file or its shipped name; by default that of the study.
+
+    Raises:
+        BuildingError, ModelError: the building cannot be read or cannot stand.
+        StudyError: the study holds another building.
     """
+    from femupdate.workflow.model import open_study
 
-    study: Study
-    _name: str | None = None
-
-    @classmethod
-    def load(cls, name: str | Path | None = None, study: Path | str = "study") -> "Building":
-        """A building by its file or its shipped name; without either, that of the study.
-
-        Raises:
-            BuildingError: no such building, or its file is wrong.
-            StudyError: the study holds another building.
-        """
-        building = cls(Study(study), None if name is None else str(name))
-        choose_building(building.study, building._name)
-        return building
-
-    @cached_property
-    def model(self) -> StudyModel:
-        """Its reduced model, built when it is first asked for."""
-        return open_study(self.study, self._name)
-
-    @property
-    def floors(self) -> tuple[str, ...]:
-        """Names, bottom to top."""
-        return self.model.building.floors
+    return open_study(_study(study), _name(building), progress)
 
 
-@dataclass(frozen=True)
-class Observation:
-    """Measured files that can be read.
+def train(
+    study: Folder,
+    building: File | None = None,
+    *,
+    samples: int | None = None,
+    thorough: bool = False,
+    fresh: bool = False,
+    start: File | None = None,
+    progress: Progress = SILENT,
+    **settings: Any,
+) -> "TrainReport":
+    """Train the surrogate of a study's building; resumes, and skips what is there already.
 
-    Attributes:
-        source: the files and how they are read.
+    Args:
+        samples: simulated responses to learn from.
+        thorough: twice the samples and three times the epochs.
+        fresh: train even where a fitting surrogate exists.
+        start: weights to go on from.
+        settings: `epochs`, `batch`, `seed`, ..., as `TrainingSettings` has them.
+
+    Raises:
+        SurrogateError: too few samples, or no weights to start from.
+        StudyError: the study has no building and none is named.
     """
+    from femupdate.workflow.checks import check_training
+    from femupdate.workflow.train import THOROUGH, USUAL, default_settings, train_study
 
-    source: ObservationSource
-
-    @classmethod
-    def read(cls, path: Path | str, *further: Path | str, **reading: Any) -> "Observation":
-        """Files of one building, of any kind that `calibrate` takes.
-
-        Args:
-            path: of the first file.
-            further: files of other runs.
-            reading: `sensors`, `band_hz`, `unit`, `columns`, `force`, `mode_error`, as
-                `ObservationSource` has them.
-
-        Raises:
-            MeasurementError: a file cannot be used.
-        """
-        others = tuple(Path(one) for one in further)
-        return cls(readable(reading, Path(path), *others))
+    effort = THOROUGH if thorough else USUAL
+    count = samples or effort.samples
+    weights = None if start is None else Path(start)
+    own, name = _study(study), _name(building)
+    check_training(own, count, settings.get("batch", 512), weights, name)
+    model = reduce(own, name, progress=progress)
+    chosen = default_settings(model, **{"epochs": effort.epochs, **settings})
+    return train_study(own, model, count, chosen, fresh=fresh, start=weights, progress=progress)
 
 
 def calibrate(
-    building: Building,
-    observation: Observation,
-    *,
+    study: Folder,
+    *files: File,
+    building: File | None = None,
     name: str = MAIN_POSTERIOR,
+    reading: Reading | None = None,
     progress: Progress = SILENT,
     **settings: Any,
-) -> CalibrationReport:
-    """Draw the posterior of the stiffness factors.
+) -> "CalibrationReport":
+    """Draw the posterior of the stiffness factors from measured files.
 
     Args:
+        files: of one building, of any kind that the command takes.
         name: of the posterior in the study.
-        settings: `exact`, `particles`, `chains`, `seed`, as `CalibrationSettings` has them.
+        reading: how they are read: `sensors`, `band_hz`, `unit`, `columns`, `force`, `mode_error`.
+        settings: `exact`, `particles`, `chains`, `seed`, ..., as `CalibrationSettings` has them.
 
     Raises:
-        MeasurementError, SurrogateError, InferenceError, StudyError: as of `calibrate_study`.
+        MeasurementError: a file cannot be used, or belongs to another building.
+        SurrogateError: no surrogate fits the building, and one is needed.
+        InferenceError: the sampler cannot go on.
     """
-    study, chosen = Study(building.study.folder, name), CalibrationSettings(**settings)
-    check_calibration(study, observation.source, chosen, building._name)
-    return calibrate_study(study, building.model, observation.source, chosen, progress)
+    from femupdate.workflow.calibrate import calibrate_study
+    from femupdate.workflow.calibrate_settings import CalibrationSettings
+    from femupdate.workflow.checks import check_calibration, readable
+
+    own, chosen = Study(_study(study).folder, name), CalibrationSettings(**settings)
+    source = readable(reading or {}, *map(Path, files))
+    check_calibration(own, source, chosen, _name(building))
+    model = reduce(own, building, progress=progress)
+    return calibrate_study(own, model, source, chosen, progress)
 
 
 def predict(
-    building: Building,
-    record: Path | str | RecordSource,
+    study: Folder,
+    record: File,
     *,
-    posterior: str = MAIN_POSTERIOR,
-    measured: Path | str | None = None,
+    unit: str | None = None,
+    channel: str | int | None = None,
+    scale: float = 1.0,
+    measured: File | None = None,
     columns: Mapping[str, str] | None = None,
     progress: Progress = SILENT,
     **settings: Any,
-) -> PredictionReport:
-    """Predict the response to a ground motion.
+) -> "PredictionReport":
+    """Predict the response of a calibrated building to a ground motion.
 
     Args:
-        building: with a posterior.
-        record: file of the motion; a `RecordSource` says channel, unit and scale as well.
-        posterior: its name.
+        study: with a posterior; `Study(folder, "roof")` is that with the posterior "roof".
+        record: file of the motion.
+        unit: of its accelerations, where the file gives none.
+        channel: of the record, by name or number.
+        scale: factor on the acceleration.
         measured: file with the floors measured in the same motion, to compare.
         columns: its column names, ours to the file's.
         settings: `samples`, `damping`, `seed`, ..., as `PredictionSettings` has them.
 
     Raises:
-        MeasurementError, StudyError: as of `predict_study`.
+        MeasurementError: the record or what was measured cannot be used.
+        StudyError: there is no posterior, or it is of another building.
     """
-    source = record if isinstance(record, RecordSource) else RecordSource(Path(record))
+    from femupdate.workflow.checks import open_calibrated
+    from femupdate.workflow.predict import predict_study
+    from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+
+    own = _study(study)
     return predict_study(
-        Study(building.study.folder, posterior),
-        building.model,
-        source,
+        own,
+        open_calibrated(own, progress),
+        RecordSource(Path(record), unit, channel, scale),
         PredictionSettings(**settings),
         measured=None if measured is None else Path(measured),
         columns=columns,
@@ -148,32 +165,150 @@ def predict(
 
 
 def diagnose(
-    building: Building, observation: Observation, *, progress: Progress = SILENT
-) -> DiagnosisReport:
+    study: Folder,
+    *files: File,
+    building: File | None = None,
+    second: File | None = None,
+    use_phase: bool = True,
+    reading: Reading | None = None,
+    progress: Progress = SILENT,
+    **settings: Any,
+) -> "DiagnosisReport":
     """Find where model and measurement disagree, and what is missing in the model.
 
+    Args:
+        files: of one building, of any kind that `calibrate` takes.
+        second: record at another level of motion.
+        use_phase: compare phases where they were measured.
+        reading: how files are read, see `calibrate`.
+        settings: `seed`, `sampled`, ..., as `DiagnosisSettings` has them.
+
     Raises:
-        MeasurementError, BuildingError: as of `diagnose_study`.
+        MeasurementError: a file cannot be used.
+        BuildingError: an effect of the building's file cannot be.
     """
-    return diagnose_study(building.study, building.model, observation.source, progress=progress)
+    from femupdate.discrepancy.thresholds import DiagnosisSettings
+    from femupdate.workflow.checks import readable
+    from femupdate.workflow.diagnose import diagnose_study
+
+    how, own = reading or {}, _study(study)
+    source = readable(how, *map(Path, files))
+    other = None if second is None else readable(how, Path(second))
+    model = reduce(own, building, progress=progress)
+    chosen = DiagnosisSettings(**settings)
+    return diagnose_study(own, model, source, chosen, progress, use_phase, other)
 
 
-def compare(building: Building, before: str, after: str) -> CompareReport:
-    """Which stories changed between two posteriors of the study, by their names.
+def repair(
+    study: Folder,
+    *files: File,
+    building: File | None = None,
+    holdout: File | None = None,
+    second: File | None = None,
+    use_phase: bool = True,
+    reading: Reading | None = None,
+    progress: Progress = SILENT,
+    **settings: Any,
+) -> "RepairReport":
+    """Add to the model what the data show to be missing, as a study inside the study.
+
+    Args:
+        holdout: data that are only predicted, before and after.
+        settings: and all other arguments, see `diagnose`.
+
+    Raises:
+        MeasurementError: a file cannot be used.
+        BuildingError: an effect of the building's file cannot be.
+    """
+    from femupdate.discrepancy.thresholds import DiagnosisSettings
+    from femupdate.workflow.checks import readable
+    from femupdate.workflow.repair import repair_study
+
+    how, own = reading or {}, _study(study)
+    source = readable(how, *map(Path, files))
+    kept_out = None if holdout is None else readable(how, Path(holdout))
+    other = None if second is None else readable(how, Path(second))
+    model = reduce(own, building, progress=progress)
+    chosen = DiagnosisSettings(**settings)
+    return repair_study(own, model, source, kept_out, chosen, progress, use_phase, other)
+
+
+def compare(study: Folder, before: str, after: str) -> "CompareReport":
+    """Which stories changed between two posteriors.
+
+    Args:
+        before, after: names of posteriors of the study, study folders or posterior files.
 
     Raises:
         StudyError: there is no such posterior.
         InferenceError: they come from the same measurement.
     """
-    return compare_states(*(find_state(name, building.study) for name in (before, after)))
+    from femupdate.workflow.compare import compare_states, find_state
+
+    own = _study(study)
+    return compare_states(find_state(before, own), find_state(after, own))
 
 
-__all__ = [
-    "Building",
-    "Observation",
-    "RecordSource",
-    "calibrate",
-    "compare",
-    "diagnose",
-    "predict",
-]
+def simulate(
+    building: File, path: File, *, progress: Progress = SILENT, **settings: Any
+) -> "WrittenSimulation":
+    """Make a synthetic observation of a building with known stiffness factors, as a CSV file.
+
+    Args:
+        building: its file or its shipped name.
+        path: of the file; the truth goes beside it.
+        settings: `theta`, `zeta`, `duration_s`, `seed`, ..., as `SimulationSettings` has them.
+
+    Raises:
+        BuildingError: the building cannot be read.
+        MeasurementError: the file cannot be written.
+    """
+    from femupdate.building.files import load_building
+    from femupdate.simulation.simulate import (
+        SimulationSettings,
+        simulate_observation,
+        write_simulation,
+    )
+
+    chosen = SimulationSettings(**settings)
+    made = simulate_observation(load_building(building), chosen, progress)
+    return write_simulation(made, Path(path))
+
+
+def inspect(
+    *files: File, unit: str | None = None, columns: Mapping[str, str] | None = None
+) -> "InspectedFiles":
+    """What is in measured files and what looks wrong; one that cannot be read is told.
+
+    Args:
+        unit: of accelerations, where a file does not say it.
+        columns: our column name to the file's column or channel.
+    """
+    from femupdate.workflow.inspect_files import inspect_files
+
+    return inspect_files([Path(file) for file in files], unit, columns)
+
+
+def write_report(
+    study: Folder, path: File | None = None, *, progress: Progress = SILENT
+) -> "ReportReport":
+    """Write everything that a study says on one HTML page.
+
+    Args:
+        path: of the page; by default `report.html` in the study.
+
+    Raises:
+        StudyError: the study holds no building, or what the page shows is damaged.
+        ReportError: the page cannot be written.
+    """
+    from femupdate.workflow.report import report_study
+
+    return report_study(_study(study), None if path is None else Path(path), progress)
+
+
+def _study(study: Folder) -> Study:
+    return study if isinstance(study, Study) else Study(study)
+
+
+def _name(building: File | None) -> str | None:
+    return None if building is None else str(building)

@@ -182,6 +182,12 @@ class StudyPart(Generic[T]):
 class Study:
     """A folder that holds everything made for one building, seen with one of its posteriors.
 
+        >>> import femupdate
+        >>> study = femupdate.Study("house")
+        >>> model = femupdate.reduce(study, "shear_3dof")
+        >>> study.path("reduced_model.npz").exists(), study.artefact("reduced model").command
+        (True, 'build-model')
+
     Args:
         folder: made when the first artefact is written.
         posterior: name of the posterior that artefacts and results are of.

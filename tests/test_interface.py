@@ -1,5 +1,7 @@
 """The Python interface: the recipes of its page run as they stand, and say what is true."""
 
+import doctest
+import io
 import re
 from pathlib import Path
 
@@ -11,27 +13,22 @@ from femupdate.errors import BuildingError, MeasurementError
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "how-to" / "python.md"
 
 
-def test_the_recipes_run_and_a_softened_story_is_found(tmp_path, monkeypatch, capsys):
-    from femupdate.building.files import load_building
-    from femupdate.simulation.simulate import (
-        SimulationSettings,
-        simulate_observation,
-        write_simulation,
-    )
+def simulated(path, **settings):
+    """A measurement of the three-story building."""
+    how = {"duration_s": 60.0, "sampling_hz": 100.0, "band_hz": (0.3, 30.0)}
+    femupdate.simulate("shear_3dof", path, **how, **settings)
 
-    monkeypatch.chdir(tmp_path)
-    building = load_building("shear_3dof")
-    for seed, (name, second) in enumerate({"before": 1.1, "after": 0.99}.items()):
-        settings = SimulationSettings(
-            theta=(0.9, second, 1.0),
-            duration_s=60.0,
-            sampling_hz=100.0,
-            band_hz=(0.3, 30.0),
-            seed=seed,
-        )
-        write_simulation(simulate_observation(building, settings), Path(f"{name}.csv"))
+
+def write_quake(path="quake.csv"):
     rows = [f"{0.02 * k:.2f},{0.3 * (-1) ** (k // 20)}" for k in range(400)]
-    Path("quake.csv").write_text("\n".join(["time_s,base", *rows]), encoding="utf-8")
+    Path(path).write_text("\n".join(["time_s,base", *rows]), encoding="utf-8")
+
+
+def test_the_recipes_run_and_a_softened_story_is_found(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for seed, (name, second) in enumerate({"before": 1.1, "after": 0.99}.items()):
+        simulated(f"{name}.csv", theta=(0.9, second, 1.0), seed=seed)
+    write_quake()
     code = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
     names: dict[str, object] = {}
     for block in code:
@@ -43,14 +40,40 @@ def test_the_recipes_run_and_a_softened_story_is_found(tmp_path, monkeypatch, ca
 
 def test_what_is_wrong_is_said_at_once(tmp_path):
     with pytest.raises(BuildingError, match="no_such_building"):
-        femupdate.Building.load("no_such_building", study=tmp_path / "new")
+        femupdate.reduce(tmp_path / "new", "no_such_building")
     with pytest.raises(MeasurementError, match="no such file"):
-        femupdate.Observation.read(tmp_path / "missing.csv")
+        femupdate.calibrate(tmp_path / "new", tmp_path / "missing.csv", building="shear_3dof")
     assert not (tmp_path / "new").exists()
     with pytest.raises(AttributeError, match="no attribute 'calibrated'"):
         _ = femupdate.calibrated
 
 
-def test_the_page_shows_every_public_name():
+def test_every_public_name_is_told():
+    assert {*femupdate.__all__} == {*femupdate._NOUNS, *femupdate._VERBS}
+    assert {*femupdate.__all__} <= {*dir(femupdate)}
+    assert all(getattr(femupdate, name).__doc__ for name in femupdate.__all__)
+
+
+def test_the_page_shows_every_function():
     text = PAGE.read_text(encoding="utf-8")
-    assert [name for name in femupdate._INTERFACE if f"femupdate.{name}" not in text] == []
+    assert [name for name in femupdate._VERBS if f"femupdate.{name}" not in text] == []
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with the files that examples in docstrings read."""
+    folder = tmp_path_factory.mktemp("examples")
+    simulated(folder / "run.csv", theta=(0.9, 1.1, 1.0))
+    write_quake(folder / "quake.csv")
+    return folder
+
+
+@pytest.mark.parametrize("name", sorted(femupdate._NOUNS))
+def test_the_example_of_a_noun_runs(name, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    noun = getattr(femupdate, name)
+    example = doctest.DocTestParser().get_doctest(noun.__doc__, {}, name, None, None)
+    assert example.examples
+    told = io.StringIO()
+    doctest.DocTestRunner().run(example, out=told.write)
+    assert told.getvalue() == ""

@@ -2,6 +2,9 @@
 
 from collections.abc import Iterable, Mapping
 from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import cast
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -29,8 +32,16 @@ def floor_names(stories: int) -> tuple[str, ...]:
     return (*(f"{number}F" for number in range(2, stories + 1)), "RF")
 
 
-class BuildingBase(Entry):
-    """What every building has: stories, frequencies, priors, damping and provenance."""
+class Building(Entry):
+    """A building as its file says: stories, frequencies, priors, damping and listed effects.
+
+    Its kinds are `FrameBuilding`, `MeshBuilding` and `ShearBuilding`.
+
+        >>> import femupdate
+        >>> building = femupdate.Building.load("shear_3dof")
+        >>> building.floors, building.story_names
+        (('2F', '3F', 'RF'), ('S1', 'S2', 'S3'))
+    """
 
     name: Label
     title: str = ""
@@ -49,7 +60,7 @@ class BuildingBase(Entry):
     supports: Base | None = None
 
     @model_validator(mode="after")
-    def _consistent(self) -> "BuildingBase":
+    def _consistent(self) -> "Building":
         self.check()
         return self
 
@@ -57,6 +68,17 @@ class BuildingBase(Entry):
     def source(self) -> str:
         """The text of the file that it was read from, with its comments; empty without one."""
         return ""
+
+    @staticmethod
+    def load(path_or_name: str | Path) -> "Building":
+        """A building of any kind by its file or its shipped name.
+
+        Raises:
+            BuildingError: no such building, or its file is wrong.
+        """
+        # What reads files knows the kinds, which are built on this class.
+        read = import_module("femupdate.building.files").load_building
+        return cast(Building, read(path_or_name))
 
     @property
     def story_names(self) -> tuple[str, ...]:
@@ -110,7 +132,7 @@ def _check_story_names(names: Iterable[str]) -> None:
         raise Complaint("stories", "the building has no story; add a [[stories]] table")
 
 
-class MeshedBuilding(BuildingBase):
+class MeshedBuilding(Building):
     """A building with a finite-element mesh: materials, sections, floor masses and supports."""
 
     stories: tuple[FrameStory, ...]

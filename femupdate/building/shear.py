@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import model_validator
 
 from femupdate.arrays import Floats
-from femupdate.building.common import BuildingBase
+from femupdate.building.common import Building
 from femupdate.building.entry import Complaint
 from femupdate.building.members import RELEASED, Story
 from femupdate.building.quantities import Flag, Length, Mass, Stiffness, StiffnessPerMass
@@ -40,7 +40,7 @@ class ShearStory(Story):
         return (self.stiffness_per_mass or 0.0) * self.mass
 
 
-class ShearBuilding(BuildingBase):
+class ShearBuilding(Building):
     """One mass and one spring a story; with masses unknown, forces are relative to the nominal."""
 
     kind: Literal["shear"]
@@ -78,7 +78,7 @@ class ShearOperators:
     masses_known: bool
 
 
-def shear_operators(building: BuildingBase) -> ShearOperators:
+def shear_operators(building: Building) -> ShearOperators:
     """Return the matrices of a building of kind "shear".
 
     The spring of story i acts on the difference between the floor above and the one below it
@@ -104,7 +104,7 @@ def shear_operators(building: BuildingBase) -> ShearOperators:
     )
 
 
-def require_heights(building: BuildingBase) -> None:
+def require_heights(building: Building) -> None:
     """Refuse a base that turns under a stick whose heights are not known.
 
     Raises:

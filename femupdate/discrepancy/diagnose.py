@@ -115,6 +115,11 @@ class Finding:
 class Diagnosis:
     """Where the model fails and what could be missing.
 
+        >>> import femupdate
+        >>> found = femupdate.diagnose("house", "run.csv", building="shear_3dof").diagnosis
+        >>> found.verdict
+        'none'
+
     Attributes:
         base: the model as it is, at its most probable parameters.
         p_value: of noise alone leaving its residuals.

@@ -68,6 +68,14 @@ class Responses:
 class System:
     """A reduced model with effects at their places.
 
+        >>> import femupdate, torch
+        >>> system = femupdate.reduce("house", "shear_3dof").system
+        >>> theta = torch.ones(2, 3, dtype=torch.float64)
+        >>> zeta = torch.tensor([0.01, 0.02], dtype=torch.float64)
+        >>> frequency_hz = torch.linspace(0.5, 10.0, 20, dtype=torch.float64)
+        >>> system.log_frf(theta, zeta, frequency_hz).shape  # draws, floors, points
+        torch.Size([2, 3, 20])
+
     Attributes:
         model: the reduced model.
         law: of the damping.

@@ -244,6 +244,14 @@ PLACES: dict[str, Callable[[Structure], tuple[str, ...]]] = {
 class Effect(ABC):
     """A thing that a model may lack. Its first parameter is its size.
 
+        >>> import femupdate
+        >>> from femupdate.effects.registry import CATALOGUE
+        >>> effect = CATALOGUE["added_mass"]
+        >>> isinstance(effect, femupdate.Effect), effect.title
+        (True, 'Added mass')
+        >>> effect.places(femupdate.Building.load("shear_3dof"))
+        ('2F', '3F', 'RF')
+
     Class attributes:
         name: as in files and options.
         title: a few words for figures.

@@ -53,6 +53,12 @@ class Points:
 class Structure:
     """The full model of a building, n degrees of freedom, f floors.
 
+        >>> import femupdate
+        >>> from femupdate.effects.structure import structure_of
+        >>> structure = structure_of(femupdate.Building.load("shear_3dof"))
+        >>> structure.stiffness([1.0, 0.9, 1.0]).shape, structure.levels.shape
+        ((3, 3), (3,))
+
     Attributes:
         building: what it is the model of.
         stiffness_terms: one (n, n) matrix a story, N/m.

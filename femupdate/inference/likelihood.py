@@ -20,6 +20,18 @@ from femupdate.workers import in_threads
 class Likelihood:
     """ln of the density of all that was measured, what the model errs by summed over.
 
+        >>> import femupdate, torch
+        >>> from femupdate.inference.frf_data import base_logs
+        >>> from femupdate.inference.likelihood import likelihood_of
+        >>> how = {"exact": True, "particles": 400}
+        >>> found = femupdate.calibrate("house", "run.csv", building="shear_3dof", **how)
+        >>> system, parameters = found.model.system, found.model.parameters
+        >>> data = base_logs(found.posterior.observation, system)
+        >>> likelihood = likelihood_of((data,), system, parameters)
+        >>> middle = parameters.from_normal(torch.zeros(1, parameters.size).double())
+        >>> isinstance(likelihood, femupdate.Likelihood), len(likelihood(middle))
+        (True, 1)
+
     Attributes:
         data: one entry a kind of observation.
         system: the model with its effects.

@@ -67,6 +67,11 @@ class Values:
 class Parameters:
     """Independent parameters with their priors.
 
+        >>> import femupdate, torch
+        >>> parameters = femupdate.Parameters.uniform(["theta_1", "theta_2"], [0.5, 0.5], [2, 2])
+        >>> parameters.names, parameters.sample(100, torch.Generator()).shape
+        (('theta_1', 'theta_2'), torch.Size([100, 2]))
+
     Samplers work in the standard normal coordinates xi (n, d) of the d free parameters, in which
     every point is inside the bounds and the prior density is exp(-|xi|^2 / 2). Vectors of all p
     parameters are (n, p), known ones among them.

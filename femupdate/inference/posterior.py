@@ -74,6 +74,12 @@ class DrawnBy:
 class Posterior:
     """Equally weighted posterior draws.
 
+        >>> import femupdate
+        >>> how = {"exact": True, "particles": 400}
+        >>> found = femupdate.calibrate("house", "run.csv", building="shear_3dof", **how)
+        >>> found.posterior.names, found.posterior.samples.shape
+        (('theta_1', 'theta_2', 'theta_3'), (400, 3))
+
     Attributes:
         parameters: all that a response depends on, known ones among them.
         values: (chains, draws, p) of these; each chain is a run of the sampler of its own, and

@@ -29,6 +29,13 @@ _OF_FLOORS = ("log_frf", "noise_sd", "valid", "phase", "coherence", "scatter")
 class Observation:
     """Measured FRFs: absolute acceleration of floors over that of the base, or over a force.
 
+        >>> import femupdate
+        >>> how = {"exact": True, "particles": 400}
+        >>> found = femupdate.calibrate("house", "run.csv", building="shear_3dof", **how)
+        >>> seen = found.posterior.observation
+        >>> isinstance(seen, femupdate.Observation), seen.floors
+        (True, ('2F', '3F', 'RF'))
+
     Phases follow H = Y / X of a time dependence exp(+i omega t): a delay tau gives -omega tau.
 
     Attributes:

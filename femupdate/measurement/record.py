@@ -34,6 +34,11 @@ logger = logging.getLogger(__name__)
 class GroundMotion:
     """One component of ground acceleration, sampled uniformly from time 0.
 
+        >>> import femupdate
+        >>> motion = femupdate.GroundMotion([0.0, 0.3, -0.5, 0.1], time_step=0.01)
+        >>> motion.scaled(0.1).peak
+        0.05
+
     Attributes:
         acceleration: (n,) m/s2.
         time_step: s.

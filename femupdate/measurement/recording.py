@@ -67,6 +67,12 @@ class RecordedMode:
 class Recording:
     """What a measured file holds.
 
+        >>> import femupdate
+        >>> from femupdate.measurement.registry import read_measured
+        >>> recording = read_measured("run.csv")
+        >>> isinstance(recording, femupdate.Recording), recording.format
+        (True, 'plain')
+
     Attributes:
         file: where it was read, for messages.
         channels: its histories, where the format says what is one.

@@ -67,7 +67,15 @@ class SurrogateInfo:
 
 @dataclass(frozen=True)
 class TrainedSurrogate:
-    """The networks and their purpose."""
+    """The networks and their purpose.
+
+    >>> import femupdate
+    >>> found = femupdate.train("house", "shear_3dof")  # a shipped one fits: nothing is trained
+    >>> isinstance(found.surrogate, femupdate.Surrogate), found.trained
+    (True, False)
+    >>> found.surrogate.info.floors
+    ('2F', '3F', 'RF')
+    """
 
     mvae: Mvae
     info: SurrogateInfo

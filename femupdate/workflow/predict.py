@@ -63,6 +63,13 @@ _EXAMPLES = 100
 class PredictionReport:
     """What was predicted.
 
+        >>> import femupdate
+        >>> how = {"exact": True, "particles": 400}
+        >>> found = femupdate.calibrate("house", "run.csv", building="shear_3dof", **how)
+        >>> predicted = femupdate.predict("house", "quake.csv", unit="m/s2", samples=20)
+        >>> isinstance(predicted, femupdate.Prediction), predicted.summary.floors
+        (True, ('2F', '3F', 'RF'))
+
     Attributes:
         summary: bands and peaks of the next measurement: parameters, scatter between events,
             errors of the model and what does not follow the base.

@@ -1,4 +1,4 @@
-"""femupdate train."""
+"""femupdate build-model and train: what is made of a building before anything is measured."""
 
 from pathlib import Path
 from typing import Any
@@ -9,13 +9,56 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import study_options
-from .help import GroupedCommand
+from .common import building_option, study_options
+from .group import GroupedCommand
 from .parameters import BuildingName
 
 
+@click.command("build-model", cls=GroupedCommand)
+@click.argument("building", type=BuildingName(), required=False)
+@click.option(
+    "--export",
+    type=click.Choice(["opensees"]),
+    help="Also write the model for another program: a script for OpenSeesPy.",
+)
+@click.option(
+    "--shell",
+    type=click.Choice(["ASDShellQ4", "ShellMITC4", "ShellDKGQ"]),
+    default="ASDShellQ4",
+    show_default=True,
+    help="Shell element of the exported script.",
+)
+@study_options(shares=True)
+def build_model(
+    building: str | None,
+    export: str | None,
+    shell: Any,
+    study: Study,
+    seed: int,
+    bars: Bars,
+    pictures: bool,
+) -> Answer:
+    """Build the model of BUILDING: mesh, checks, modes, pictures, reduced model.
+
+    BUILDING is a TOML file or the name of a shipped building. The default is the building of the
+    study, or six_story_wall_frame in a new study.
+
+    \b
+    Examples:
+      femupdate build-model six_story_wall_frame
+      femupdate build-model my_building.toml --study mine
+    """
+    from femupdate.workflow.build import build_study, export_opensees
+    from femupdate.workflow.pictures_modes import draw_model
+
+    report = build_study(study, building, bars)
+    drawn = draw_model(study, report.model, report.modes, bars) if pictures else ()
+    files = [export_opensees(study, report.model.building, shell=shell)] if export else []
+    return Answer(report, drawn, {"exported": files, "study": study.folder}, files)
+
+
 @click.command("train", cls=GroupedCommand)
-@click.option("--building", type=BuildingName(), help="Shipped name or TOML file, for a new study.")
+@building_option
 @click.option(
     "--thorough",
     is_flag=True,
@@ -57,17 +100,7 @@ from .parameters import BuildingName
 @click.option("--start", type=click.Path(path_type=Path), help="Weights to start from.")
 @click.option("--fresh", is_flag=True, help="Train even where a fitting surrogate exists.")
 @study_options(draws=False, shares=True)
-def command(
-    building: str | None,
-    thorough: bool,
-    samples: int | None,
-    epochs: int | None,
-    start: Path | None,
-    fresh: bool,
-    study: Study,
-    bars: Bars,
-    **settings: Any,
-) -> Answer:
+def train(study: Study, bars: Bars, **asked: Any) -> Answer:
     """Train the surrogate of the study's building.
 
     The usual training takes some minutes. A longer one, by --thorough, reduces the number of
@@ -82,14 +115,8 @@ def command(
       femupdate train --building my_building.toml --study mine --thorough
       femupdate train --study mine --dask tcp://10.0.0.1:8786
     """
-    from femupdate.workflow.checks import check_training
-    from femupdate.workflow.model import open_study
-    from femupdate.workflow.train import THOROUGH, USUAL, default_settings, train_study
+    from femupdate import interface
 
-    effort = THOROUGH if thorough else USUAL
-    count = samples or effort.samples
-    check_training(study, count, settings["batch"], start, building)
-    model = open_study(study, building, bars)
-    chosen = default_settings(model, epochs=epochs or effort.epochs, **settings)
-    report = train_study(study, model, count, chosen, fresh=fresh, start=start, progress=bars)
+    given = {name: value for name, value in asked.items() if value is not None}
+    report = interface.train(study, progress=bars, **given)
     return Answer(report, more={"study": study.folder})

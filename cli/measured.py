@@ -1,4 +1,4 @@
-"""femupdate inspect."""
+"""femupdate inspect and identify: what measured files hold."""
 
 from pathlib import Path
 
@@ -7,14 +7,22 @@ import click
 from femupdate.errors import ReportError
 
 from .answer import Answer
-from .common import Failure, columns_options, plain_options
-from .help import GroupedCommand
-from .parameters import InputFile
+from .common import (
+    Failure,
+    check_free,
+    columns_options,
+    output_option,
+    plain_options,
+    replace_option,
+    unit_option,
+)
+from .group import GroupedCommand
+from .parameters import Band, InputFile
 
 
 @click.command("inspect", cls=GroupedCommand)
 @click.argument("files", type=InputFile(), nargs=-1, required=True)
-@click.option("--unit", help="Unit of the accelerations, where a file gives none.")
+@unit_option
 @click.option(
     "--picture",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -27,7 +35,7 @@ from .parameters import InputFile
 )
 @columns_options
 @plain_options
-def command(
+def inspect(
     files: tuple[Path, ...],
     unit: str | None,
     picture: Path | None,
@@ -43,7 +51,8 @@ def command(
     Example:
       femupdate inspect examples/six_story_white_noise.csv --picture inspected.png
     """
-    from femupdate.workflow.inspect_files import draw_inspection, inspect_files, propose_mapping
+    from femupdate import interface
+    from femupdate.workflow.inspect_files import draw_inspection, propose_mapping
 
     if len(files) > 1 and (picture or write_mapping or columns):
         raise click.UsageError(
@@ -52,7 +61,7 @@ def command(
         )
     if write_mapping is not None and write_mapping.exists():
         raise Failure(f"{write_mapping} is there already; choose another name, or remove it")
-    found = inspect_files(files, unit, columns)
+    found = interface.inspect(*files, unit=unit, columns=columns)
     pictures = None
     problems = list(found.refused)
     if picture is not None and found.files:
@@ -69,3 +78,48 @@ def command(
             answer.show(click.get_current_context().params["as_json"])
         raise Failure("\n".join(problems))
     return answer
+
+
+@click.command("identify", cls=GroupedCommand)
+@click.argument("record", type=InputFile())
+@output_option("CSV file of the modes to write; a picture goes beside it.")
+@columns_options
+@click.option("--band", type=Band(), help="Frequency range of the modes, such as 0.5,18 (Hz).")
+@click.option(
+    "--order",
+    type=click.IntRange(10, 120),
+    default=40,
+    show_default=True,
+    help="Largest order of the models.",
+)
+@replace_option
+@click.option("--no-pictures", is_flag=True, help="Draw no pictures.")
+@plain_options
+def identify(
+    record: Path,
+    output: Path,
+    columns: dict[str, str] | None,
+    band: tuple[float, float] | None,
+    order: int,
+    replace: bool,
+    no_pictures: bool,
+) -> Answer:
+    """Identify modes from RECORD, floor motions whose excitation is unknown (ambient vibration).
+
+    Writes frequencies, damping ratios and shapes with their standard deviations as the table that
+    `femupdate calibrate` reads. Poles that do not come back from order to order are left out; the
+    picture shows them. Needs the package pyOMA2: pip install 'femupdate[ambient]'.
+
+    \b
+    Examples:
+      femupdate identify ambient.csv -o modes.csv
+      femupdate calibrate modes.csv --building my_building.toml
+    """
+    from femupdate.workflow.identify import draw_identified
+    from femupdate.workflow.identify import identify as identify_file
+
+    check_free(output, replace)
+    found = identify_file(record, output, columns=columns, band_hz=band, order=order)
+    if no_pictures:
+        return Answer(found)
+    return Answer(found, (draw_identified(found, output.with_suffix(".png")),))

@@ -1,0 +1,136 @@
+"""femupdate diagnose and repair: what the model lacks."""
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import click
+
+from femupdate.study import Study
+
+from .answer import Answer
+from .bars import Bars
+from .common import (
+    F,
+    Tables,
+    building_option,
+    observations_argument,
+    reading_options,
+    study_options,
+    table_options,
+)
+from .group import GroupedCommand
+from .parameters import InputFile
+
+
+def finder_options(function: F) -> F:
+    """Add what both commands take beside files and building.
+
+    The function gets `second`, `use_phase` and, in `noticed`, what an engineer would notice; what
+    is left out is not in it.
+    """
+    share = click.FloatRange(min=0.0, max=1.0)
+
+    @click.option("--second", type=InputFile(), help="Second record at another level of motion.")
+    @click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
+    @click.option(
+        "--least-frequency",
+        type=share,
+        help="Change of a frequency that is of consequence, as a ratio; default 0.01.",
+    )
+    @click.option(
+        "--least-response",
+        type=share,
+        help="Change or error of a response that is, as a ratio; default 0.02.",
+    )
+    @functools.wraps(function)
+    def wrapper(*args: Any, no_phase: bool, **kwargs: Any) -> Any:
+        given = {name: kwargs.pop(name) for name in ("least_frequency", "least_response")}
+        noticed = {name: value for name, value in given.items() if value is not None}
+        return function(*args, noticed=noticed, use_phase=not no_phase, **kwargs)
+
+    return wrapper  # type: ignore[return-value]
+
+
+@click.command("diagnose", cls=GroupedCommand)
+@observations_argument
+@building_option
+@click.option(
+    "--sampled",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Leading effects whose evidence is sampled instead of approximated.",
+)
+@finder_options
+@reading_options
+@study_options(shares=True)
+@table_options("diagnosis")
+def diagnose(
+    observations: tuple[Path, ...],
+    noticed: dict[str, Any],
+    tables: Tables,
+    study: Study,
+    bars: Bars,
+    pictures: bool,
+    **asked: Any,
+) -> Answer:
+    """Find where the model and the measured files OBSERVATIONS disagree, and what is missing.
+
+    Every effect of the catalogue is tested at every place. The leading ones are fitted, and their
+    evidence is weighed. Nothing is changed: `femupdate repair` adds what was found. Files are of
+    any kind that `calibrate` takes, alone or together: histories and FRFs under base motion, FRFs
+    under a force, identified modes.
+
+    \b
+    Examples:
+      femupdate diagnose examples/six_story_white_noise.csv
+      femupdate diagnose run1.csv --second stronger_run.csv
+      femupdate diagnose hammer.csv modes.csv
+    """
+    from femupdate import interface
+    from femupdate.workflow.result_tables import diagnosis_tables
+
+    report = interface.diagnose(study, *observations, progress=bars, **noticed, **asked)
+    more, written = {"diagnosis": report.path}, tables.write(study, diagnosis_tables(report))
+    if not pictures:
+        return Answer(report, (), more, tables=written)
+    from femupdate.workflow.pictures_discrepancy import draw_diagnosis
+
+    return Answer(report, draw_diagnosis(study, report), more, tables=written)
+
+
+@click.command("repair", cls=GroupedCommand)
+@observations_argument
+@building_option
+@click.option("--holdout", type=InputFile(), help="Data that are only predicted, before and after.")
+@finder_options
+@reading_options
+@study_options(shares=True)
+def repair(
+    observations: tuple[Path, ...],
+    noticed: dict[str, Any],
+    study: Study,
+    bars: Bars,
+    pictures: bool,
+    **asked: Any,
+) -> Answer:
+    """Add to the model what the measured files OBSERVATIONS show to be missing.
+
+    At most four effects are added, each only on clear evidence. The repaired building is a study
+    of its own in the folder `repaired` of this study. Every command takes it. Files are of any
+    kind that `calibrate` takes, alone or together.
+
+    \b
+    Examples:
+      femupdate repair run1.csv --holdout run2.csv
+      femupdate report --study study/repaired
+    """
+    from femupdate import interface
+
+    report = interface.repair(study, *observations, progress=bars, **noticed, **asked)
+    if not pictures:
+        return Answer(report, (), {"repair": report.path})
+    from femupdate.workflow.pictures_discrepancy import draw_repair
+
+    return Answer(report, draw_repair(study, report), {"repair": report.path})

@@ -1,0 +1,62 @@
+"""femupdate list, examples and demo: what comes with the program."""
+
+from pathlib import Path
+
+import click
+
+from femupdate.study import Study
+
+from .answer import Answer
+from .bars import Bars
+from .common import Tables, plain_options, study_options
+from .group import GroupedCommand
+
+
+@click.command("list", cls=GroupedCommand)
+@plain_options
+def listing() -> Answer:
+    """List shipped buildings, effects with their places and units, and formats of measured files.
+
+    Buildings go by their name wherever a building file is taken.
+
+    \b
+    Example:
+      femupdate list
+    """
+    from femupdate.workflow.listing import list_all
+
+    return Answer(list_all())
+
+
+@click.command("examples", cls=GroupedCommand)
+@click.argument("folder", type=click.Path(path_type=Path), default="examples")
+@plain_options
+def examples(folder: Path) -> Answer:
+    """Copy the shipped example files into FOLDER, by default ./examples.
+
+    Files that are there already stay as they are.
+
+    \b
+    Examples:
+      femupdate examples
+      femupdate calibrate examples/six_story_white_noise.csv
+    """
+    from femupdate.workflow.examples import copy_examples
+
+    return Answer(copy_examples(folder))
+
+
+@click.command("demo", cls=GroupedCommand)
+@study_options(draws=False)
+def demo(study: Study, seed: int, bars: Bars) -> Answer:
+    """Run the whole chain on a shipped synthetic observation and a real ground motion.
+
+    \b
+    Example:
+      femupdate demo --study demo
+    """
+    from femupdate.workflow.demo import demo_tables, draw_demo, run_demo
+
+    report = run_demo(study, seed, bars)
+    drawn = draw_demo(study, report, bars)
+    return Answer(report, drawn, tables=Tables(None).write(study, demo_tables(study, report)))

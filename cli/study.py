@@ -1,0 +1,88 @@
+"""femupdate status, compare and report: what a study says."""
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+
+from femupdate.study import Study
+from femupdate.study_lock import locked
+
+from .answer import Answer
+from .bars import Bars
+from .common import output_option, plain_options, posterior_options, study_option
+from .group import GroupedCommand
+
+
+@click.command("status", cls=GroupedCommand)
+@plain_options
+@posterior_options
+def status(study: Study) -> Answer:
+    """Say what a study holds, what is stale, and what to do next. Changes nothing.
+
+    \b
+    Examples:
+      femupdate status
+      femupdate status --posterior roof
+    """
+    from femupdate.workflow.status import study_status
+
+    return Answer(study_status(study))
+
+
+@click.command("compare", cls=GroupedCommand)
+@click.argument("before")
+@click.argument("after")
+@click.option(
+    "--picture",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw the intervals of both into a PNG.",
+)
+@study_option
+@plain_options
+def compare(before: str, after: str, picture: Path | None, study: Study) -> Answer:
+    """Say which stories changed from BEFORE to AFTER an event.
+
+    Both are posteriors of one building, each from a measurement of its own. They are named as
+    `femupdate calibrate --name` named them in the study, or as study folders or posterior files.
+    Changes nothing.
+
+    \b
+    Examples:
+      femupdate calibrate before.csv --name before
+      femupdate calibrate after.csv --name after
+      femupdate compare before after
+    """
+    from femupdate import interface
+
+    report = interface.compare(study, before, after)
+    if picture is None:
+        return Answer(report)
+    from femupdate.workflow.pictures_posterior import draw_comparison
+
+    return Answer(report, (draw_comparison(report, picture),))
+
+
+@click.command("report", cls=GroupedCommand)
+@output_option("HTML file to write; default report.html in the study.", required=False)
+@plain_options
+@posterior_options
+def report(study: Study, output: Path | None) -> Answer:
+    """Write one HTML page with everything that a study says, to hand on.
+
+    The page needs no network and nothing beside it. It shows what was done and from which files,
+    the building with its modes, the data, the fit, the posterior, the prediction, what the model
+    lacks, and all warnings. With --output, the study is only read.
+
+    \b
+    Example:
+      femupdate report --study house -o house.html
+    """
+    from femupdate import interface
+
+    with ExitStack() as stack:
+        if output is None:
+            study.check_writable()
+            stack.enter_context(locked(study.folder, "report"))
+        bars = stack.enter_context(Bars())
+        return Answer(interface.write_report(study, output, progress=bars))
