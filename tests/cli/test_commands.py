@@ -91,9 +91,9 @@ def test_simulate_replaces_a_file_only_when_it_is_told_to(femupdate, tmp_path, t
     file.write_text("measured with care")
     arguments = ("simulate", "-o", file, "--building", tower_file, "--duration", 10)
     refused = femupdate(*arguments, "--band", "0.5,20").complaint
-    assert refused == f"{file} is there already; choose another name, or replace it by --force"
+    assert refused == f"{file} is there already; choose another name, or replace it by --replace"
     assert file.read_text() == "measured with care"
-    assert femupdate(*arguments, "--band", "0.5,20", "--force").code == 0
+    assert femupdate(*arguments, "--band", "0.5,20", "--replace").code == 0
     assert "synthetic" in file.read_text()
 
 
