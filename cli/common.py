@@ -13,8 +13,7 @@ import click
 
 from femupdate.errors import FemupdateError
 from femupdate.sheets import Sheet, require_xlsx, write_sheets
-from femupdate.study import MAIN_POSTERIOR, Study, copied
-from femupdate.study_lock import locked
+from femupdate.study import MAIN_POSTERIOR, Study, copied, locked
 
 from .answer import Answer
 from .bars import Bars

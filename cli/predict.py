@@ -155,7 +155,7 @@ def render(
       femupdate render
       femupdate render --mode 3 --mode 11 --gif
     """
-    from femupdate.workflow.checks import open_calibrated
+    from femupdate.workflow.model import open_calibrated
     from femupdate.workflow.render import render_study
     from femupdate.workflow.result_tables import mode_tables
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import click
 
-from femupdate.study import Study
-from femupdate.study_lock import locked
+from femupdate.study import Study, locked
 
 from .answer import Answer
 from .bars import Bars

@@ -74,8 +74,13 @@ def train(
         SurrogateError: too few samples, or no weights to start from.
         StudyError: the study has no building and none is named.
     """
-    from femupdate.workflow.checks import check_training
-    from femupdate.workflow.train import THOROUGH, USUAL, default_settings, train_study
+    from femupdate.workflow.train import (
+        THOROUGH,
+        USUAL,
+        check_training,
+        default_settings,
+        train_study,
+    )
 
     effort = THOROUGH if thorough else USUAL
     count = samples or effort.samples
@@ -109,9 +114,9 @@ def calibrate(
         SurrogateError: no surrogate fits the building, and one is needed.
         InferenceError: the sampler cannot go on.
     """
-    from femupdate.workflow.calibrate import calibrate_study
+    from femupdate.workflow.calibrate import calibrate_study, check_calibration
     from femupdate.workflow.calibrate_settings import CalibrationSettings
-    from femupdate.workflow.checks import check_calibration, readable
+    from femupdate.workflow.observed import readable
 
     own, chosen = Study(_study(study).folder, name), CalibrationSettings(**settings)
     source = readable(reading or {}, *map(Path, files))
@@ -148,7 +153,7 @@ def predict(
         MeasurementError: the record or what was measured cannot be used.
         StudyError: there is no posterior, or it is of another building.
     """
-    from femupdate.workflow.checks import open_calibrated
+    from femupdate.workflow.model import open_calibrated
     from femupdate.workflow.predict import predict_study
     from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 
@@ -188,8 +193,8 @@ def diagnose(
         BuildingError: an effect of the building's file cannot be.
     """
     from femupdate.discrepancy.thresholds import DiagnosisSettings
-    from femupdate.workflow.checks import readable
     from femupdate.workflow.diagnose import diagnose_study
+    from femupdate.workflow.observed import readable
 
     how, own = reading or {}, _study(study)
     source = readable(how, *map(Path, files))
@@ -221,7 +226,7 @@ def repair(
         BuildingError: an effect of the building's file cannot be.
     """
     from femupdate.discrepancy.thresholds import DiagnosisSettings
-    from femupdate.workflow.checks import readable
+    from femupdate.workflow.observed import readable
     from femupdate.workflow.repair import repair_study
 
     how, own = reading or {}, _study(study)

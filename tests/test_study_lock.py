@@ -10,12 +10,12 @@ import time
 import pytest
 
 from femupdate.errors import StudyError
-from femupdate.study_lock import locked
+from femupdate.study import locked
 
 HOLD = """\
 import sys, time
 from pathlib import Path
-from femupdate.study_lock import locked
+from femupdate.study import locked
 with locked(Path(sys.argv[1]), "calibrate"):
     print("held", flush=True)
     time.sleep(600)

@@ -1,11 +1,27 @@
 """The reduced model: the building seen through a few shapes, affine in theta."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femupdate.array_archive import check_shapes
 from femupdate.arrays import Floats
+
+# Arrays of a reduced model, with a letter an axis.
+_ARRAYS = {
+    "stiffness_terms": "prr",
+    "stiffness_constant": "rr",
+    "excitation": "r",
+    "floor_shapes": "fr",
+    "story_inertia": "sr",
+    "story_mass": "s",
+    "story_drift": "sr",
+}
+_ROTATION = ("force", "mass", "story_moment", "levels")
+_RELEASED = ("flexibility", "mass")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -101,4 +117,35 @@ class ReducedModel:
             story_drift=self.story_drift[:, own],
             node_shapes=None,
             rotation=None if rotation is None else replace(rotation, force=rotation.force[own]),
+        )
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All of it but the names of its floors, for a file."""
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        if self.node_shapes is not None:
+            arrays["node_shapes"] = self.node_shapes
+        if self.rotation is not None:
+            arrays |= {f"rotation_{name}": getattr(self.rotation, name) for name in _ROTATION}
+        if self.released is not None:
+            arrays |= {f"released_{name}": getattr(self.released, name) for name in _RELEASED}
+        return arrays
+
+    @classmethod
+    def of_arrays(cls, data: Mapping[str, NDArray[Any]], floors: Sequence[str]) -> "ReducedModel":
+        """What `arrays` gave.
+
+        Raises:
+            ArchiveError: an array is missing, or of another shape.
+        """
+        check_shapes(data, _ARRAYS)
+        turned, released = (
+            {key.removeprefix(start): data[key] for key in data if key.startswith(start)}
+            for start in ("rotation_", "released_")
+        )
+        return cls(
+            **{name: data[name] for name in _ARRAYS},
+            floors=tuple(floors),
+            node_shapes=data.get("node_shapes"),
+            rotation=BaseRotation(**turned) if turned else None,
+            released=ReleasedBase(**released) if released else None,
         )

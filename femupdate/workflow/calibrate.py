@@ -1,14 +1,17 @@
 """calibrate: from an observation file to the posterior of the stiffness factors."""
 
 import json
+import textwrap
 import time
 from dataclasses import replace
 
 from femupdate import __version__
+from femupdate.errors import InferenceError
+from femupdate.inference.encoder_input import encoder_input
 from femupdate.inference.posterior import save_posterior
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
-from femupdate.study import Study
+from femupdate.study import BUILDING_FILE, Study
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.calibrate_effects import fitted_effects, with_levels
 from femupdate.workflow.calibrate_exact import sample_exact
@@ -17,13 +20,12 @@ from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_set
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.finer_mesh import FINER
-from femupdate.workflow.kinds import Measured, read_measured_of
+from femupdate.workflow.kinds import Measured, measured_of, read_measured_of
 from femupdate.workflow.mesh_error import with_finer_mesh
-from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.reduced_file import REDUCED
+from femupdate.workflow.model import REDUCED, StudyModel, choose_building
+from femupdate.workflow.observed import ObservationSource, check_readable
 from femupdate.workflow.sampling import ChainRunner
-from femupdate.workflow.surrogates import SURROGATE, unserved
+from femupdate.workflow.surrogates import SURROGATE, require_surrogate, unserved
 
 
 def calibrate_study(
@@ -89,3 +91,50 @@ def _judged(study: Study, measured: Measured) -> list[str]:
     kept = study.artefacts()
     models = [kept[name].sha256 for name in (REDUCED.name, FINER, SURROGATE) if name in kept]
     return [__version__, measured.fingerprint(), *models]
+
+
+def check_calibration(
+    study: Study,
+    source: ObservationSource,
+    settings: CalibrationSettings,
+    building: str | None = None,
+) -> None:
+    """Read and compare all that a calibration needs, and write nothing.
+
+    Args:
+        building: name or path, for a new study.
+
+    Raises:
+        MeasurementError: the observation cannot be used, or belongs to another building.
+        BuildingError: the building cannot be read.
+        SurrogateError: no surrogate fits the building, and one is needed.
+        InferenceError: the device is not there.
+        StudyError: the study is of another building, or cannot be written.
+    """
+    study.check_writable()
+    check_device(settings.device)
+    check_readable(source)
+    chosen = choose_building(study, building)
+    measured = measured_of(chosen, source)
+    if not (settings.exact or measured.beyond_surrogates or unserved(chosen)):
+        known = study.path(BUILDING_FILE).exists()
+        surrogate = require_surrogate(study, chosen, None if known else building)
+        encoder_input(measured.base, surrogate.info.floors)
+
+
+def check_device(name: str) -> None:
+    """Make sure that torch can compute in double precision on a device.
+
+    Raises:
+        InferenceError: it cannot.
+    """
+    import torch
+
+    try:
+        torch.zeros(1, dtype=torch.float64, device=name).sum().item()
+    # Builds of torch without a device say so by errors of several kinds.
+    except (RuntimeError, AssertionError, TypeError, ValueError, NotImplementedError) as error:
+        reason = textwrap.shorten(str(error), 60, placeholder=" ...")
+        raise InferenceError(
+            f"the device {name} cannot be used ({reason}); choose another, such as cpu"
+        ) from error

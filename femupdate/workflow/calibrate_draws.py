@@ -24,7 +24,9 @@ from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, 
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import data_of_modes
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.thresholds import CALIBRATION
+
+_ZETA_GRID, _ZETA_SAMPLES = 25, 48  # damping ratios that are looked at, at draws of theta
+_CHECKED = 100  # draws that are held against the data
 
 
 def posterior_of(
@@ -122,14 +124,14 @@ def draw_zeta(model: StudyModel, likelihood: Likelihood, theta: Floats, seed: Se
     """
     damping = model.damping
     rng = np.random.default_rng(seed)
-    some = torch.from_numpy(theta[rng.permutation(len(theta))[: CALIBRATION.zeta_samples]])
-    grid = torch.linspace(damping.lower, damping.upper, CALIBRATION.zeta_grid, dtype=torch.float64)
+    some = torch.from_numpy(theta[rng.permutation(len(theta))[:_ZETA_SAMPLES]])
+    grid = torch.linspace(damping.lower, damping.upper, _ZETA_GRID, dtype=torch.float64)
     both = torch.cat([some.repeat_interleave(len(grid), 0), grid.repeat(len(some))[:, None]], dim=1)
     log_density = likelihood(both).reshape(len(some), len(grid))
     density = torch.softmax(log_density, dim=1).mean(dim=0).numpy()
     # Within a cell of the grid zeta is uniform.
-    width = (damping.upper - damping.lower) / (CALIBRATION.zeta_grid - 1)
-    drawn = grid.numpy()[rng.choice(CALIBRATION.zeta_grid, size=len(theta), p=density)]
+    width = (damping.upper - damping.lower) / (_ZETA_GRID - 1)
+    drawn = grid.numpy()[rng.choice(_ZETA_GRID, size=len(theta), p=density)]
     spread = drawn + width * (rng.random(len(theta)) - 0.5)
     return np.clip(spread, damping.lower, damping.upper)
 
@@ -148,7 +150,7 @@ def predictive_log_frf(
     system: System,
     model: StudyModel,
     posterior: Posterior,
-    count: int = CALIBRATION.predictive,
+    count: int = 200,
     seed: int = 0,
 ) -> Floats:
     """ln|H| (n, f, k) of all floors at n posterior draws, measured or not.
@@ -189,7 +191,7 @@ def against_data(
 ) -> Fitting:
     """Some posterior draws against the data."""
     drawing, choosing = spawn(seed, 2)
-    drawn, likelihood = posterior.thinned(CALIBRATION.checked, drawing), sampled.likelihood
+    drawn, likelihood = posterior.thinned(_CHECKED, drawing), sampled.likelihood
     names, squares, counts = zip(*likelihood.checked(drawn, choosing), strict=True)
     points = torch.stack(counts, dim=1).numpy()
     check = predictive_check(torch.stack(squares, dim=1).numpy(), points, names)
@@ -202,7 +204,7 @@ def against_modes(
     model: StudyModel, measured: Measured, posterior: Posterior, seed: Seed
 ) -> tuple[str, ...]:
     """Every identified mode beside the posterior's, in a sentence."""
-    drawn = posterior.parameters.split(posterior.thinned(CALIBRATION.checked, seed))
+    drawn = posterior.parameters.split(posterior.thinned(_CHECKED, seed))
     told = []
     for modes, data in zip(measured.modes, data_of_modes(model, measured), strict=True):
         found = data.paired(data.predicted(model.system, drawn.theta, drawn.zeta, drawn.sizes))

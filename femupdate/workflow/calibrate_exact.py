@@ -14,7 +14,7 @@ from femupdate.surrogate.storage import TrainedSurrogate
 from femupdate.workflow.about_maxima import FROM_FIT, Target, sampled_about_maxima
 from femupdate.workflow.calibrate_effects import FittedEffects
 from femupdate.workflow.calibrate_notes import cost_notes, noise_notes, reduction_warnings
-from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, drawn_by
+from femupdate.workflow.calibrate_settings import FEW, CalibrationSettings, Sampled, drawn_by
 from femupdate.workflow.decoded import sample_annealed, sample_decoded
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
@@ -26,7 +26,6 @@ from femupdate.workflow.likelihoods import (
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
 from femupdate.workflow.surrogates import find_surrogate
-from femupdate.workflow.thresholds import CALIBRATION
 
 _FROM_LATENT, _FROM_PRIOR = "the latent", "the prior"
 
@@ -48,7 +47,7 @@ def sample_exact(
     """
     if fitted is not None:
         return _with_effects(fitted, settings, run)
-    many = model.parameters.size > CALIBRATION.few
+    many = model.parameters.size > FEW
     if measured.beyond_surrogates:
         if many and not measured.has_base:
             # Nothing is to be learned about the maxima.
@@ -138,7 +137,7 @@ def _sampled(
         sampled = sampled_about_maxima(target, run.particles, run.stage(BRIDGE), run.show)
         if sampled is not None:
             return sampled
-    if target.prior.size > CALIBRATION.few:
+    if target.prior.size > FEW:
         return _by_trajectories(target, None, run)
     return _by_particles(target, latent, settings, run)
 

@@ -16,7 +16,7 @@ from femupdate.workflow.calibrate_notes import (
     misfit_warnings,
     noise_notes,
 )
-from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, drawn_by
+from femupdate.workflow.calibrate_settings import FEW, CalibrationSettings, Sampled, drawn_by
 from femupdate.workflow.decoded import missed_by_best, sample_decoded, sampled_groups
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
@@ -26,7 +26,6 @@ from femupdate.workflow.likelihoods import (
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import ChainRunner
 from femupdate.workflow.surrogates import require_surrogate
-from femupdate.workflow.thresholds import CALIBRATION
 
 
 def sample_latent(
@@ -41,7 +40,7 @@ def sample_latent(
     least = surrogate.info.noise_sd
     calibration = calibration_notes(surrogate.info, observation)
     # Draws on the decoder know no effects.
-    if model.prior.size > CALIBRATION.few and not model.system.placed:
+    if model.prior.size > FEW and not model.system.placed:
         found = sample_decoded(surrogate, model, measured, settings, run, run.particles)
         require_own_building(model, found.likelihood, found.states, anyway=settings.anyway)
         runs = sampled_groups(found.draws, found.responses)

@@ -14,8 +14,18 @@ from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
 from femupdate.units import percent
 from femupdate.workflow.calibrate_draws import Fitting
 from femupdate.workflow.decoded import tempered_words
+from femupdate.workflow.likelihoods import LEAST_EXPLAINED
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.thresholds import CALIBRATION
+
+_DECODER_MAY_MISS = 0.25  # sd of the noise, by which a corrected decoder may miss the building
+# Two runs together have .71 of the noise of one.
+_MUCH_LESS = 0.75  # of the allowed noise, below which the noise of the data is worth a word
+_OVERSTATED = 0.5  # of the stated noise that the best draw misses, below which it is worth one
+_FEW_WILD = 0.005  # share of points too far off to count
+_UNUSUAL = 0.01  # p-value below which something is missing, where data also miss by
+_BEYOND = 1.2  # times what is allowed for
+_NEAR = 0.02  # of the prior, to either limit, within which a draw is at it
+_PRESSED = 0.3  # share of the draws at a limit
 
 
 def decoded_notes(found: DecodedPosterior) -> tuple[str, ...]:
@@ -30,7 +40,7 @@ def decoded_notes(found: DecodedPosterior) -> tuple[str, ...]:
 
 def decoder_warnings(error: float, noise: float) -> tuple[str, ...]:
     """Where the decoder misses ln|H| by too much (rms) beside the noise on it."""
-    if error <= CALIBRATION.decoder_may_miss * noise:
+    if error <= _DECODER_MAY_MISS * noise:
         return ()
     return (
         f"The decoder misses the reduced model by {error:.2g} in ln|H|, too much beside a noise of "
@@ -79,7 +89,7 @@ def reduction_warnings(model: StudyModel, observation: Observation) -> tuple[str
 def noise_notes(model: StudyModel, observation: Observation, least: float) -> tuple[str, ...]:
     """Where the data have less noise than the likelihood believes, `least` in ln|H|."""
     typical = float(np.median(observation.noise_sd[observation.valid]))
-    if typical >= CALIBRATION.much_less * least:
+    if typical >= _MUCH_LESS * least:
         return ()
     if model.least_noise:
         return (
@@ -185,7 +195,7 @@ def error_notes(posterior: Posterior) -> tuple[str, ...]:
 def overstated_noise(fitting: Fitting) -> tuple[str, ...]:
     """Where the model meets the data far better than their stated noise allows."""
     rms = fitting.misfit**0.5
-    if not rms < CALIBRATION.overstated:
+    if not rms < _OVERSTATED:
         return ()
     return (
         f"The best draw misses the data by {rms:.2g} times their stated noise (rms): that noise is "
@@ -194,7 +204,7 @@ def overstated_noise(fitting: Fitting) -> tuple[str, ...]:
 
 
 def _unlike(fitting: Fitting) -> list[str]:
-    if fitting.explained is None or fitting.explained >= CALIBRATION.explained:
+    if fitting.explained is None or fitting.explained >= LEAST_EXPLAINED:
         return []
     return ["The observation is unlike anything that this building can do: do not trust this."]
 
@@ -218,7 +228,7 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
             f"(rms, best draw): something is missing in the model; {allowed}, and `femupdate "
             "diagnose` looks for it."
         )
-    if fitting.wild > CALIBRATION.few_wild:
+    if fitting.wild > _FEW_WILD:
         notes.append(
             f"{percent(fitting.wild, 1)} of the points are farther off than {JUDGED.wild:g} "
             "standard deviations of noise and model error together: they count no more, neither "
@@ -236,7 +246,7 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
 
 def _exceeds(check: PredictiveCheck) -> bool:
     """Whether data surely miss the model by noticeably more than is allowed for."""
-    return check.whole < CALIBRATION.unusual and check.ratio**0.5 > CALIBRATION.beyond
+    return check.whole < _UNUSUAL and check.ratio**0.5 > _BEYOND
 
 
 def _at_limits(posterior: Posterior) -> list[str]:
@@ -244,11 +254,11 @@ def _at_limits(posterior: Posterior) -> list[str]:
     width, draws = np.ptp(posterior.bounds, axis=1), posterior.samples
     told = []
     for end, values in zip(("lower", "upper"), posterior.bounds.T, strict=True):
-        near = (np.abs(draws - values) < CALIBRATION.near * width).mean(axis=0)
+        near = (np.abs(draws - values) < _NEAR * width).mean(axis=0)
         named = [
             f"{name} ({limit:.3g})"
             for name, limit, share in zip(posterior.names, values, near, strict=True)
-            if share > CALIBRATION.pressed
+            if share > _PRESSED
         ]
         if named:
             told.append(

@@ -12,7 +12,9 @@ from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.sampler_run import SamplerRun
 from femupdate.inference.smc import SmcSettings
-from femupdate.workflow.thresholds import CALIBRATION
+
+FEW = 10
+"""Parameters up to which particles of the prior find all modes; beyond, populations do."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class CalibrationSettings:
 
     particles: int = 5000
     exact: bool = False
-    chains: int = CALIBRATION.chains
+    chains: int = 4
     seed: int = 0
     device: str = "cpu"
     anyway: bool = False

@@ -24,7 +24,6 @@ from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Stiffness, Terms
 from femupdate.study import Study, StudyPart
-from femupdate.workflow.reduced_file import reduced_arrays, reduced_from
 
 FINER = "finer mesh"
 _TERMS = {"term_owner": "t", "term_story": "t", "term_series": "t", "term_matrix": "trr"}
@@ -64,7 +63,7 @@ class FinerMesh:
         """Write it as npz, atomically."""
         error = None if self.error is None else asdict(self.error)
         header = json.dumps({"floors": self.model.floors, "error": error})
-        arrays = {**reduced_arrays(self.model), **self._term_arrays()}
+        arrays = {**self.model.arrays(), **self._term_arrays()}
         write_arrays(path, header=np.array(header), **arrays)
 
     @classmethod
@@ -72,7 +71,7 @@ class FinerMesh:
         """Read what `write` has written."""
         data = read_arrays(path)
         header = json.loads(str(data["header"]))
-        model = reduced_from(data, header["floors"])
+        model = ReducedModel.of_arrays(data, header["floors"])
         if header["error"] is None:
             return cls(model)
         error = MeshError.of(header["error"])

@@ -19,9 +19,12 @@ from femupdate.progress import Progress
 from femupdate.study import Study, StudyPart
 from femupdate.units import STANDARD_GRAVITY
 from femupdate.workflow.finer_mesh import FINER, half_mesh_size
-from femupdate.workflow.model import StudyModel
-from femupdate.workflow.reduced_file import REDUCED
-from femupdate.workflow.thresholds import UNITS
+from femupdate.workflow.model import REDUCED, StudyModel
+
+_PROBES = 256  # draws of the prior that are held against the level of what was measured
+# Factors by which responses may miss all of them: to a force, where the masses tell the level; and
+# floor over base acceleration, which is one at zero frequency whatever the building is.
+_FORCE_LEVEL, _BASE_LEVEL = 2.0, 6.0
 
 # What files are wrong by: factors, and powers of omega of another quantity.
 _FACTORS = {
@@ -89,7 +92,7 @@ def check_level(model: StudyModel, data: FrfData, one: Observation) -> None:
     away = _away(model, data)
     omega = (2.0 * torch.pi * data.frequency_hz).log()
     level, spread = _level(away, omega, 0)
-    if level <= math.log(UNITS.force_level):
+    if level <= math.log(_FORCE_LEVEL):
         return
     raise MeasurementError(_sentence(one, away, omega, spread))
 
@@ -106,7 +109,7 @@ def check_base_level(model: StudyModel, base: Observation) -> None:
         return  # estimated here, from histories of the base and the floors
     away = _away(model, base_logs(base, model.system))
     level, scatter = _level(away, torch.zeros(()), 0)
-    if level + scatter <= math.log(UNITS.base_level):
+    if level + scatter <= math.log(_BASE_LEVEL):
         return
     raise MeasurementError(
         f"{base.source}: |H| of {', '.join(base.floors)} is {math.exp(level + scatter):.3g} times"
@@ -118,7 +121,7 @@ def check_base_level(model: StudyModel, base: Observation) -> None:
 def _away(model: StudyModel, data: FrfData) -> Tensor:
     """(n, f, k) measured less predicted ln|H| at draws of the prior; NaN where not valid."""
     generator = torch.Generator().manual_seed(0)
-    draws = model.parameters.split(model.parameters.sample(UNITS.probes, generator))
+    draws = model.parameters.split(model.parameters.sample(_PROBES, generator))
     predicted = log_responses(data, model.system, draws.of_structure, draws.zeta)
     return torch.where(data.valid, data.log_frf - predicted, torch.nan)
 
@@ -153,7 +156,7 @@ def _sentence(one: Observation, away: Tensor, omega: Tensor, spread: float) -> s
             told = f"{_QUANTITIES[power + shift]} " if shift else ""
             if level + scatter < best:
                 best, guess = level + scatter, f"{told}{words}".strip()
-    hint = f"; it fits if it is {guess}" if best < math.log(UNITS.force_level) + spread else ""
+    hint = f"; it fits if it is {guess}" if best < math.log(_FORCE_LEVEL) + spread else ""
     return (
         f"{said} is {math.exp(level):.3g} times away from all that the building's masses allow"
         f"{hint}; correct its unit, or the masses of the building"

@@ -20,7 +20,8 @@ from femupdate.measurement.thresholds import AMBIENT
 from femupdate.measurement.write import write_modes
 from femupdate.report.scale import with_unit
 from femupdate.tables import table
-from femupdate.workflow.thresholds import UNITS
+
+_LARGEST = 1e9  # of any unit, that a channel may hold
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ def _values(file: TextFile, floors: Mapping[Channel, RecordedChannel]) -> Floats
     dead = next((one.name for one in channels if np.ptp(one.values) == 0.0), None)
     if dead is not None:
         raise file.error(f"channel {dead!r} is dead: all its values are the same; leave it out")
-    most = UNITS.largest_motion
+    most = _LARGEST
     wild = next((one.name for one in channels if np.abs(one.values).max() > most), None)
     if wild is not None:
         raise file.error(f"channel {wild!r} holds values above {most:g}; remove the spikes")

@@ -18,7 +18,9 @@ from femupdate.units import percent
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.thresholds import CALIBRATION
+
+LEAST_EXPLAINED = 0.25
+"""Share of the measured variation below which a model explains nothing."""
 
 
 def smooth_likelihood(
@@ -122,7 +124,7 @@ def require_own_building(
         return
     explained = likelihood.explained(points)
     assert explained is not None
-    if not explained >= CALIBRATION.explained:  # which no number is not
+    if not explained >= LEAST_EXPLAINED:  # which no number is not
         best = 0.0 if explained != explained else max(explained, 0.0)
         raise MeasurementError(
             f"the observation is unlike anything that {model.building.name} can do: its best "

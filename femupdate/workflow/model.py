@@ -1,10 +1,15 @@
 """The building of a study with its reduced model: made once, then read back."""
 
-from dataclasses import dataclass, replace
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from femupdate.array_archive import read_arrays, write_arrays
 from femupdate.building.files import load_building, mechanics_hash, save_building
 from femupdate.building.schema import Building
 from femupdate.dynamics.damping import DampingLaw, damping_law
@@ -17,11 +22,51 @@ from femupdate.inference.learned import SharedErrors
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.priors import damping_parameter, reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
-from femupdate.study import BUILDING_FILE, Study
+from femupdate.study import BUILDING_FILE, MAIN_POSTERIOR, Study, StudyPart
 from femupdate.workflow.finer_mesh import FinerMesh, kept_finer
-from femupdate.workflow.reduced_file import REDUCED, CertifiedModel
 
 DEFAULT_BUILDING = "six_story_wall_frame"
+
+
+@dataclass(frozen=True, eq=False)
+class CertifiedModel:
+    """A reduced model and how far it was found to be from the full one.
+
+    Attributes:
+        model: without effects.
+        rms_error: of ln|H|; 0 for lumped buildings.
+        certified: further figures of its error, for the study's record.
+    """
+
+    model: ReducedModel
+    rms_error: float
+    certified: Mapping[str, float] = field(default_factory=dict)
+
+    def write(self, path: Path) -> None:
+        """Write it as npz, atomically."""
+        header = json.dumps({"floors": self.model.floors, "rms_error": self.rms_error})
+        write_arrays(path, header=np.array(header), **self.model.arrays())
+
+    @classmethod
+    def read(cls, path: Path) -> "CertifiedModel":
+        """Read what `write` has written, but for what only the study's record has."""
+        data = read_arrays(path)
+        header = json.loads(str(data["header"]))
+        return cls(ReducedModel.of_arrays(data, header["floors"]), float(header["rms_error"]))
+
+    def settings(self) -> dict[str, float]:
+        """For the study's record."""
+        return {"size": self.model.size, "rms_error": self.rms_error, **self.certified}
+
+
+REDUCED = StudyPart(
+    "reduced model",
+    "reduced_model.npz",
+    "build-model",
+    CertifiedModel.write,
+    CertifiedModel.read,
+    CertifiedModel.settings,
+)
 
 
 @dataclass(frozen=True)
@@ -104,6 +149,18 @@ def open_study(
     if kept is not None:
         return on_kept_finer(study, _study_model(chosen, kept))
     return keep_reduction(study, chosen, reduce_building(chosen, progress=progress))
+
+
+def open_calibrated(study: Study, progress: Progress = SILENT) -> StudyModel:
+    """Return the model of a study that has a posterior of just this model.
+
+    Raises:
+        StudyError: there is no posterior, or it is damaged or of another building.
+    """
+    study.require(MAIN_POSTERIOR, "calibrate")
+    building = choose_building(study, None)
+    study.check_fresh(MAIN_POSTERIOR, {"building": mechanics_hash(building)}, "calibrate")
+    return open_study(study, None, progress)
 
 
 def on_kept_finer(study: Study, model: StudyModel) -> StudyModel:

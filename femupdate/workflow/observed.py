@@ -22,7 +22,6 @@ from femupdate.measurement.registry import read_measured
 from femupdate.measurement.text import read_head
 from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.study import file_hash
-from femupdate.workflow.thresholds import UNITS
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,7 +256,7 @@ def _within(observation: Observation, band_hz: tuple[float, float]) -> Observati
 
 def _require_frequencies(runs: Sequence[Observation], band_hz: tuple[float, float]) -> None:
     for run in runs:
-        if run.valid.any(axis=0).sum() < UNITS.least_frequencies:
+        if run.valid.any(axis=0).sum() < 10:
             raise MeasurementError(
                 f"{run.source}: fewer than ten frequencies lie between {band_hz[0]:g} and "
                 f"{band_hz[1]:g} Hz and can be used; widen --band"
@@ -272,6 +271,20 @@ def check_readable(source: ObservationSource) -> None:
     """
     for path in source.paths:
         source.read(path, "x")
+
+
+def readable(reading: Mapping[str, Any], path: Path, *further: Path) -> ObservationSource:
+    """Observation files as a source, read once; a bad one is told before anything is built.
+
+    Args:
+        reading: fields of `ObservationSource` that say how to read the files.
+
+    Raises:
+        MeasurementError: a file cannot be used.
+    """
+    source = ObservationSource(path, further=further, **reading).opened()
+    check_readable(source)
+    return source
 
 
 def direction_of(building: Building) -> str:

@@ -19,9 +19,8 @@ from femupdate.workflow.effects import finder_origin, keep_basis
 from femupdate.workflow.finer_mesh import finer_origin, finer_part
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.mesh_error import MESH_ERROR_PART
-from femupdate.workflow.model import StudyModel, keep_model
+from femupdate.workflow.model import CertifiedModel, StudyModel, keep_model
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.reduced_file import CertifiedModel
 
 
 def repaired_building(building: Building, done: Repair) -> Building:

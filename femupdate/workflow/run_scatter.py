@@ -14,7 +14,11 @@ from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.thresholds import RUNS
+
+_STIFFNESS, _DAMPING = 0.4, 1.5  # ln, to either side of the posterior's mean that is tried
+_POINTS, _ROUNDS = 17, 4  # of a grid of each, each grid about what the one before found,
+_REACH = 4.0  # sd to either side
+_BEST = 9  # points of a grid that tell which errors of a model count
 
 
 def scatter_of_runs(
@@ -58,7 +62,7 @@ def _moments(model: StudyModel, run: Observation, level: float, posterior: Poste
         known = own, damped[:, 0], mean.sizes.expand(len(moved), -1)
         left = missed((data,), model.system, known)
         # A row that is unlikely where least is left is so everywhere.
-        best = left.square().sum(1).argsort()[: RUNS.best]
+        best = left.square().sum(1).argsort()[:_BEST]
         rows = error.counting(error.log_densities(left[best]))
         return error.kept(rows).log_density(left)
 
@@ -72,15 +76,15 @@ def moments_on_grid(judge: Callable[[Tensor], Tensor], damping: bool) -> Floats:
         judge: log density (n,) of ln stiffness and ln damping (n, 2).
         damping: whether the second is free; else it is zero, and its deviation infinite.
     """
-    centre, half = np.zeros(2), np.array([RUNS.stiffness, RUNS.damping * damping])
+    centre, half = np.zeros(2), np.array([_STIFFNESS, _DAMPING * damping])
     mean, sd = centre, half
-    for _ in range(RUNS.rounds):
-        axes = [np.linspace(c - h, c + h, RUNS.points) for c, h in zip(centre, half, strict=True)]
+    for _ in range(_ROUNDS):
+        axes = [np.linspace(c - h, c + h, _POINTS) for c, h in zip(centre, half, strict=True)]
         points = np.stack(np.meshgrid(*(axes if damping else (axes[0], [0.0]))), axis=-1)
         points = points.reshape(-1, 2)
         weight = torch.softmax(judge(torch.from_numpy(points)), dim=0).numpy()
         mean = weight @ points
         sd = np.sqrt(weight @ (points - mean) ** 2)
-        cell = 2.0 * half / (RUNS.points - 1)
-        centre, half = mean, np.minimum(half, np.maximum(RUNS.reach * sd, 2.0 * cell))
+        cell = 2.0 * half / (_POINTS - 1)
+        centre, half = mean, np.minimum(half, np.maximum(_REACH * sd, 2.0 * cell))
     return np.array([mean, np.where([True, damping], sd, np.inf)])

@@ -21,7 +21,6 @@ from femupdate.inference.smc import SmcSettings, SmcState, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood, Points
 from femupdate.progress import Percent, Progress
 from femupdate.seeds import Seed, spawn
-from femupdate.workflow.thresholds import CALIBRATION
 
 FIRST, BRIDGE = 0, 1
 """Stages of a calibration, each with random streams of its own."""
@@ -53,7 +52,7 @@ class ChainRunner:
     @property
     def each(self) -> int:
         """Particles of one run."""
-        return max(self.particles // self.chains, CALIBRATION.least_particles)
+        return max(self.particles // self.chains, 50)
 
     def stage(self, number: int) -> Seed:
         """The stream of a stage, `FIRST` or `BRIDGE`."""

@@ -10,7 +10,7 @@ from femupdate.errors import SurrogateError
 from femupdate.inference.priors import damping_parameter, theta_prior
 from femupdate.study import Study, StudyPart
 from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate, save_surrogate
-from femupdate.workflow.thresholds import CALIBRATION
+from femupdate.workflow.calibrate_settings import FEW
 
 SURROGATE = "surrogate"
 TRAINED = StudyPart(
@@ -28,7 +28,7 @@ def unserved(building: Building) -> str:
     if building.effects:
         return "lists effects"
     count = theta_prior(building).size + damping_parameter(building).free
-    return f"has {count} parameters" if count > CALIBRATION.few else ""
+    return f"has {count} parameters" if count > FEW else ""
 
 
 def find_surrogate(study: Study, building: Building) -> tuple[TrainedSurrogate, Path] | None:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from femupdate import __version__
-from femupdate.errors import SurrogateError
+from femupdate.errors import StudyError, SurrogateError
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import DATA_SET, stream
-from femupdate.study import Study, file_hash
+from femupdate.study import BUILDING_FILE, Study, file_hash
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
 from femupdate.surrogate.loss import LossSettings
 from femupdate.surrogate.sizes import NetworkSizes
@@ -21,8 +21,8 @@ from femupdate.surrogate.storage import (
 )
 from femupdate.surrogate.training import TrainingResult, TrainingSettings, TrainingTask, train_mvae
 from femupdate.workflow.mesh_error import with_finer_mesh
-from femupdate.workflow.model import StudyModel
-from femupdate.workflow.surrogates import TRAINED, find_surrogate
+from femupdate.workflow.model import StudyModel, choose_building
+from femupdate.workflow.surrogates import TRAINED, find_surrogate, unserved
 
 _CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
@@ -100,6 +100,39 @@ def check_samples(samples: int, settings: TrainingSettings) -> None:
             f"{samples} samples are too few for batches of {settings.batch}; ask for more samples "
             "or smaller batches"
         )
+
+
+def check_training(
+    study: Study, samples: int, batch: int, start: Path | None = None, building: str | None = None
+) -> None:
+    """Tell what can be told of a training before anything is built or written.
+
+    Args:
+        building: name or path, for a new study.
+
+    Raises:
+        SurrogateError: too few samples, no weights to start from, or the building is one that no
+            surrogate serves.
+        BuildingError: the building cannot be read.
+        StudyError: the study has no building and none is named, is of another one, or cannot be
+            written.
+    """
+    study.check_writable()
+    if building is None and not study.path(BUILDING_FILE).exists():
+        # The default building has a shipped surrogate: to train one is never what was meant.
+        raise StudyError(
+            f"the study {study.folder} has no building yet; name one with --building, or run "
+            "`femupdate build-model NAME` first"
+        )
+    check_samples(samples, TrainingSettings(batch=batch))
+    chosen = choose_building(study, building)
+    if why := unserved(chosen):
+        raise SurrogateError(
+            f"{chosen.name} {why}, which no surrogate serves; it needs none: `femupdate calibrate` "
+            "samples the likelihood of the data themselves"
+        )
+    if start is not None:
+        load_surrogate(start)
 
 
 def train_study(

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femupdate.study_lock import locked
+from femupdate.study import locked
 
 ROWS = 400  # of an observation: enough for a spectrum
 

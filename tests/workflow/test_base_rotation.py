@@ -14,10 +14,9 @@ from femupdate.measurement.record import read_record
 from femupdate.measurement.write import write_observation_histories
 from femupdate.simulation.simulate import SimulationSettings, simulate_observation
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate import calibrate_study, check_calibration
 from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.checks import check_calibration
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource

@@ -10,9 +10,14 @@ from femupdate.inference.priors import damping_parameter
 from femupdate.study import Study
 from femupdate.workflow import model as model_module
 from femupdate.workflow.build import build_study
-from femupdate.workflow.model import DEFAULT_BUILDING, choose_building, open_study
+from femupdate.workflow.model import (
+    DEFAULT_BUILDING,
+    REDUCED,
+    CertifiedModel,
+    choose_building,
+    open_study,
+)
 from femupdate.workflow.pictures_modes import draw_model
-from femupdate.workflow.reduced_file import REDUCED, CertifiedModel
 
 
 @pytest.mark.parametrize(

@@ -26,12 +26,11 @@ from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibrate_notes import elsewhere_warnings, reduction_warnings
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.calibrate_settings import FEW, CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, observation_of
 from femupdate.workflow.pictures_posterior import draw_posterior
 from femupdate.workflow.surrogates import require_surrogate
-from femupdate.workflow.thresholds import CALIBRATION
 from femupdate.workflow.train import train_study
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
@@ -41,7 +40,7 @@ QUICK = CalibrationSettings(
 GRID = 0.2 * np.arange(1, 61)
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
 # As if two factors were many.
-MANY = replace(CALIBRATION, few=1)
+MANY = 1
 
 
 @pytest.fixture(scope="module")
@@ -73,11 +72,11 @@ def quadrature(log_frf, tower_frf, grid, noise=0.1):
     return mean, sd, np.log(weight.sum()) + mass - 0.5 * least
 
 
-@pytest.mark.parametrize("usual", [CALIBRATION, MANY], ids=["by walks", "by trajectories"])
+@pytest.mark.parametrize("usual", [FEW, MANY], ids=["by walks", "by trajectories"])
 def test_the_exact_posterior_is_that_of_quadrature(
     tmp_path, tower_file, tower_frf, frf_table, grid_about, usual, monkeypatch
 ):
-    monkeypatch.setattr("femupdate.workflow.calibrate_exact.CALIBRATION", usual)
+    monkeypatch.setattr("femupdate.workflow.calibrate_exact.FEW", usual)
     path, log_frf = frf_table
     study = Study(tmp_path)
     settings = CalibrationSettings(particles=2000, exact=True)
@@ -476,7 +475,7 @@ def test_without_a_surrogate_nothing_is_drawn(tmp_path, tower_model, tower_obser
 def many(learned, monkeypatch):
     """As if two factors were many, with a decoder corrected once."""
     for likelihood in ("latent", "exact"):
-        monkeypatch.setattr(f"femupdate.workflow.calibrate_{likelihood}.CALIBRATION", MANY)
+        monkeypatch.setattr(f"femupdate.workflow.calibrate_{likelihood}.FEW", MANY)
     monkeypatch.setattr(
         "femupdate.workflow.decoded.in_groups",
         lambda *groups: replace(in_groups(*groups), corrections=1),
@@ -502,7 +501,7 @@ def test_the_building_judges_what_a_poor_decoder_draws(
     learned, tower_frf, frf_table, grid_about, monkeypatch
 ):
     """Corrected three times, at the noise of its training: twice that of the file."""
-    monkeypatch.setattr("femupdate.workflow.calibrate_latent.CALIBRATION", MANY)
+    monkeypatch.setattr("femupdate.workflow.calibrate_latent.FEW", MANY)
     study, model = learned
     path, log_frf = frf_table
     report = calibrated(study, model, path, CalibrationSettings(particles=2000))

@@ -9,9 +9,8 @@ import pytest
 from femupdate.building.files import load_building
 from femupdate.errors import InferenceError, MeasurementError
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate import calibrate_study, check_calibration
 from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.checks import check_calibration
 from femupdate.workflow.kinds import measured_of
 from femupdate.workflow.model import choose_building, open_study
 from femupdate.workflow.observed import ObservationSource

@@ -10,13 +10,12 @@ from femupdate.measurement.registry import read_measured
 from femupdate.progress import SILENT
 from femupdate.study import Study, file_hash
 from femupdate.workflow import observed
-from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate import calibrate_study, check_calibration
 from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.checks import check_calibration, readable
 from femupdate.workflow.finder_data import read_given
 from femupdate.workflow.kinds import measured_of
 from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.observed import ObservationSource, readable
 from femupdate.workflow.second_record import record_levels
 from femupdate.workflow.status import study_status
 

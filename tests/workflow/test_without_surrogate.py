@@ -9,9 +9,8 @@ from femupdate.dynamics.history import floor_histories
 from femupdate.errors import SurrogateError
 from femupdate.measurement.record import GroundMotion
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study
+from femupdate.workflow.calibrate import calibrate_study, check_calibration
 from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.checks import check_calibration, check_training
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
@@ -19,6 +18,7 @@ from femupdate.workflow.pictures_posterior import draw_posterior
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 from femupdate.workflow.surrogates import unserved
+from femupdate.workflow.train import check_training
 
 BUILDING = """\
 name = "three"
