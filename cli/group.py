@@ -88,19 +88,11 @@ class LazyGroup(click.Group):
         commands: name of each command to the module that holds it, and its line in the help; in
             the order of the help. "module:name" is the command of that name in the module, which
             is `command` where none is said.
-        package: that the modules are in.
     """
 
-    def __init__(
-        self,
-        *args: Any,
-        commands: Mapping[str, tuple[str, str]],
-        package: str = __package__,
-        **kwargs: Any,
-    ) -> None:
+    def __init__(self, *args: Any, commands: Mapping[str, tuple[str, str]], **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.modules = dict(commands)
-        self.package = package
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names in the order of the help."""
@@ -111,7 +103,7 @@ class LazyGroup(click.Group):
         if cmd_name not in self.modules:
             return None
         module, _, name = self.modules[cmd_name][0].partition(":")
-        command = getattr(importlib.import_module(f".{module}", self.package), name or "command")
+        command = getattr(importlib.import_module(f".{module}", __package__), name or "command")
         assert isinstance(command, click.Command)
         return command
 
