@@ -15,7 +15,6 @@ from femupdate.inference.model_error import MODEL_ERROR
 from femupdate.inference.moves import MixtureIndependence
 from femupdate.inference.smc import SmcSettings
 from femupdate.measurement import thresholds as data
-from femupdate.workflow import thresholds as steps
 
 SETTINGS = (
     SmcSettings(),
@@ -33,7 +32,7 @@ def tables(module) -> list:
     return [one for one in found if not isinstance(one, type)]
 
 
-MODULES = (model, data, steps, sampler, finder)
+MODULES = (model, data, sampler, finder)
 GROUPS = (*SETTINGS, *(one for module in MODULES for one in tables(module)))
 
 
