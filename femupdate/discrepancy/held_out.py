@@ -10,7 +10,7 @@ from femupdate.discrepancy.finder_model import FinderModel, problem_of, with_res
 from femupdate.discrepancy.fit import Fit, about, settle
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
-from femupdate.dynamics.transformed import transformed_sensors
+from femupdate.dynamics.history import transformed_sensors
 from femupdate.errors import MeasurementError
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData

@@ -26,7 +26,7 @@ def screen_channels(observation: Observation, system: System, theta: Floats) -> 
         torch.from_numpy(np.atleast_2d(theta)),
         torch.zeros(1, count, dtype=torch.float64),
     )
-    first = float(modes.frequency_hz[0, modes.participation[0].abs().argmax()])
+    first = float(modes.frequency_hz[0, modes.participation[0, 0].abs().argmax()])
     low = observation.frequency_hz < SCREEN.low * first
     rigid = np.log(_rigid(observation, system))
     gains, foreign, turned, late = [], [], [], []

@@ -12,7 +12,6 @@ from femupdate.effects.effect import Placed
 # |H|^2 below this is rounding; its logarithm would be all that is seen.
 _LEAST_SQUARE = 1e-24
 _BASE = "base"  # where an instrument sits that only translations of the base know
-_TRANSLATED = (1.0, 0.0)
 
 
 class Estimate(Protocol):
@@ -66,7 +65,6 @@ class ClosedForm:
         levels: (f,) heights of the floors above the base, m.
         stories: number of stiffness factors, which come before the sizes.
         top_hz: top of the frequency grid.
-        moved: translation and rotation of the base to which responses are taken.
     """
 
     placed: tuple[Placed, ...] = ()
@@ -75,13 +73,11 @@ class ClosedForm:
     levels: tuple[float, ...] = ()
     stories: int = 0
     top_hz: float = 0.0
-    moved: tuple[float, float] = _TRANSLATED
 
     @property
     def changes(self) -> bool:
         """Whether any effect does something here."""
-        instrument = any(one.effect.instrument for one in self.placed)
-        return any(self.pitch) or instrument or self.moved != _TRANSLATED
+        return any(self.pitch) or any(one.effect.instrument for one in self.placed)
 
     def log_frf(
         self,
@@ -91,7 +87,6 @@ class ClosedForm:
         *,
         least: float = _LEAST_SQUARE,
         seen: Estimate | None = None,
-        turned: Tensor | None = None,
     ) -> Tensor:
         """ln|H| (N, f, k) as it is measured.
 
@@ -101,11 +96,10 @@ class ClosedForm:
             sizes: (N, q) of the effects.
             least: added to |H|^2.
             seen: what an estimate makes of complex FRFs, before the logarithm is taken.
-            turned: FRFs (N, f, k) to unit rotation of the base, for an estimate that asks for them.
         """
         if self.changes or seen is not None:
             frf = self.frf(parts, omega, sizes)
-            frf = frf if seen is None else seen(frf, turned)
+            frf = frf if seen is None else seen(frf)
             parts = frf.real, frf.imag
         return 0.5 * torch.log(parts[0].square() + parts[1].square() + least)
 
@@ -114,13 +108,10 @@ class ClosedForm:
         frf = torch.complex(*parts)
         if not self.changes:
             return frf
-        translation, turned = self.moved
-        rotation, first = sizes.new_full((len(sizes),), turned), 0
+        rotation, first = sizes.new_zeros(len(sizes)), 0
         for one, pitch in zip(self.placed, self.pitch, strict=True):
             if pitch:
-                rotation = rotation + translation * pitch * sizes[:, first]
+                rotation = rotation + pitch * sizes[:, first]
             first += len(one.effect.parameters)
-        # The parts have one for the base's translation already.
-        leaning = rotation[:, None] * sizes.new_tensor(self.levels) + (translation - 1.0)
-        moved = frf + leaning[:, :, None]
-        return observed(self.placed, self.floors, moved, omega, sizes, translation != 0.0)
+        leaning = rotation[:, None] * sizes.new_tensor(self.levels)
+        return observed(self.placed, self.floors, frf + leaning[:, :, None], omega, sizes)

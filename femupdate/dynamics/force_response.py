@@ -1,4 +1,4 @@
-"""Responses to a force at a floor: accelerance, with the flexibility that a reduced model lacks.
+"""The flexibility that a reduced model lacks under forces at its floors.
 
 The basis of a reduced model is made for a base that moves. It follows a force at a floor as well,
 but for the static displacement near the force, of up to a fifth where the force acts. That rest is
@@ -11,20 +11,15 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.modes import force_response
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.system import System
 from femupdate.effects.structure import Structure
 from femupdate.fe.factorization import factorize
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
 from femupdate.workers import everywhere
 
-_BATCH = 16
 _SAMPLES_A_FACTOR = 2
 
 
@@ -41,38 +36,6 @@ class RestFlexibility:
     terms: Floats
     error: float
     lacked: float
-
-
-def accelerance(
-    system: System,
-    parameters: Tensor,
-    zeta: Tensor,
-    frequency_hz: Tensor,
-    forced: int,
-    rest: RestFlexibility | None = None,
-) -> Tensor:
-    """Complex acceleration (N, f, k) of all floors over a force at one of them, 1/kg.
-
-    Args:
-        system: the reduced model, with effects or without.
-        parameters: (N, p + q) stiffness factors, then sizes of effects.
-        zeta: (N,) damping ratios.
-        frequency_hz: (k,).
-        forced: floor at which the force acts, counted from the lowest.
-        rest: static displacement that the reduced model lacks; None for a stick, which lacks none.
-    """
-    omega = 2.0 * torch.pi * frequency_hz.to(torch.float64)
-    parts = []
-    for rows, ratio in zip(parameters.split(_BATCH), zeta.split(_BATCH), strict=True):
-        theta, sizes = system.split(rows)
-        modes = system.modes_on_free_base(theta, sizes)
-        ports = system.port_stiffness(omega, sizes)
-        moved = force_response(modes, system.ratio(modes.omega, ratio, sizes), omega, ports, forced)
-        if rest is not None:
-            terms = torch.from_numpy(rest.terms[:, :, forced]).to(theta)
-            moved = moved + (1.0 / theta @ terms)[:, :, None]
-        parts.append(-(omega**2) * moved)
-    return torch.cat(parts)
 
 
 def rest_flexibility(

@@ -1,29 +1,40 @@
 """Floor accelerations, story shears and story drifts of many parameter samples under one record.
 
 Where modes are real the motion is followed mode by mode, exactly for a record that is linear
-between its points; where they are not, by the Fourier transform (`femupdate.dynamics.transformed`).
+between its points. Stiffness that changes in the run changes by one factor throughout, so that the
+modes keep their shapes: each is followed with the frequency and the damping of the level that the
+motion has about then. The level follows from the response and the response from the level, in a few
+rounds.
+
+Dampers and appendages make modes complex, and instruments are known by their FRFs: there the
+response is the inverse Fourier transform of the FRFs times the record's spectrum, with silence
+behind the record until the motion has died down. For a linear structure that is exact.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
 
-from femupdate.arrays import Floats
-from femupdate.dynamics.modal_response import ModalOutputs, keep_dynamic, project, see_modes
-from femupdate.dynamics.recurrence import Steps, record_points
-from femupdate.dynamics.story import story_rows
-from femupdate.dynamics.system import Rows, System
-from femupdate.dynamics.transformed import transformed_outputs
+from femupdate.arrays import Floats, Integers
+from femupdate.dynamics.closed_form import split_sizes
+from femupdate.dynamics.level import level_of_moment, motion_level
+from femupdate.dynamics.modes import Modes, response
+from femupdate.dynamics.recurrence import ModalOutputs, Steps, record_points
+from femupdate.dynamics.system import Base, Rows, System
+from femupdate.dynamics.thresholds import CHANGING, LEVEL
 from femupdate.errors import MeasurementError, ModelError
 from femupdate.progress import SILENT, Progress
 
 Numbers = ArrayLike | Tensor
 _MASSLESS = 1e9  # rad/s
+_MOST = round(LEVEL.span / CHANGING.step)  # levels to either side of the mean one
+REST = 1e-4  # share to which motion has decayed behind the record
+_SHORTEST_S, _LONGEST_S = 5.0, 600.0  # of that silence
+_BLOCK = 2048  # frequencies at a time
 
 
 @dataclass(frozen=True)
@@ -72,6 +83,20 @@ class HistorySettings:
     oversampling: int = 8
     tolerance: float = 1e-4
     batch: int = 50
+
+
+@dataclass(frozen=True)
+class OwnLevel:
+    """That a structure follows the level of its motion where effects let it change in a run.
+
+    Attributes:
+        mean: (f,) level of the run that the factors are of, m/s2 (see `motion_level`), NaN where a
+            floor was not measured; None where it is not known: then it is that of this motion.
+        keep_damping: whether damping ratios stay as they are.
+    """
+
+    mean: Floats | None = None
+    keep_damping: bool = False
 
 
 def floor_histories(
@@ -125,71 +150,131 @@ def history_batches(
     time_step: float,
     *,
     settings: HistorySettings | None = None,
+    level: OwnLevel | None = None,
     progress: Progress = SILENT,
 ) -> Iterator[Histories]:
     """Check the input, then yield the histories of `settings.batch` samples at a time.
 
-    Arguments and errors as for `floor_histories`; `progress` advances by one a sample.
+    Arguments and errors as for `floor_histories`; `progress` advances by one a sample. With a
+    `level` a structure whose modes are real follows it; else it stays as at the mean level.
     """
     chosen = settings or HistorySettings()
     samples = _check_parameters(parameters, system)
     ratios = _check_zeta(zeta, len(samples))
-    tasks = [
-        _Task(moved, record, float(time_step), chosen)
-        for moved, record in zip(
-            (system, system.turned), _check_record(acceleration, time_step, system), strict=False
-        )
-    ]
-    return _walk(tasks, samples, ratios, progress)
+    record = _check_record(acceleration, time_step, system)
+    task = _Task(system, record, float(time_step), chosen)
+    if level is not None and system.changes_in_run and not system.complex_modes:
+        return _follow(task, samples, ratios, level, progress)
+    return _walk(task, samples, ratios, progress)
 
 
 @dataclass(frozen=True)
 class _Task:
-    """What all batches share, for one motion of the base."""
+    """What all batches share: a system, and the motion (e, n) of its base."""
 
     system: System
     record: Floats
     time_step: float
     settings: HistorySettings
 
-    @cached_property
-    def points(self) -> Tensor:
-        """The record with `settings.oversampling` points a step."""
-        return record_points(self.record, self.settings.oversampling)
+    def modes(self, parameters: Tensor, zeta: Tensor, first: int) -> tuple[ModalOutputs, Tensor]:
+        """Modes of samples, the first of them number `first`, and damping ratios (S, m)."""
+        theta, sizes = self.system.split(parameters)
+        found = self.system.modes(theta, sizes, story_rows(self.system, sizes))
+        _check_stable(found.omega, first)
+        seen = _seen(found, len(self.system.floors), len(self.record))
+        return self.dynamic(seen, zeta, sizes)
 
-    @property
-    def by_transform(self) -> bool:
-        """Whether a recurrence mode by mode does not follow the motion."""
-        return self.system.complex_modes
+    def dynamic(
+        self, modes: ModalOutputs, zeta: Tensor, sizes: Tensor
+    ) -> tuple[ModalOutputs, Tensor]:
+        """The modes that the record moves, and their damping ratios (S, m)."""
+        kept = modes.dynamic(0.5 / self.time_step, self.settings.tolerance)
+        return kept, self.system.ratio(kept.omega, zeta, sizes)
+
+    def outputs(self, modes: ModalOutputs, ratio: Tensor) -> Floats:
+        """Outputs (S, o, n) of modes that stay as they are."""
+        factor = self.settings.oversampling
+        levels = modes.omega[None], ratio[None]
+        steps = Steps.of(*levels, modes.participation, self.time_step, factor)
+        windows = steps.windows(record_points(self.record, factor))
+        return np.asarray(modes.project(windows, torch.from_numpy(self.record)).numpy())
+
+    def named(self, response: Floats) -> Histories:
+        """Tell the rows of (S, o, n) apart; they come in the order of `story_rows`."""
+        floors, stories = len(self.system.floors), len(self.system.model.story_mass)
+        acceleration, shear, drift = np.split(response, [floors, floors + stories], axis=1)
+        return Histories(self.time_step, self.system.floors, acceleration, shear, drift)
 
 
-def _walk(
-    tasks: list[_Task], parameters: Tensor, zeta: Tensor, progress: Progress
-) -> Iterator[Histories]:
-    """Histories batch by batch, added up over the motions of the base."""
-    first = tasks[0]
-    step = 1 if first.by_transform else first.settings.batch
-    respond = _transform if first.by_transform else _recur
+def _walk(task: _Task, parameters: Tensor, zeta: Tensor, progress: Progress) -> Iterator[Histories]:
+    """Histories batch by batch."""
+    transform = task.system.complex_modes
+    step = 1 if transform else task.settings.batch
     for start in range(0, len(parameters), step):
-        rows = slice(start, start + step)
-        parts = [respond(task, parameters[rows], zeta[rows], start) for task in tasks]
-        yield named_rows(first.system, first.time_step, np.sum(parts, axis=0))
-        progress.advance(len(parameters[rows]))
+        some, ratios = parameters[start : start + step], zeta[start : start + step]
+        if transform:
+            theta, sizes = task.system.split(some)
+            sample, record = (theta, ratios, sizes), task.record
+            outputs = transformed_outputs(task.system, sample, record, task.time_step, start)[None]
+        else:
+            outputs = task.outputs(*task.modes(some, ratios, start))
+        yield task.named(outputs)
+        progress.advance(len(some))
 
 
-def _transform(task: _Task, parameters: Tensor, zeta: Tensor, first: int) -> Floats:
-    """Outputs (1, o, n) of one sample, number `first`."""
-    theta, sizes = task.system.split(parameters)
-    _check_stable(task.system.modes(theta, sizes).omega, first)
-    return transformed_outputs(task.system, (theta, zeta, sizes), task.record, task.time_step)[None]
+def _follow(
+    task: _Task, parameters: Tensor, zeta: Tensor, level: OwnLevel, progress: Progress
+) -> Iterator[Histories]:
+    """Histories batch by batch, at the level that each has itself."""
+    theta, sizes = task.system.split(parameters[:1])
+    period = 2.0 * np.pi / float(task.system.modes(theta, sizes).omega.min())
+    window = max(1, round(CHANGING.window * period / task.time_step))
+    begun = np.zeros((1, -(-(task.record.shape[1] - 1) // window)), dtype=np.int64)
+    # All samples have much the same level: one finds it, and the others go on from there.
+    _, begun = _settled(task, parameters[:1], zeta[:1], level, period, begun, CHANGING.rounds, 0)
+    for start in range(0, len(parameters), task.settings.batch):
+        some = parameters[start : start + task.settings.batch]
+        ratios, own = zeta[start : start + task.settings.batch], np.repeat(begun, len(some), axis=0)
+        yield _settled(task, some, ratios, level, period, own, CHANGING.last_rounds, start)[0]
+        progress.advance(len(some))
 
 
-def _recur(task: _Task, parameters: Tensor, zeta: Tensor, first: int) -> Floats:
-    """Outputs (S, o, n) of one batch, the first of whose samples is number `first`."""
-    settings = task.settings
-    modes, ratio = dynamic_modes(task.system, (parameters, zeta), task.time_step, settings, first)
-    steps = Steps.of(modes.omega[None], ratio[None], task.time_step, settings.oversampling)
-    return project(modes, steps.windows(task.points), torch.as_tensor(task.record)).numpy()
+def _settled(
+    task: _Task,
+    parameters: Tensor,
+    zeta: Tensor,
+    level: OwnLevel,
+    period: float,
+    own: Integers,
+    rounds: int,
+    first: int,
+) -> tuple[Histories, Integers]:
+    """Histories of samples, and the number (S, w) of the level in each window."""
+    sizes, factor = task.system.split(parameters)[1], task.settings.oversampling
+    modes, ratio = task.modes(parameters, zeta, first)
+    omegas, ratios = [], []
+    for k in range(-_MOST, _MOST + 1):
+        change = task.system.run_change(sizes, k * CHANGING.step)
+        omegas.append(modes.omega * change.stiffness.sqrt()[:, None])
+        ratios.append(ratio if level.keep_damping else ratio * change.damping[:, None])
+    levels = torch.stack(omegas), torch.stack(ratios)
+    steps = Steps.of(*levels, modes.participation, task.time_step, factor)
+    record, points = torch.from_numpy(task.record), record_points(task.record, factor)
+    window = max(1, round(CHANGING.window * period / task.time_step))
+    across = max(1, round(LEVEL.periods * period / task.time_step))
+    last = len(points)
+    middles = np.minimum(np.arange(-(-last // window)) * window + window // 2, last)
+    for _ in range(rounds):
+        response = modes.project(steps.windows(points, own + _MOST, window), record)
+        found = task.named(np.asarray(response.numpy()))
+        moved = found.floor_acceleration
+        mean = motion_level(moved) if level.mean is None else level.mean
+        doublings = level_of_moment(moved, mean, across)[:, middles]
+        before, own = own, np.asarray(np.rint(doublings / CHANGING.step), dtype=np.int64)
+        if (own == before).all():
+            break
+    return found, own
 
 
 def displacement_histories(
@@ -206,57 +291,156 @@ def displacement_histories(
         system: the structure with its effects, whose modes are real.
         samples: parameters (S, p + q) and damping ratios (S,).
         rows: o of them.
-        acceleration: (n,) of the base along what the system's responses are taken to.
+        acceleration: (n,) of the base along the motion.
         time_step: s.
 
     Raises:
         ModelError: a stiffness is not positive definite.
     """
-    chosen = settings or HistorySettings()
+    task = _Task(system, np.atleast_2d(acceleration), time_step, settings or HistorySettings())
     theta, sizes = system.split(samples[0])
     found = system.modes(theta, sizes, rows)
     _check_stable(found.omega, 0)
-    nothing = torch.zeros_like(found.effect)
-    modes = ModalOutputs(found.omega, found.effect, nothing, nothing[..., 0])
-    modes = keep_dynamic(modes, 0.5 / time_step, chosen.tolerance)
-    ratio = system.ratio(modes.omega, samples[1], sizes)
-    steps = Steps.of(modes.omega[None], ratio[None], time_step, chosen.oversampling)
-    points = record_points(acceleration, chosen.oversampling)
-    return project(modes, steps.windows(points), torch.from_numpy(acceleration)).numpy()
+    shown, columns = found.rows * found.omega[:, None], len(task.record)
+    nothing = found.direct.new_zeros(*shown.shape[:2], columns)
+    driven = found.participation[:, :columns] * found.omega[:, None]
+    modes = ModalOutputs(found.omega, driven, shown, torch.zeros_like(shown), nothing)
+    return task.outputs(*task.dynamic(modes, samples[1], sizes))
 
 
-def dynamic_modes(
-    system: System,
-    samples: tuple[Tensor, Tensor],
-    time_step: float,
-    settings: HistorySettings,
-    first: int,
-) -> tuple[ModalOutputs, Tensor]:
-    """The modes that a record moves, as the outputs see them, and their damping ratios (S, m).
+def story_rows(system: System, sizes: Tensor) -> Rows:
+    """Rows (N, f + 2 s, r) of the floors, the inertia above each story, and the story drifts.
+
+    The story carries the inertia of all that lies above it, Q_i = -(inertia_i . q'' + mass_i a_g),
+    positive when the floor above is pushed back from a positive drift, so that Q / d = +k in a
+    shear building. What damping carries is part of Q. The drift d is the displacement of the floor
+    above less that of the floor below.
 
     Args:
-        system: the structure with its effects.
-        samples: parameters (S, p + q) and damping ratios (S,).
-        time_step: of the record, s.
-        first: number of the first sample, for messages.
-
-    Raises:
-        ModelError: a stiffness is not positive definite.
+        system: with its effects, whose masses count.
+        sizes: (N, q) of the effects.
     """
-    (theta, sizes), zeta = system.split(samples[0]), samples[1]
-    rows = story_rows(system, sizes)
-    found = system.modes(theta, sizes, rows)
-    _check_stable(found.omega, first)
-    modes = see_modes(found, len(system.floors), len(system.model.story_mass))
-    modes = keep_dynamic(modes, 0.5 / time_step, settings.tolerance)
-    return modes, system.ratio(modes.omega, zeta, sizes)
+    model, count = system.model, len(sizes)
+    rotation, stories = model.rotation, len(model.story_mass)
+    levels = np.zeros(len(model.floors)) if rotation is None else rotation.levels
+    moment = np.zeros(stories) if rotation is None else rotation.story_moment
+    # Sensors may be more than floors; a story's drift is that of the floors themselves.
+    turned = np.diff(levels[-stories:], prepend=0.0) if stories else np.zeros(0)
+    shapes = np.concatenate([model.floor_shapes, model.story_inertia, model.story_drift])
+    rigid = np.concatenate(
+        [
+            np.column_stack([np.ones(len(levels)), levels]),
+            np.column_stack([model.story_mass, moment]),
+            np.column_stack([np.zeros(stories), turned]),
+        ]
+    )
+    wide = [torch.from_numpy(part).expand(count, -1, -1).clone() for part in (shapes, rigid)]
+    own = slice(len(levels), len(levels) + stories)
+    for terms, values in zip(system.terms, split_sizes(system.placed, sizes), strict=True):
+        if terms.mass is not None:
+            weight = values[:, 0, None, None]
+            wide[0][:, own] += weight * torch.as_tensor(terms.mass.above)
+            wide[1][:, own] += weight * torch.as_tensor(terms.mass.above_rigid)
+    return Rows(*wide)
 
 
-def named_rows(system: System, time_step: float, response: Floats) -> Histories:
-    """Tell the rows of (S, o, n) apart; they come in the order of `story_rows`."""
+def _seen(modes: Modes, floors: int, columns: int) -> ModalOutputs:
+    """Floor accelerations, story shears and drifts by modes with the rows of `story_rows`."""
+    shown = modes.rows * modes.omega[:, None]  # of unit modal mass
+    ends = [floors, *[(shown.shape[1] - floors) // 2] * 2]
+    of_floor, of_inertia, of_drift = shown.split(ends, dim=1)
+    of_mass, direct = torch.zeros_like(shown), modes.direct[:, :, :columns].split(ends, dim=1)
+    none = of_mass.split(ends, dim=1)
+    return ModalOutputs(
+        modes.omega,
+        modes.participation[:, :columns] * modes.omega[:, None],
+        torch.cat([none[0], none[1], of_drift], dim=1),
+        torch.cat([of_floor, -of_inertia, none[2]], dim=1),
+        torch.cat([direct[0], -direct[1], torch.zeros_like(direct[2])], dim=1),
+    )
+
+
+def transformed_outputs(
+    system: System,
+    sample: tuple[Tensor, Tensor, Tensor],
+    record: Floats,
+    time_step: float,
+    number: int = 0,
+) -> Floats:
+    """Floor accelerations, story shears and story drifts (f + 2 s, n) as they happen.
+
+    Args:
+        system: the structure with effects; what only its instruments do is left out.
+        sample: theta (1, p), zeta (1,) and sizes (1, q).
+        record: (n,) base acceleration, m/s2, or (2, n) with its rotation, rad/s2, below.
+        time_step: s.
+        number: of the sample, for messages.
+
+    Drifts are those against the base as it turns: its tilt strains no story.
+    """
+    theta, zeta, sizes = sample
+    motion = np.atleast_2d(record)
     floors, stories = len(system.floors), len(system.model.story_mass)
-    acceleration, shear, drift = np.split(response, [floors, floors + stories], axis=1)
-    return Histories(time_step, system.floors, acceleration, shear, drift)
+    modes = system.modes(theta, sizes, story_rows(system, sizes))
+    _check_stable(modes.omega, number)
+    direct = modes.direct.clone()
+    direct[:, floors + stories : floors + 2 * stories] = 0.0
+    modes = Modes(modes.inverse, modes.rows, modes.participation, direct)
+    ratio = system.ratio(modes.omega, zeta, sizes)
+
+    def outputs(omega: Tensor) -> Tensor:
+        ports = system.port_stiffness(omega, sizes)
+        frf = response(modes, ratio, omega, ports, columns=len(motion))[0]
+        of_floor, of_inertia, of_drift = frf.split([floors, stories, stories])
+        return torch.cat([of_floor, -of_inertia, -of_drift / omega**2])
+
+    return _transformed(outputs, motion, time_step, _rest(modes.omega, ratio, REST))
+
+
+def transformed_sensors(
+    system: System,
+    sample: tuple[Tensor, Tensor, Tensor],
+    record: Floats,
+    time_step: float,
+    share: float = REST,
+) -> Floats:
+    """Accelerations (f, n), m/s2, as the sensors give them.
+
+    Args:
+        system, sample, record, time_step: see `transformed_outputs`.
+        share: to which motion decays behind the record.
+    """
+    theta, zeta, sizes = sample
+    motion = np.atleast_2d(record)
+    omega = system.modes(theta, sizes).omega
+
+    def sensors(omega: Tensor) -> Tensor:
+        base, frequency_hz = Base(len(motion) > 1), omega / (2.0 * torch.pi)
+        return system.respond(base, theta, zeta, sizes, frequency_hz)[0]
+
+    rest = _rest(omega, system.ratio(omega, zeta, sizes), share)
+    return _transformed(sensors, motion, time_step, rest)
+
+
+def _transformed(
+    frf: Callable[[Tensor], Tensor], record: Floats, time_step: float, rest: float
+) -> Floats:
+    """Outputs (o, n) under a motion (e, n), from what gives FRFs (o, e, k) at rad/s (k,)."""
+    samples = record.shape[1]
+    padded = samples + round(rest / time_step)
+    spectrum = np.fft.rfft(record, padded)
+    frequency = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
+    frequency[0] = 1e-3 * frequency[1]  # the rigid limit, without a division by zero
+    blocks = np.array_split(2.0 * np.pi * frequency, max(1, len(frequency) // _BLOCK))
+    values = torch.cat([frf(torch.from_numpy(block)) for block in blocks], dim=2).numpy()
+    moved = np.fft.irfft((values * spectrum).sum(axis=1), padded, axis=1)
+    return np.asarray(moved[:, :samples])
+
+
+def _rest(omega: Tensor, ratio: Tensor, share: float) -> float:
+    """How long motion lasts behind the record, s."""
+    rate = float((omega * ratio).min())  # of decay, 1/s
+    return float(np.clip(-np.log(share) / rate, _SHORTEST_S, _LONGEST_S))
 
 
 def _check_parameters(parameters: Numbers, system: System) -> Tensor:

@@ -1,7 +1,8 @@
-"""Modes of a reduced structure, and the response that they add up to.
+"""Modes of a structure, and the responses that they add up to.
 
 Shapes are of unit modal stiffness, so that coordinates without mass or on rigid springs (a rigid
-ground) have modes of zero 1 / omega^2, not of infinite frequency.
+ground) have modes of zero 1 / omega^2, not of infinite frequency. `ModalData` is what a response to
+a base that translates needs of them, for any damping and any frequency grid.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,13 @@ import torch
 from numpy.polynomial import chebyshev
 from torch import Tensor
 
-from femupdate.dynamics.modal import modal_sum
+# How far above the grid's top a mode must lie to be replaced by its power series.
+_ABOVE = 1.05
+SERIES_TERMS = 3
+CACHED = 2**16  # numbers in one intermediate array
+_FEWEST = 512  # frequencies at a time
+_SLOWEST = 1e-6  # rad/s: what an unstable structure would divide by zero by
+
 
 _TINY = 1e-30
 # What modes far from a band of frequencies add varies smoothly there: it is summed at a few
@@ -32,8 +39,9 @@ class Modes:
         inverse: (N, m) 1 / omega^2, largest first; NaN where a structure is pushed away by a
             negative stiffness.
         rows: (N, o, m) displacement of what is observed and, after that, of the ports.
-        participation: (N, m) modal force per unit base acceleration.
-        direct: (N, o) rigid motion of the rows per unit base translation.
+        participation: (N, e, m) modal force per unit acceleration of the base, in each column:
+            its translation, and its rotation.
+        direct: (N, o, e) rigid motion of the rows with the base.
     """
 
     inverse: Tensor
@@ -61,14 +69,14 @@ class Modes:
         return Modes(
             self.inverse * root.square(),
             self.rows * root[:, None],
-            self.participation * root,
+            self.participation * root[:, None],
             self.direct,
         )
 
     @property
     def effect(self) -> Tensor:
-        """(N, o, m) motion of the rows in modes of unit mass, times participation factor."""
-        return self.rows * (self.participation * self.omega.square())[:, None, :]
+        """(N, o, m) motion of the rows in modes of unit mass, times that of translation."""
+        return self.rows * (self.participation[:, :1] * self.omega.square()[:, None])
 
 
 def normal_modes(stiffness: Tensor, mass: Tensor | None, sides: Tensor) -> tuple[Tensor, Tensor]:
@@ -97,63 +105,50 @@ def normal_modes(stiffness: Tensor, mass: Tensor | None, sides: Tensor) -> tuple
 
 
 def response(
-    modes: Modes, ratio: Tensor, omega: Tensor, port_stiffness: Sequence[Tensor]
+    modes: Modes,
+    ratio: Tensor,
+    omega: Tensor,
+    port_stiffness: Sequence[Tensor],
+    *,
+    columns: int = 1,
+    forced: int | None = None,
 ) -> Tensor:
-    """Complex FRFs (N, f, k): absolute acceleration of the rows over that of the base.
+    """Complex FRFs (N, f, e, k): absolute acceleration of the rows per unit of every excitation.
 
     Args:
         modes: of the structure without what acts in its ports, which are its last rows.
         ratio: (N, m) damping ratios.
         omega: (k,) rad/s.
         port_stiffness: (N, k) complex dynamic stiffness in each port, N/m.
+        columns: of the base's acceleration: its translation, and its rotation.
+        forced: the row on which a force acts in place of that.
     """
-    columns = torch.cat([modes.participation[:, None, :], _ports(modes, port_stiffness)], dim=1)
-    flexible = _receptance(modes, ratio, omega, columns)
-    # Absolute displacements times -omega^2, per unit base acceleration.
-    free = modes.direct[:, :, None] + omega**2 * flexible[:, :, 0]
-    return _held(free, flexible, port_stiffness)
-
-
-def force_response(
-    modes: Modes, ratio: Tensor, omega: Tensor, port_stiffness: Sequence[Tensor], forced: int
-) -> Tensor:
-    """Complex receptance (N, f, k), m/N: displacement of the rows to a force on one of them.
-
-    Args:
-        modes, ratio, omega, port_stiffness: see `response`.
-        forced: the row on which the force acts.
-    """
-    columns = torch.cat([modes.rows[:, forced : forced + 1], _ports(modes, port_stiffness)], dim=1)
-    flexible = _receptance(modes, ratio, omega, columns)
-    return _held(flexible[:, :, 0], flexible, port_stiffness)
-
-
-def _ports(modes: Modes, port_stiffness: Sequence[Tensor]) -> Tensor:
-    """(N, j, m) rows of the ports, which are the last."""
-    return modes.rows[:, modes.rows.shape[1] - len(port_stiffness) :]
-
-
-def _held(free: Tensor, flexible: Tensor, port_stiffness: Sequence[Tensor]) -> Tensor:
-    """Motion (N, f, k) of the rows with what acts in the ports, from that (N, o, k) without."""
-    rows = flexible.shape[1] - len(port_stiffness)
+    rows = modes.rows.shape[1] - len(port_stiffness)
+    if forced is None:
+        loads, rigid = modes.participation[:, :columns], modes.direct[:, :, :columns, None]
+    else:
+        loads, rigid = -modes.rows[:, forced : forced + 1], modes.direct.new_zeros(1, 1, 1, 1)
+    flexible = _receptance(modes, ratio, omega, torch.cat([loads, modes.rows[:, rows:]], dim=1))
+    # Absolute displacements times -omega^2.
+    free = rigid + omega**2 * flexible[:, :, : loads.shape[1]]
     if not port_stiffness:
         return free
     stiffness = torch.stack(list(port_stiffness), dim=1)  # (N, j, k)
-    moved = _with_ports(flexible[:, rows:, 1:], stiffness, free[:, rows:])
-    forces = stiffness * moved
-    return free[:, :rows] - torch.einsum("nfjk,njk->nfk", flexible[:, :rows, 1:], forces)
+    between = flexible[:, :, loads.shape[1] :]  # what a force in a port moves
+    forces = stiffness[:, :, None] * _with_ports(between[:, rows:], stiffness, free[:, rows:])
+    return free[:, :rows] - torch.einsum("nfjk,njek->nfek", between[:, :rows], forces)
 
 
 def _with_ports(between: Tensor, stiffness: Tensor, free: Tensor) -> Tensor:
-    """Motion (N, j, k) of the ports under the forces in them, from that without, (N, j, k).
+    """Motion (N, j, e, k) of the ports under the forces in them, from that without.
 
     `between` (N, j, j, k) is what a force in one port moves at another one.
     """
     if free.shape[1] == 1:
-        return free / (1.0 + between[:, 0] * stiffness)
+        return free / (1.0 + between * stiffness[:, None])
     eye = torch.eye(free.shape[1], dtype=free.dtype)
     system = eye + (between * stiffness[:, None]).permute(0, 3, 1, 2)
-    return torch.linalg.solve(system, free.mT[..., None])[..., 0].mT
+    return torch.linalg.solve(system, free.permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
 
 
 def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, columns: Tensor) -> Tensor:
@@ -232,3 +227,133 @@ def _chebyshev() -> tuple[np.ndarray, np.ndarray]:
     """Chebyshev points (q,), and coefficients (q, q) of the polynomial that is 1 at one of them."""
     points = chebyshev.chebpts1(_POINTS)
     return points, np.linalg.inv(chebyshev.chebvander(points, _POINTS - 1)).T
+
+
+@dataclass(frozen=True)
+class ModalData:
+    """What the FRFs of N parameter samples need, for any damping and any frequency grid.
+
+    H_f(w) = 1 + sum_j effect[f, j] w^2 / (w_j^2 - w^2 + 2 i zeta_j w_j w)
+               + sum_k residual[f, k] w^(2 k + 2),
+    where the second sum is the rest of the modes, all far above the grid, by their power series.
+
+    Attributes:
+        omega: (N, m) circular frequencies, rad/s.
+        effect: (N, f, m) floor shape times participation factor of each mode.
+        residual: (N, f, t) first terms of the power series of the modes left out, s^2, s^4, ...
+    """
+
+    omega: Tensor
+    effect: Tensor
+    residual: Tensor
+
+    def __len__(self) -> int:
+        return self.omega.shape[0]
+
+    def __getitem__(self, rows: Tensor | slice) -> "ModalData":
+        return ModalData(self.omega[rows], self.effect[rows], self.residual[rows])
+
+    def to(self, device: torch.device | str, dtype: torch.dtype | None = None) -> "ModalData":
+        """The same data on another device or in another precision."""
+        moved = (t.to(device=device, dtype=dtype) for t in (self.omega, self.effect, self.residual))
+        return ModalData(*moved)
+
+    def of_floors(self, rows: list[int]) -> "ModalData":
+        """The same data of some floors."""
+        return ModalData(self.omega, self.effect[:, rows], self.residual[:, rows])
+
+    def response(self, omega: Tensor, ratio: Tensor) -> tuple[Tensor, Tensor]:
+        """Real and imaginary part of H (N, f, k).
+
+        Args:
+            omega: (k,) rad/s.
+            ratio: (N, m) damping ratios of the modes.
+        """
+        inverse = self.omega.clamp_min(_SLOWEST) ** -2
+        real, imaginary = modal_sum(inverse, ratio, self.effect * inverse[:, None, :], omega)
+        squared = omega**2
+        powers = torch.stack([squared ** (k + 1) for k in range(self.residual.shape[-1])])
+        return 1.0 + squared * real + self.residual @ powers, squared * imaginary
+
+
+def joined(parts: list[ModalData]) -> ModalData:
+    """Data of consecutive samples as one."""
+    return ModalData(
+        torch.cat([part.omega for part in parts]),
+        torch.cat([part.effect for part in parts]),
+        torch.cat([part.residual for part in parts]),
+    )
+
+
+def modal_sum(
+    inverse: Tensor, ratio: Tensor, pairs: Tensor, omega: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Real and imaginary part (N, p, k) of sum_j pairs_j / (1 - w^2/w_j^2 + 2 i zeta_j w/w_j).
+
+    Two real sums are faster than a complex one.
+
+    Args:
+        inverse: (N, m) 1 / omega_j^2.
+        ratio: (N, m) damping ratios.
+        pairs: (N, p, m) static displacement of an output in each mode.
+        omega: (k,) rad/s.
+    """
+    # Arrays of all modes at all frequencies are by far the largest: some frequencies at a time, so
+    # that they stay in the processor's cache.
+    width = max(_FEWEST, CACHED // max(1, inverse.numel()))
+    if omega.numel() > width:
+        parts = [modal_sum(inverse, ratio, pairs, some) for some in omega.split(width)]
+        real, imaginary = zip(*parts, strict=True)
+        return torch.cat(real, dim=-1), torch.cat(imaginary, dim=-1)
+    elastic = torch.addcmul(omega.new_ones(1), inverse[:, :, None], omega.square(), value=-1.0)
+    viscous = (-2.0 * ratio * inverse.sqrt())[:, :, None] * omega
+    if elastic.requires_grad or viscous.requires_grad:  # gradients need what is between
+        size = (elastic.square() + viscous.square()).reciprocal()
+        return torch.bmm(pairs, elastic * size), torch.bmm(pairs, viscous * size)
+    size = elastic.square().addcmul_(viscous, viscous).reciprocal_()
+    return torch.bmm(pairs, elastic.mul_(size)), torch.bmm(pairs, viscous.mul_(size))
+
+
+def keep_modes(
+    omega: Tensor, effect: Tensor, modes: int | None, top_frequency_hz: float | None
+) -> ModalData:
+    """Keep the modes that matter most; the others, taken as stiff, go to the power series.
+
+    Args:
+        omega: (N, r) rad/s.
+        effect: (N, f, r) floor shape times participation factor.
+        top_frequency_hz: top of the frequency grid.
+    """
+    if modes is None or modes >= omega.shape[1]:
+        return ModalData(omega, effect, effect.new_zeros(*effect.shape[:2], SERIES_TERMS))
+    if top_frequency_hz is None:
+        raise ValueError("top_frequency_hz is needed to leave modes out")
+    order = _importance(omega, effect, 2.0 * torch.pi * top_frequency_hz).argsort(
+        dim=1, descending=True
+    )
+    kept = order[:, :modes].sort(dim=1).values
+    left = order[:, modes:]
+    omega_left = omega.gather(1, left)
+    effect_left = effect.gather(2, left[:, None, :].expand(-1, effect.shape[1], -1))
+    # A mode inside the band whose effect is negligible must not enter the series: it diverges.
+    stiff = omega_left > _ABOVE * 2.0 * torch.pi * top_frequency_hz
+    weights = torch.where(stiff, 1.0 / omega_left.clamp_min(1e-9) ** 2, 0.0)
+    powers = torch.stack([weights ** (k + 1) for k in range(SERIES_TERMS)], dim=-1)
+    return ModalData(
+        omega.gather(1, kept),
+        effect.gather(2, kept[:, None, :].expand(-1, effect.shape[1], -1)),
+        effect_left @ powers,
+    )
+
+
+def _importance(omega: Tensor, effect: Tensor, top: float) -> Tensor:
+    """Largest change that leaving a mode out can make to any floor's H.
+
+    In the band that is the resonance peak, taken at a damping ratio of .01; above it what the
+    first terms of the power series leave at the top of the grid.
+    """
+    size = effect.abs().amax(dim=1)
+    ratio = top / omega.clamp_min(1e-9)
+    above = ratio < 1.0 / _ABOVE
+    series = ratio ** (2 * SERIES_TERMS + 2) / (1.0 - (ratio**2).clamp_max(_ABOVE**-2))
+    return size * torch.where(above, series, 50.0)

@@ -13,6 +13,9 @@ from femupdate.arrays import Floats, Integers
 STEPS_AT_A_TIME = 256  # keeps the states of 50 samples x 60 modes inside a few ten megabytes
 HALF_LENGTH = 32  # of the interpolation filter, in samples of the record
 KAISER_BETA = 8.0  # 80 dB: flat to 1e-4 up to 0.92 of the Nyquist frequency
+_IN_BAND = 1.5  # modes below this many Nyquist frequencies can resonate
+_RESONANCE = 100.0  # amplification at a damping ratio of 0.005
+_NOTHING = 1e-18
 
 
 def interpolate_record(acceleration: Floats, factor: int) -> Floats:
@@ -85,9 +88,88 @@ def join_steps(transition: Tensor, load: Tensor, factor: int) -> tuple[Tensor, T
 
 
 def record_points(acceleration: Floats, factor: int) -> Tensor:
-    """The record between its n samples, band-limited: (n - 1, factor + 1) points step by step."""
-    fine = torch.from_numpy(interpolate_record(acceleration, factor))
-    return fine.unfold(0, factor + 1, factor)
+    """A motion (e, n) between its samples, band-limited: (n - 1, e (factor + 1)) step by step."""
+    fine = [torch.from_numpy(interpolate_record(row, factor)) for row in acceleration]
+    return torch.cat([row.unfold(0, factor + 1, factor) for row in fine], dim=1)
+
+
+@dataclass(frozen=True, eq=False)
+class ModalOutputs:
+    """The modes of S samples as outputs see them: displacement q + acceleration q'' + base a.
+
+    Modes are of unit mass: q'' + 2 zeta omega q' + omega^2 q = -participation a, with a (e,) the
+    columns of the base's acceleration.
+
+    Attributes:
+        omega: (S, m) rad/s.
+        participation: (S, e, m).
+        displacement, acceleration: (S, o, m) shares of q and q'' in each output.
+        base: (S, o, e) shares of the base's acceleration.
+    """
+
+    omega: Tensor
+    participation: Tensor
+    displacement: Tensor
+    acceleration: Tensor
+    base: Tensor
+
+    def dynamic(self, nyquist_hz: float, tolerance: float) -> "ModalOutputs":
+        """Leave the modes that are as good as static to the base term.
+
+        Which modes stay is decided for each sample by itself, so that its response does not depend
+        on the batch; the modes kept are as many as the sample with the most needs.
+        """
+        # A base without mass is static whatever the tolerance.
+        matters = self.importance(2.0 * torch.pi * nyquist_hz) > max(tolerance, _NOTHING)
+        count = max(1, int(matters.sum(dim=1).max()))
+        order = matters.to(torch.int8).argsort(dim=1, descending=True, stable=True)[:, :count]
+
+        def kept(part: Tensor) -> Tensor:
+            return part.gather(2, order[:, None, :].expand(-1, part.shape[1], -1))
+
+        alive, weight = matters[:, None, :], torch.where(matters, 0.0, self.omega**-2)
+        static = (self.displacement * weight[:, None, :]) @ self.participation.mT
+        return ModalOutputs(
+            self.omega.gather(1, order),
+            kept(self.participation),
+            kept(self.displacement * alive),
+            kept(self.acceleration * alive),
+            self.base - static,  # static modes follow as q = -participation a / omega^2
+        )
+
+    def importance(self, nyquist: float) -> Tensor:
+        """Largest change (S, m) of any output if the mode were static, over the output's own size.
+
+        The size of an acceleration is the base acceleration's, of a shear the mass above times it,
+        of a drift the sum of the static drifts of all modes.
+        """
+        driven = self.participation[:, None]  # (S, 1, e, m)
+        static = self.displacement[:, :, None] * driven / self.omega[:, None, None, :] ** 2
+        of_base = self.acceleration[:, :, None] * driven
+        of_base = of_base / self.base.abs()[..., None].clamp_min(1e-30)
+        of_static = static / static.abs().sum(-1, keepdim=True).clamp_min(1e-30)
+        share = torch.where(self.base[..., None] != 0.0, of_base, of_static)
+        squared = (nyquist / self.omega) ** 2
+        error = torch.where(squared > _IN_BAND**-2, _RESONANCE, squared / (1.0 - squared))
+        return share.abs().amax(dim=(1, 2)) * error
+
+    def project(self, windows: Iterator["Window"], record: Tensor) -> Tensor:
+        """Return the outputs (S, o, n) from the states of the modes, from rest.
+
+        Args:
+            windows: from whose states q'' = -participation a - 2 zeta omega q' - omega^2 q.
+            record: (e, n) base acceleration.
+        """
+        result = (self.base - self.acceleration @ self.participation.mT) @ record
+        start = 1
+        for omega, ratio, states in windows:
+            stop, wide = start + len(states), omega[:, None, :]
+            of_first = self.displacement / wide - self.acceleration * wide
+            of_second = -2.0 * ratio[:, None, :] * wide * self.acceleration
+            columns = states.flatten(2).permute(1, 2, 0)
+            result[..., start:stop] += torch.bmm(torch.cat([of_first, of_second], -1), columns)
+            start = stop
+        return result
 
 
 class Window(NamedTuple):
@@ -110,7 +192,7 @@ class Steps:
     Attributes:
         omega, ratio: (l, S, m) rad/s and damping ratios.
         transition: (l, S, 2, 2, m) of the state, by what it comes from.
-        load: (l, S, factor + 1, 2, m) by the points of the excitation.
+        load: (l, S, e (factor + 1), 2, m) by the points of every column of the excitation.
     """
 
     omega: Tensor
@@ -119,12 +201,18 @@ class Steps:
     load: Tensor
 
     @staticmethod
-    def of(omega: Tensor, ratio: Tensor, time_step: float, factor: int) -> "Steps":
-        """For omega and ratio (l, S, m); the excitation is linear between factor + 1 points."""
+    def of(
+        omega: Tensor, ratio: Tensor, participation: Tensor, time_step: float, factor: int
+    ) -> "Steps":
+        """For omega and ratio (l, S, m) of modes that the base drives by participation (S, e, m).
+
+        The excitation is linear between factor + 1 points.
+        """
         found = []
-        for one in zip(omega, ratio, strict=True):
-            joined = join_steps(*step_matrices(*one, time_step / factor), factor)
-            found.append([part.permute(0, 3, 2, 1) for part in joined])
+        for level in zip(omega, ratio, strict=True):
+            transition, load = join_steps(*step_matrices(*level, time_step / factor), factor)
+            each = load.permute(0, 3, 2, 1)[:, None] * participation[:, :, None, None]
+            found.append((transition.permute(0, 3, 2, 1), each.flatten(1, 2)))
         transition, load = (torch.stack(parts) for parts in zip(*found, strict=True))
         return Steps(omega, ratio, transition, load)
 
@@ -134,7 +222,7 @@ class Steps:
         """Yield the states of all modes, a window of steps after the other, starting from rest.
 
         Args:
-            points: (n - 1, factor + 1) base acceleration, m/s2, linear between its points.
+            points: (n - 1, e (factor + 1)) base acceleration, linear between its points.
             level: (S, w) number of the level in each window; the first throughout where None.
             length: steps of a window.
         """

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.history import Histories, join_histories
-from femupdate.dynamics.story import story_stiffness
 from femupdate.errors import ModelError
 
 
@@ -91,6 +90,37 @@ def summarise(histories: Histories | Iterable[Histories], examples: int = 100) -
     if moments is None:
         raise ModelError("there are no histories to summarise; give at least one sample")
     return _assemble(moments, rows, join_histories(kept))
+
+
+def story_stiffness(shear: Floats, drift: Floats) -> Floats:
+    """Return the stiffness of every story: the least-squares slope of shear against drift.
+
+    Both are taken about their mean, so that an offset of a measured drift does no harm.
+
+    Args:
+        shear: (..., n) N.
+        drift: (..., n) m.
+
+    Returns:
+        (...) N/m.
+
+    Raises:
+        ModelError: the shapes differ, or a story does not move.
+    """
+    shear, drift = np.asarray(shear, dtype=float), np.asarray(drift, dtype=float)
+    if shear.shape != drift.shape:
+        raise ModelError(
+            f"shear {shear.shape} and drift {drift.shape} differ in shape; give one drift a shear"
+        )
+    centred = drift - drift.mean(axis=-1, keepdims=True)
+    power = np.einsum("...n,...n->...", centred, centred)
+    if not np.all(power > 0.0):
+        story = int(np.argwhere(np.atleast_1d(~(power > 0.0)))[0][-1]) + 1
+        raise ModelError(
+            f"story {story} does not drift, so shear against drift has no slope; "
+            "is the base acceleration zero?"
+        )
+    return np.einsum("...n,...n->...", shear, centred) / power
 
 
 def _assemble(

@@ -8,7 +8,7 @@ instruments do last of all.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -16,10 +16,17 @@ from torch import Tensor
 
 from femupdate.dynamics.closed_form import ClosedForm, Estimate, observed, split_sizes
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw
+from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.dynamics.level import RUN_LEVELS
-from femupdate.dynamics.modal import ModalData, joined, keep_modes
-from femupdate.dynamics.modes import Modes, normal_modes, response
-from femupdate.dynamics.reduced import ReducedModel, ReleasedBase
+from femupdate.dynamics.modes import (
+    ModalData,
+    Modes,
+    joined,
+    keep_modes,
+    normal_modes,
+    response,
+)
+from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed, RunChange, Terms
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
@@ -41,6 +48,38 @@ class Rows:
 
     shapes: Tensor
     rigid: Tensor
+
+
+@dataclass(frozen=True)
+class Base:
+    """Acceleration of the base along the motion, m/s2; where it turns, a second column, rad/s2.
+
+    A positive rotation leans the building forward.
+    """
+
+    turns: bool = False
+
+    @property
+    def columns(self) -> int:
+        """Number of columns."""
+        return 1 + self.turns
+
+
+@dataclass(frozen=True, eq=False)
+class Force:
+    """A force at a floor, N.
+
+    Attributes:
+        floor: at which it acts.
+        rest: static displacement that a reduced model lacks; None of a stick, which lacks none.
+    """
+
+    floor: str
+    rest: RestFlexibility | None = None
+
+
+Excitation = Base | Force
+_TRANSLATION = Base()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,8 +120,6 @@ class System:
         law: of the damping.
         placed: the effects; none by default.
         terms: of each, on the model's basis.
-        moved: accelerations of the base to which responses are taken: translation, m/s2, and
-            rotation that leans the building forward, rad/s2.
         run_levels: of parts of equal energy of the run that FRFs are estimated from, in doublings
             above their mean (see `level.levels_in_run`), for what changes in the run.
     """
@@ -91,13 +128,7 @@ class System:
     law: DampingLaw = field(default_factory=ConstantDamping)
     placed: tuple[Placed, ...] = ()
     terms: tuple[Terms, ...] = ()
-    moved: tuple[float, float] = (1.0, 0.0)
     run_levels: tuple[float, ...] = RUN_LEVELS
-
-    @property
-    def turned(self) -> "System":
-        """The same system, whose responses are those to a unit rotation of the base."""
-        return replace(self, moved=(0.0, 1.0))
 
     @property
     def factors(self) -> int:
@@ -128,10 +159,18 @@ class System:
         """Stiffness factors (N, p) and sizes (N, q) of parameters (N, p + q)."""
         return parameters[:, : self.factors], parameters[:, self.factors :]
 
-    def frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor) -> Tensor:
-        """Complex FRFs (N, f, k) of all floors as their sensors give them.
+    def respond(
+        self,
+        excitation: Excitation,
+        theta: Tensor,
+        zeta: Tensor,
+        sizes: Tensor,
+        frequency_hz: Tensor,
+    ) -> Tensor:
+        """Complex accelerations (N, f, e, k) of all floors as their sensors give them.
 
         Args:
+            excitation: whose columns have unit size each.
             theta: (N, p) stiffness factors.
             zeta: (N,) damping ratio.
             sizes: (N, q) the parameters of the effects, one after the other.
@@ -139,7 +178,11 @@ class System:
         """
         omega = 2.0 * torch.pi * frequency_hz.to(torch.float64)
         parts = zip(theta.split(_BATCH), zeta.split(_BATCH), sizes.split(_BATCH), strict=True)
-        return torch.cat([self._frf(*rows, omega=omega) for rows in parts])
+        return torch.cat([self._respond(excitation, *rows, omega=omega) for rows in parts])
+
+    def frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor) -> Tensor:
+        """The same (N, f, k) under a base that translates."""
+        return self.respond(_TRANSLATION, theta, zeta, sizes, frequency_hz)[:, :, 0]
 
     def seen_frf(
         self,
@@ -148,13 +191,15 @@ class System:
         sizes: Tensor,
         frequency_hz: Tensor,
         seen: Estimate | None,
+        excitation: Excitation = _TRANSLATION,
     ) -> Tensor:
         """The same as an estimate shows them, (N, f, k); without one as they are."""
-        known = theta, zeta, sizes, frequency_hz
-        frf = self.frf(*known)
-        if seen is None:
-            return frf
-        return seen(frf, self.turned.frf(*known) if seen.turns else None)
+        turns = seen is not None and seen.turns
+        columns = self.respond(
+            Base(turns) if turns else excitation, theta, zeta, sizes, frequency_hz
+        )
+        frf = columns[:, :, 0]
+        return frf if seen is None else seen(frf, columns[:, :, 1] if turns else None)
 
     def log_frf(
         self,
@@ -222,7 +267,6 @@ class System:
         *,
         batch: int | None = None,
         seen: Estimate | None = None,
-        turned: ModalData | None = None,
     ) -> Iterator[Tensor]:
         """Yield ln|H| of consecutive samples (n, f, k), in the precision of their modal data.
 
@@ -233,56 +277,42 @@ class System:
             frequency_hz: (k,).
             batch: samples at a time; default what is fastest.
             seen: what an estimate makes of FRFs, before the logarithm is taken.
-            turned: modes as a base that turns drives them, for an estimate that asks for them.
         """
         form = self.closed_form(float(frequency_hz[-1]))
-        leaning = replace(form, moved=self.turned.moved)
         sizes = self.split(parameters)[1].to(modal.omega)
         omega = 2.0 * torch.pi * frequency_hz.to(modal.omega)
         step = batch or fast_batch(modal, len(frequency_hz))
         for start in range(0, len(modal), step):
             rows = slice(start, start + step)
-            own = zeta[rows], sizes[rows], omega
-            parts = self._summed(modal[rows], *own)
-            other = None
-            if turned is not None:
-                other = leaning.frf(self._summed(turned[rows], *own), omega, sizes[rows])
-            yield form.log_frf(parts, omega, sizes[rows], seen=seen, turned=other)
-
-    def modes_on_free_base(self, theta: Tensor, sizes: Tensor) -> Modes:
-        """The modes under forces, which move a base that is not held; else `modes`."""
-        return self.modes(theta, sizes, released=self.model.released)
+            ratio = self.ratio(modal[rows].omega, zeta[rows].to(modal.omega), sizes[rows])
+            parts = modal[rows].response(omega, ratio)
+            yield form.log_frf(parts, omega, sizes[rows], seen=seen)
 
     def modes(
-        self,
-        theta: Tensor,
-        sizes: Tensor,
-        rows: Rows | None = None,
-        released: ReleasedBase | None = None,
+        self, theta: Tensor, sizes: Tensor, rows: Rows | None = None, *, released: bool = False
     ) -> Modes:
         """Undamped modes with the effects, lowest first; rows are those of the floors by default.
 
-        The ports of the effects follow the rows. The base is held, or released.
+        The ports of the effects follow the rows. Forces move a base that is not held: `released`.
         """
         own = split_sizes(self.placed, sizes)
         stiffness, mass, force, rigid_mass = self._matrices(theta, own)
         base = self._base_motion(theta, own)
         shapes, rigid = self._with_ports(rows or self._floor_rows(theta), len(theta))
-        load = torch.einsum("nrb,nb->nr", force, base)
-        flexibility = self._flexibility(theta, own)
-        if released is not None:
-            free = torch.from_numpy(released.flexibility).to(theta).expand(len(theta), -1)
-            flexibility = free if flexibility is None else free + flexibility
-            rigid_mass = rigid_mass + torch.from_numpy(released.mass).to(theta)
+        load = torch.einsum("nrb,nbe->ner", force, base)
+        flexibility, free = self._flexibility(theta, own), self.model.released
+        if released and free is not None:
+            soft = torch.from_numpy(free.flexibility).to(theta).expand(len(theta), -1)
+            flexibility = soft if flexibility is None else soft + flexibility
+            rigid_mass = rigid_mass + torch.from_numpy(free.mass).to(theta)
         if flexibility is not None:
             root = flexibility.sqrt()  # (N, 2)
             stiffness, mass = _on_flexible_base(stiffness, mass, force, rigid_mass, root)
-            on_base = root * torch.einsum("nab,nb->na", rigid_mass, base)
-            load = torch.cat([load, on_base], dim=1)
+            on_base = root[:, None] * torch.einsum("nab,nbe->nea", rigid_mass, base)
+            load = torch.cat([load, on_base], dim=2)
             shapes = torch.cat([shapes, rigid * root[:, None, :]], dim=2)
-        seen, inverse = normal_modes(stiffness, mass, torch.cat([shapes, load[:, None]], dim=1))
-        direct = torch.einsum("nob,nb->no", rigid, base)
-        return Modes(inverse, seen[:, :-1], seen[:, -1], direct)
+        seen, inverse = normal_modes(stiffness, mass, torch.cat([shapes, load], dim=1))
+        return Modes(inverse, seen[:, :-2], seen[:, -2:], rigid @ base)
 
     def ratio(self, omega: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Damping ratios (N, m) of modes omega (N, m), rad/s, with the effects."""
@@ -291,10 +321,6 @@ class System:
         for one, terms, size in zip(self.placed, self.terms, own, strict=True):
             ratio = one.effect.damping(ratio, omega, size, terms.constants)
         return ratio
-
-    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor) -> Tensor:
-        """FRFs (N, f, k) at omega (k,), rad/s, as their sensors give them."""
-        return observed(self.placed, self.floors, frf, omega, sizes, self.moved[0] != 0.0)
 
     def at_level(
         self, theta: Tensor, zeta: Tensor, sizes: Tensor, level: float | Tensor
@@ -326,7 +352,6 @@ class System:
             () if rotation is None else tuple(float(level) for level in rotation.levels),
             self.factors,
             top_hz,
-            self.moved,
         )
 
     def limits(self) -> tuple[Tensor, Tensor]:
@@ -337,40 +362,51 @@ class System:
         high = torch.tensor([one.upper for one in sizes], dtype=torch.float64)
         return torch.cat([-free, low]), torch.cat([free, high])
 
-    def _summed(
-        self, modal: ModalData, zeta: Tensor, sizes: Tensor, omega: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """Real and imaginary part (n, f, k) of the sum over modes."""
-        ratio = self.ratio(modal.omega, zeta.to(modal.omega), sizes)
-        return modal.response(omega, ratio)
-
-    def _frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, omega: Tensor) -> Tensor:
+    def _respond(
+        self, excitation: Excitation, theta: Tensor, zeta: Tensor, sizes: Tensor, omega: Tensor
+    ) -> Tensor:
         # Instruments leave the motion alone, and what is no stiffness or mass the modes: rows that
         # differ in these only share the others.
         inside = self._sizes_of(sizes, [not one.effect.instrument for one in self.placed])
         rows, same = _different(torch.cat([theta, zeta[:, None], inside], dim=1))
-        moved = self._motion(theta[rows], zeta[rows], sizes[rows], omega)
-        return self.observe(moved[same], omega, sizes)
+        moved = self._motion(excitation, theta[rows], zeta[rows], sizes[rows], omega)[same]
+        read = []
+        for column in range(moved.shape[2]):
+            # What the base's own instrument does shows over its translation alone.
+            over_base = column == 0 and isinstance(excitation, Base)
+            known = moved[:, :, column], omega, sizes, over_base
+            read.append(observed(self.placed, self.floors, *known))
+        return torch.stack(read, dim=2)
 
     def _sizes_of(self, sizes: Tensor, chosen: Sequence[bool]) -> Tensor:
         """The parameters (N, c) of some effects, from those of all (N, q)."""
         parts = zip(split_sizes(self.placed, sizes), chosen, strict=True)
         return torch.cat([sizes[:, :0], *(own for own, wanted in parts if wanted)], dim=1)
 
-    def _motion(self, theta: Tensor, zeta: Tensor, sizes: Tensor, omega: Tensor) -> Tensor:
-        """Complex FRFs (N, f, k) of the floors themselves."""
+    def _motion(
+        self, excitation: Excitation, theta: Tensor, zeta: Tensor, sizes: Tensor, omega: Tensor
+    ) -> Tensor:
+        """Complex accelerations (N, f, e, k) of the floors themselves."""
         shaping = self._sizes_of(sizes, [not terms.shapeless for terms in self.terms])
         rows, same = _different(torch.cat([theta, shaping], dim=1))
+        ports = self.port_stiffness(omega, sizes)
+        if isinstance(excitation, Force):
+            modes = self.modes(theta[rows], sizes[rows], released=True)[same]
+            ratio, floor = self.ratio(modes.omega, zeta, sizes), self.floors.index(excitation.floor)
+            moved = response(modes, ratio, omega, ports, forced=floor)
+            if excitation.rest is None:
+                return moved
+            terms = torch.from_numpy(excitation.rest.terms[:, :, floor]).to(theta)
+            return moved - omega**2 * (1.0 / theta @ terms)[:, :, None, None]
         modes = self.modes(theta[rows], sizes[rows])[same]
         ratio = self.ratio(modes.omega, zeta, sizes)
-        ports = self.port_stiffness(omega, sizes)
         if not self.changes_in_run:
-            return response(modes, ratio, omega, ports)
+            return response(modes, ratio, omega, ports, columns=excitation.columns)
         frf = torch.zeros((), dtype=torch.complex128)
         for level in self.run_levels:
             change = self.run_change(sizes, level)
-            damped = ratio * change.damping[:, None]
-            frf = frf + response(modes.stiffer(change.stiffness), damped, omega, ports)
+            known = modes.stiffer(change.stiffness), ratio * change.damping[:, None], omega, ports
+            frf = frf + response(*known, columns=excitation.columns)
         return frf / len(self.run_levels)
 
     @property
@@ -394,34 +430,29 @@ class System:
         frequency_hz: Tensor,
         how: "Responses",
     ) -> Tensor:
-        if self.complex_modes or self.changes_in_run:
+        turns = how.seen is not None and how.seen.turns
+        if self.complex_modes or self.changes_in_run or turns:
             theta, sizes = self.split(parameters)
             whole = self.seen_frf(theta, zeta, sizes, frequency_hz, how.seen)
             frf = whole if how.floors is None else whole[:, list(how.floors)]
             return frf.abs().clamp_min(_LEAST).log()
         # Damping leaves the modes alone: rows that differ in it only share theirs.
         rows, same = _different(parameters.detach())
-
-        def modal_of(system: System) -> ModalData:
-            return system.modal_data(
-                parameters[rows], modes=how.modes, top_frequency_hz=float(frequency_hz[-1])
-            ).to(parameters.device, how.precision)[same]
-
-        modal = modal_of(self)
-        turned = modal_of(self.turned) if how.seen is not None and how.seen.turns else None
-        changes = self.closed_form(0.0).changes or turned is not None
-        some = how.floors is not None and not changes
+        top, chosen = float(frequency_hz[-1]), None if how.floors is None else list(how.floors)
+        modal = self.modal_data(parameters[rows], modes=how.modes, top_frequency_hz=top)
+        modal = modal.to(parameters.device, how.precision)[same]
+        # What effects do in closed form is known by the rows of all floors.
+        early = chosen is not None and not self.closed_form(0.0).changes
         parts = self.log_frf_batches(
-            modal.of_floors(list(how.floors)) if some and how.floors is not None else modal,
+            modal.of_floors(chosen) if early and chosen is not None else modal,
             parameters,
             zeta,
             frequency_hz,
             batch=how.batch,
             seen=how.seen,
-            turned=turned,
         )
         values = torch.cat(list(parts))
-        return values if some or how.floors is None else values[:, list(how.floors)]
+        return values if early or chosen is None else values[:, chosen]
 
     def _matrices(
         self, theta: Tensor, own: Sequence[Tensor]
@@ -451,13 +482,12 @@ class System:
         return stiffness, mass, force, rigid
 
     def _base_motion(self, theta: Tensor, own: Sequence[Tensor]) -> Tensor:
-        """(N, 2) translation and rotation of the base."""
-        translation, rotation = self.moved
-        turned = theta.new_full((len(theta),), rotation)
+        """(N, 2, 2) translation and rotation of the base, by the columns of its acceleration."""
+        base = torch.eye(2).to(theta).repeat(len(theta), 1, 1)
         for terms, size in zip(self.terms, own, strict=True):
             if terms.pitch:
-                turned = turned + translation * terms.pitch * size[:, 0]
-        return torch.stack([torch.full_like(turned, translation), turned], dim=1)
+                base[:, 1, 0] += terms.pitch * size[:, 0]
+        return base
 
     def _flexibility(self, theta: Tensor, own: Sequence[Tensor]) -> Tensor | None:
         """(N, 2) of the ground, or None where it is rigid."""

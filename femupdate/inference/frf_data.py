@@ -12,8 +12,8 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.closed_form import observed
-from femupdate.dynamics.force_response import RestFlexibility, accelerance
-from femupdate.dynamics.system import Responses, System
+from femupdate.dynamics.force_response import RestFlexibility
+from femupdate.dynamics.system import Base, Force, Responses, System
 from femupdate.effects.effect import Effect, Placed
 from femupdate.inference.data import Cell, Remains
 from femupdate.inference.model_error import (
@@ -96,11 +96,8 @@ class FloorForce:
         self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor
     ) -> Tensor:
         """Complex accelerance (N, f, k) of all floors as their sensors give them."""
-        forced = system.floors.index(self.floor)
-        both = torch.cat([theta, sizes], dim=1)
-        frf = accelerance(system, both, zeta, frequency_hz, forced, self.rest)
-        omega = 2.0 * torch.pi * frequency_hz
-        return observed(system.placed, system.floors, frf, omega, sizes, over_base=False)
+        force = Force(self.floor, self.rest)
+        return system.respond(force, theta, zeta, sizes, frequency_hz)[:, :, 0]
 
 
 @dataclass(frozen=True)
@@ -269,10 +266,11 @@ class FrfData:
                 continue
             moving = _as_run(system, block.estimator)
             known = *own, sizes, torch.from_numpy(block.estimator.frequency_hz)
+            if block.estimator.turns:
+                parts.append(moving.seen_frf(*known, block.estimator))
+                continue
             frf = self.excitation.frf(moving, *known)
-            turns = block.estimator.turns
-            turned = self.excitation.frf(moving.turned, *known) if turns else None
-            parts.append(block.estimator(frf, turned))
+            parts.append(block.estimator(frf))
         return torch.cat(parts, dim=2)
 
     def _logs(
@@ -293,7 +291,8 @@ class FrfData:
         known = theta, zeta, sizes, self.frequency_hz[: block.points]
         frf = self.excitation.frf(system, *known)
         if block.rotation is not None:
-            frf = frf + block.rotation * self.excitation.frf(system.turned, *known)
+            frf, turned = system.respond(Base(turns=True), *known).unbind(dim=2)
+            frf = frf + block.rotation * turned
         return frf[0, list(self.rows)]
 
     def read_with(self, predicted: Tensor, placed: Placed) -> Tensor:

@@ -157,7 +157,7 @@ class ShownModes:
 
 def shown_modes(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> ShownModes:
     """Modes of a system on all its floors, at theta (n, p), zeta (n,) and sizes (n, q)."""
-    modes, count = system.modes_on_free_base(theta, sizes), len(system.floors)
+    modes, count = system.modes(theta, sizes, released=True), len(system.floors)
     shape = modes.rows[:, :count] * modes.omega[:, None, :]
     # What has no mass moves without end in its mode, and is no mode that anybody identifies.
     real = modes.inverse > _MASSLESS * modes.inverse.amax(dim=1, keepdim=True)

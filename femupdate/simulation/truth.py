@@ -14,12 +14,11 @@ import torch
 from femupdate.arrays import Floats
 from femupdate.building.schema import Building
 from femupdate.building.shear import ShearBuilding
-from femupdate.dynamics.changing_history import RunMotion, changing_histories
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.equations import Sensors, driven_system
+from femupdate.dynamics.history import OwnLevel, history_batches, transformed_sensors
 from femupdate.dynamics.projection import lumped
 from femupdate.dynamics.system import System
-from femupdate.dynamics.transformed import transformed_sensors
 from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import BuildingError, ModelError
@@ -101,8 +100,8 @@ class Truth:
                 " appendages that err or act beside; simulate them apart"
             )
         theta, ratio, sizes = sample
-        run = RunMotion(motion.inputs, motion.time_step)
-        (found,) = changing_histories(self.system, torch.cat([theta, sizes], dim=1), ratio, run)
+        both, step = torch.cat([theta, sizes], dim=1), motion.time_step
+        (found,) = history_batches(self.system, both, ratio, motion.inputs, step, level=OwnLevel())
         return found.floor_acceleration[0]
 
 

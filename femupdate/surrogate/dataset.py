@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from femupdate.array_archive import check_shapes, read_arrays, write_arrays
-from femupdate.dynamics.modal import ModalData, joined
+from femupdate.dynamics.modes import ModalData, joined
 from femupdate.dynamics.system import System
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, torch_generator

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from femupdate.dynamics.modal import ModalData
+from femupdate.dynamics.modes import ModalData
 from femupdate.surrogate.layers import residual_blocks
 from femupdate.surrogate.sizes import NetworkSizes
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.shear import require_heights
-from femupdate.dynamics.changing_history import RunMotion, changing_histories
 from femupdate.dynamics.comparison import Comparison, compare, score_table
-from femupdate.dynamics.history import Histories, history_batches
+from femupdate.dynamics.history import Histories, OwnLevel, history_batches
 from femupdate.dynamics.member_histories import (
     BaseMotion,
     MemberForces,
@@ -250,8 +249,8 @@ def _histories(
         return batches, (*told, *(UNFOLLOWED if task.system.changes_in_run else ()))
     level = mean_level(task.system, task.posterior.settings)
     keep = task.settings.damping is not None
-    motion = RunMotion(*record, level, keep)
-    batches = changing_histories(task.system, theta, zeta, motion, task.show)
+    own = OwnLevel(level, keep)
+    batches = history_batches(task.system, theta, zeta, *record, level=own, progress=task.show)
     return batches, (*told, changing_note(level is not None))
 
 

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.modal import ModalData
+from femupdate.dynamics.modes import ModalData
 
 
 def log_frf(modal: ModalData, frequency_hz: Tensor, law: DampingLaw, zeta: Tensor) -> Tensor:

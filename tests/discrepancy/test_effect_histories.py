@@ -7,10 +7,15 @@ from scipy.linalg import eigh
 
 from femupdate.building.files import load_building
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.history import Histories, floor_histories, history_batches
+from femupdate.dynamics.history import (
+    Histories,
+    floor_histories,
+    history_batches,
+    transformed_outputs,
+    transformed_sensors,
+)
 from femupdate.dynamics.projection import reduced_on
 from femupdate.dynamics.system import System
-from femupdate.dynamics.transformed import transformed_outputs, transformed_sensors
 from femupdate.effects.structure import structure_of
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])

@@ -7,8 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.ndimage import uniform_filter1d
 
 from femupdate.building.document import from_document
-from femupdate.dynamics.changing_history import RunMotion, changing_histories
-from femupdate.dynamics.history import floor_histories
+from femupdate.dynamics.history import OwnLevel, floor_histories, history_batches
 from femupdate.dynamics.projection import lumped
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
@@ -50,8 +49,8 @@ def followed(system, sizes, base, level=None, **more):
     parameters = torch.tensor([[1.0, *sizes]], dtype=torch.float64)
     zeta = torch.tensor([ZETA], dtype=torch.float64)
     mean = None if level is None else np.array([level])
-    motion = RunMotion(base, STEP, mean, **more)
-    (found,) = changing_histories(system, parameters, zeta, motion)
+    own = OwnLevel(mean, **more)
+    (found,) = history_batches(system, parameters, zeta, base, STEP, level=own)
     return found
 
 

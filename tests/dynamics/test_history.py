@@ -16,8 +16,7 @@ from femupdate.dynamics.history import (
 )
 from femupdate.dynamics.recurrence import interpolate_record, step_matrices
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.story import story_stiffness
-from femupdate.dynamics.summary import summarise
+from femupdate.dynamics.summary import story_stiffness, summarise
 from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError, ModelError
 

@@ -7,7 +7,7 @@ from femupdate.benchmarks.modal_frf import complex_frf
 from scipy.linalg import eigh
 
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.modal import ModalData, modal_sum
+from femupdate.dynamics.modes import ModalData, modal_sum
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
 

@@ -7,10 +7,10 @@ from scipy.linalg import eigh
 
 from femupdate.building.document import from_document
 from femupdate.building.files import load_building
-from femupdate.dynamics.force_response import accelerance, rest_flexibility
+from femupdate.dynamics.force_response import rest_flexibility
 from femupdate.dynamics.projection import lumped
 from femupdate.dynamics.reduction import reduce_structure
-from femupdate.dynamics.system import System
+from femupdate.dynamics.system import Force, System
 from femupdate.effects.structure import structure_of
 from femupdate.errors import BuildingError
 from femupdate.fe.factorization import factorize
@@ -21,6 +21,12 @@ MASS, SPRING, HEIGHT = np.array([4.0, 3.0, 2.0]), np.array([9e3, 7e3, 5e3]), 0.5
 PLATE = 6.0
 THETA = np.array([1.2, 0.8, 1.1])
 LEVELS = HEIGHT * np.arange(1, 4)
+
+
+def accelerance(system, parameters, zeta, frequency_hz, forced, rest=None):
+    """Accelerations (N, f, k) of the floors over a force at one of them, 1/kg."""
+    force, (theta, sizes) = Force(system.floors[forced], rest), system.split(parameters)
+    return system.respond(force, theta, zeta, sizes, frequency_hz)[:, :, 0]
 
 
 def document(base, **more):

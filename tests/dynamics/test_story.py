@@ -8,10 +8,9 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from femupdate.dynamics.history import Histories
+from femupdate.dynamics.history import Histories, story_rows
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel
-from femupdate.dynamics.story import story_rows, story_stiffness
-from femupdate.dynamics.summary import statistics, summarise
+from femupdate.dynamics.summary import statistics, story_stiffness, summarise
 from femupdate.dynamics.system import System
 from femupdate.errors import ModelError
 

@@ -9,10 +9,9 @@ from scipy.integrate import solve_ivp
 
 from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.history import floor_histories
+from femupdate.dynamics.history import floor_histories, transformed_sensors
 from femupdate.dynamics.projection import lumped
-from femupdate.dynamics.system import Responses, System
-from femupdate.dynamics.transformed import transformed_sensors
+from femupdate.dynamics.system import Base, Responses, System
 from femupdate.effects.structure import structure_of
 from femupdate.measurement.columns import parse_channel
 from femupdate.measurement.frf import estimate_frf
@@ -45,9 +44,14 @@ def known(theta=(1.0,), sizes=(), zeta=ZETA):
     )
 
 
+def turned(system, theta, zeta, sizes, frequency):
+    """FRFs (N, f, k) to a unit rotation of the base."""
+    return system.respond(Base(turns=True), theta, zeta, sizes, frequency)[:, :, 1]
+
+
 def test_the_top_of_a_rigid_rod_moves_by_its_height_times_the_rotation():
     frequency = torch.tensor([0.5, 2.0, 9.0], dtype=torch.float64)
-    found = rod(omega=1e5).turned.frf(*known(), frequency)[0, 0].numpy()
+    found = turned(rod(omega=1e5), *known(), frequency)[0, 0].numpy()
     np.testing.assert_allclose(found, HEIGHT, rtol=1e-6)
 
 
@@ -56,16 +60,16 @@ def test_one_degree_of_freedom_feels_the_force_of_its_mass_at_its_height():
     frequency = np.array([0.5, 2.9, 3.1, 9.0])
     ratio = 2.0 * np.pi * frequency / OMEGA
     exact = HEIGHT * (1.0 + 2j * ZETA * ratio) / (1.0 - ratio**2 + 2j * ZETA * ratio)
-    found = rod().turned.frf(*known(), torch.from_numpy(frequency))[0, 0].numpy()
+    found = turned(rod(), *known(), torch.from_numpy(frequency))[0, 0].numpy()
     np.testing.assert_allclose(found, exact, rtol=1e-10)
 
 
 def test_frames_and_sticks_with_effects_are_those_of_equations_by_hand(case):
     """Against dense matrices whose base is turned, with what else may be at the base."""
     labels = ("table_pitch@base", "channel_gain@RF")
-    system = case.system(*labels).turned
+    system = case.system(*labels)
     frequency = torch.from_numpy(case.frequency_hz)
-    found = system.frf(*known(case.theta, (0.05, 0.1)), frequency)[0].numpy()
+    found = turned(system, *known(case.theta, (0.05, 0.1)), frequency)[0].numpy()
     exact = case.equations.but(moved=(0.0, 1.0), pitch=0.05).frf(case.frequency_hz, ZETA)
     exact[-1] *= 1.1  # the pitch goes with a translation that is zero
     np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-8 * np.abs(exact).max())
@@ -73,8 +77,8 @@ def test_frames_and_sticks_with_effects_are_those_of_equations_by_hand(case):
 
 def test_the_error_of_the_horizontal_base_sensor_is_none_of_the_rotation(case):
     frequency = torch.from_numpy(case.frequency_hz)
-    plain = case.system().turned.frf(*known(case.theta), frequency)
-    gained = case.system("base_gain@base").turned.frf(*known(case.theta, (0.1,)), frequency)
+    plain = turned(case.system(), *known(case.theta), frequency)
+    gained = turned(case.system("base_gain@base"), *known(case.theta, (0.1,)), frequency)
     assert torch.equal(plain, gained)
 
 

@@ -8,7 +8,7 @@ import torch
 from femupdate.benchmarks.modal_frf import log_frf
 
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.modal import ModalData
+from femupdate.dynamics.modes import ModalData
 from femupdate.surrogate import dataset as room
 from femupdate.surrogate.dataset import (
     DatasetPlan,

@@ -6,7 +6,7 @@ import torch
 from femupdate.benchmarks.modal_frf import log_frf
 
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.modal import ModalData
+from femupdate.dynamics.modes import ModalData
 from femupdate.surrogate.modal_decoder import ModalDecoder
 from femupdate.surrogate.sizes import NetworkSizes
 

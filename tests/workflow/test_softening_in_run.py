@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.signal import butter, sosfilt
 
-from femupdate.dynamics.changing_history import RunMotion, changing_histories
+from femupdate.dynamics.history import OwnLevel, history_batches
 from femupdate.dynamics.level import motion_level
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
@@ -46,8 +46,8 @@ def calibrated(tower_file, tmp_path_factory):
     time, base = shaking(rng)
     parameters = torch.tensor([[*THETA, SIZE, DAMPING]], dtype=torch.float64)
     zeta = torch.tensor([ZETA], dtype=torch.float64)
-    motion = RunMotion(base, STEP)
-    (run,) = changing_histories(open_system(study, model), parameters, zeta, motion)
+    system = open_system(study, model)
+    (run,) = history_batches(system, parameters, zeta, base, STEP, level=OwnLevel())
     seen = run.floor_acceleration[0] + 0.002 * rng.standard_normal((2, time.size))
     path, head = folder / "run.csv", "time_s,base (m/s2),2F (m/s2),RF (m/s2)"
     rows = np.column_stack([time, base, *seen])

@@ -15,7 +15,7 @@ from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import mend
 from femupdate.discrepancy.score import score, starts
 from femupdate.discrepancy.search import refined
-from femupdate.dynamics.transformed import transformed_sensors
+from femupdate.dynamics.history import transformed_sensors
 from femupdate.effects.effect import Effect
 from femupdate.errors import ReportError
 from femupdate.progress import SILENT, Progress
