@@ -370,6 +370,8 @@ class System:
         inside = self._sizes_of(sizes, [not one.effect.instrument for one in self.placed])
         rows, same = _different(torch.cat([theta, zeta[:, None], inside], dim=1))
         moved = self._motion(excitation, theta[rows], zeta[rows], sizes[rows], omega)[same]
+        if not any(one.effect.instrument for one in self.placed):
+            return moved
         read = []
         for column in range(moved.shape[2]):
             # What the base's own instrument does shows over its translation alone.
