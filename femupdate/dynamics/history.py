@@ -21,10 +21,11 @@ from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
 from femupdate.dynamics.closed_form import split_sizes
+from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.level import level_of_moment, motion_level
 from femupdate.dynamics.modes import Modes, response
 from femupdate.dynamics.recurrence import ModalOutputs, Steps, record_points
-from femupdate.dynamics.system import Base, Rows, System
+from femupdate.dynamics.system import Rows, System
 from femupdate.dynamics.thresholds import CHANGING, LEVEL
 from femupdate.errors import MeasurementError, ModelError
 from femupdate.progress import SILENT, Progress
@@ -415,7 +416,7 @@ def transformed_sensors(
     omega = system.modes(theta, sizes).omega
 
     def sensors(omega: Tensor) -> Tensor:
-        base, frequency_hz = Base(len(motion) > 1), omega / (2.0 * torch.pi)
+        base, frequency_hz = Excitation(turns=len(motion) > 1), omega / (2.0 * torch.pi)
         return system.respond(base, theta, zeta, sizes, frequency_hz)[0]
 
     rest = _rest(omega, system.ratio(omega, zeta, sizes), share)

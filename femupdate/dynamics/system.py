@@ -16,6 +16,7 @@ from torch import Tensor
 
 from femupdate.dynamics.closed_form import ClosedForm, Estimate, observed, split_sizes
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw
+from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.dynamics.level import RUN_LEVELS
 from femupdate.dynamics.modes import (
@@ -48,38 +49,6 @@ class Rows:
 
     shapes: Tensor
     rigid: Tensor
-
-
-@dataclass(frozen=True)
-class Base:
-    """Acceleration of the base along the motion, m/s2; where it turns, a second column, rad/s2.
-
-    A positive rotation leans the building forward.
-    """
-
-    turns: bool = False
-
-    @property
-    def columns(self) -> int:
-        """Number of columns."""
-        return 1 + self.turns
-
-
-@dataclass(frozen=True, eq=False)
-class Force:
-    """A force at a floor, N.
-
-    Attributes:
-        floor: at which it acts.
-        rest: static displacement that a reduced model lacks; None of a stick, which lacks none.
-    """
-
-    floor: str
-    rest: RestFlexibility | None = None
-
-
-Excitation = Base | Force
-_TRANSLATION = Base()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,23 +135,28 @@ class System:
         zeta: Tensor,
         sizes: Tensor,
         frequency_hz: Tensor,
+        rest: RestFlexibility | None = None,
     ) -> Tensor:
         """Complex accelerations (N, f, e, k) of all floors as their sensors give them.
 
         Args:
-            excitation: whose columns have unit size each.
+            excitation: a force, N; or the acceleration of the base along the motion, m/s2, and
+                where it turns, a second column, rad/s2, that leans the building forward. Each
+                column has unit size.
             theta: (N, p) stiffness factors.
             zeta: (N,) damping ratio.
             sizes: (N, q) the parameters of the effects, one after the other.
             frequency_hz: (k,).
+            rest: static displacement under a force that a reduced model lacks; a stick lacks none.
         """
         omega = 2.0 * torch.pi * frequency_hz.to(torch.float64)
         parts = zip(theta.split(_BATCH), zeta.split(_BATCH), sizes.split(_BATCH), strict=True)
-        return torch.cat([self._respond(excitation, *rows, omega=omega) for rows in parts])
+        found = [self._respond(excitation, *rows, omega=omega, rest=rest) for rows in parts]
+        return torch.cat(found)
 
     def frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor) -> Tensor:
         """The same (N, f, k) under a base that translates."""
-        return self.respond(_TRANSLATION, theta, zeta, sizes, frequency_hz)[:, :, 0]
+        return self.respond(BASE_MOTION, theta, zeta, sizes, frequency_hz)[:, :, 0]
 
     def seen_frf(
         self,
@@ -191,13 +165,10 @@ class System:
         sizes: Tensor,
         frequency_hz: Tensor,
         seen: Estimate | None,
-        excitation: Excitation = _TRANSLATION,
     ) -> Tensor:
         """The same as an estimate shows them, (N, f, k); without one as they are."""
         turns = seen is not None and seen.turns
-        columns = self.respond(
-            Base(turns) if turns else excitation, theta, zeta, sizes, frequency_hz
-        )
+        columns = self.respond(Excitation(turns=turns), theta, zeta, sizes, frequency_hz)
         frf = columns[:, :, 0]
         return frf if seen is None else seen(frf, columns[:, :, 1] if turns else None)
 
@@ -363,21 +334,28 @@ class System:
         return torch.cat([-free, low]), torch.cat([free, high])
 
     def _respond(
-        self, excitation: Excitation, theta: Tensor, zeta: Tensor, sizes: Tensor, omega: Tensor
+        self,
+        excitation: Excitation,
+        theta: Tensor,
+        zeta: Tensor,
+        sizes: Tensor,
+        omega: Tensor,
+        rest: RestFlexibility | None,
     ) -> Tensor:
         # Instruments leave the motion alone, and what is no stiffness or mass the modes: rows that
         # differ in these only share the others.
         inside = self._sizes_of(sizes, [not one.effect.instrument for one in self.placed])
         rows, same = _different(torch.cat([theta, zeta[:, None], inside], dim=1))
-        moved = self._motion(excitation, theta[rows], zeta[rows], sizes[rows], omega)[same]
+        known = theta[rows], zeta[rows], sizes[rows], omega
+        moved = self._motion(excitation, *known, rest)[same]
         if not any(one.effect.instrument for one in self.placed):
             return moved
         read = []
         for column in range(moved.shape[2]):
             # What the base's own instrument does shows over its translation alone.
-            over_base = column == 0 and isinstance(excitation, Base)
-            known = moved[:, :, column], omega, sizes, over_base
-            read.append(observed(self.placed, self.floors, *known))
+            over_base = column == 0 and not excitation.force
+            shown = moved[:, :, column], omega, sizes, over_base
+            read.append(observed(self.placed, self.floors, *shown))
         return torch.stack(read, dim=2)
 
     def _sizes_of(self, sizes: Tensor, chosen: Sequence[bool]) -> Tensor:
@@ -386,29 +364,35 @@ class System:
         return torch.cat([sizes[:, :0], *(own for own, wanted in parts if wanted)], dim=1)
 
     def _motion(
-        self, excitation: Excitation, theta: Tensor, zeta: Tensor, sizes: Tensor, omega: Tensor
+        self,
+        excitation: Excitation,
+        theta: Tensor,
+        zeta: Tensor,
+        sizes: Tensor,
+        omega: Tensor,
+        rest: RestFlexibility | None,
     ) -> Tensor:
         """Complex accelerations (N, f, e, k) of the floors themselves."""
         shaping = self._sizes_of(sizes, [not terms.shapeless for terms in self.terms])
         rows, same = _different(torch.cat([theta, shaping], dim=1))
         ports = self.port_stiffness(omega, sizes)
-        if isinstance(excitation, Force):
+        if excitation.force:
             modes = self.modes(theta[rows], sizes[rows], released=True)[same]
-            ratio, floor = self.ratio(modes.omega, zeta, sizes), self.floors.index(excitation.floor)
+            ratio, floor = self.ratio(modes.omega, zeta, sizes), self.floors.index(excitation.force)
             moved = response(modes, ratio, omega, ports, forced=floor)
-            if excitation.rest is None:
+            if rest is None:
                 return moved
-            terms = torch.from_numpy(excitation.rest.terms[:, :, floor]).to(theta)
+            terms = torch.from_numpy(rest.terms[:, :, floor]).to(theta)
             return moved - omega**2 * (1.0 / theta @ terms)[:, :, None, None]
         modes = self.modes(theta[rows], sizes[rows])[same]
         ratio = self.ratio(modes.omega, zeta, sizes)
         if not self.changes_in_run:
-            return response(modes, ratio, omega, ports, columns=excitation.columns)
+            return response(modes, ratio, omega, ports, columns=1 + excitation.turns)
         frf = torch.zeros((), dtype=torch.complex128)
         for level in self.run_levels:
             change = self.run_change(sizes, level)
             known = modes.stiffer(change.stiffness), ratio * change.damping[:, None], omega, ports
-            frf = frf + response(*known, columns=excitation.columns)
+            frf = frf + response(*known, columns=1 + excitation.turns)
         return frf / len(self.run_levels)
 
     @property

@@ -12,8 +12,9 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.closed_form import observed
+from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.force_response import RestFlexibility
-from femupdate.dynamics.system import Base, Force, Responses, System
+from femupdate.dynamics.system import Responses, System
 from femupdate.effects.effect import Effect, Placed
 from femupdate.inference.data import Cell, Remains
 from femupdate.inference.model_error import (
@@ -96,8 +97,8 @@ class FloorForce:
         self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor
     ) -> Tensor:
         """Complex accelerance (N, f, k) of all floors as their sensors give them."""
-        force = Force(self.floor, self.rest)
-        return system.respond(force, theta, zeta, sizes, frequency_hz)[:, :, 0]
+        force = Excitation(self.floor)
+        return system.respond(force, theta, zeta, sizes, frequency_hz, self.rest)[:, :, 0]
 
 
 @dataclass(frozen=True)
@@ -291,7 +292,7 @@ class FrfData:
         known = theta, zeta, sizes, self.frequency_hz[: block.points]
         frf = self.excitation.frf(system, *known)
         if block.rotation is not None:
-            frf, turned = system.respond(Base(turns=True), *known).unbind(dim=2)
+            frf, turned = system.respond(Excitation(turns=True), *known).unbind(dim=2)
             frf = frf + block.rotation * turned
         return frf[0, list(self.rows)]
 

@@ -11,7 +11,8 @@ from femupdate.arrays import Floats
 from femupdate.discrepancy.finder_model import error_of_sizes
 from femupdate.discrepancy.problem import own_errors
 from femupdate.discrepancy.thresholds import MESH_ERROR
-from femupdate.dynamics.system import Base, System
+from femupdate.dynamics.excitation import Excitation
+from femupdate.dynamics.system import System
 from femupdate.inference.draw_errors import draw_errors
 from femupdate.inference.error_draws import ErrorDraws
 from femupdate.inference.latent_search import FoundLatent
@@ -162,7 +163,7 @@ def predictive_log_frf(
     frf = system.frf(*known)
     rotation = posterior.observation.rotation
     if rotation is not None:
-        frf, turned = system.respond(Base(turns=True), *known).unbind(dim=2)
+        frf, turned = system.respond(Excitation(turns=True), *known).unbind(dim=2)
         frf = frf + torch.from_numpy(np.nan_to_num(rotation)) * turned
     return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
 

@@ -7,10 +7,11 @@ import torch
 from femupdate.building.files import load_building
 from femupdate.building.shear import shear_operators
 from femupdate.dynamics.damping import RayleighDamping
+from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.force_response import rest_flexibility
 from femupdate.dynamics.projection import lumped
 from femupdate.dynamics.reduction import reduce_structure
-from femupdate.dynamics.system import Force, System
+from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
@@ -23,8 +24,8 @@ FREQUENCY = np.linspace(0.3, 15.0, 40)
 
 def accelerance(system, parameters, zeta, frequency_hz, forced, rest=None):
     """Accelerations (N, f, k) of the floors over a force at one of them, 1/kg."""
-    force, (theta, sizes) = Force(system.floors[forced], rest), system.split(parameters)
-    return system.respond(force, theta, zeta, sizes, frequency_hz)[:, :, 0]
+    force, (theta, sizes) = Excitation(system.floors[forced]), system.split(parameters)
+    return system.respond(force, theta, zeta, sizes, frequency_hz, rest)[:, :, 0]
 
 
 @pytest.fixture(scope="module")

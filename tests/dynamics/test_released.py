@@ -7,10 +7,11 @@ from scipy.linalg import eigh
 
 from femupdate.building.document import from_document
 from femupdate.building.files import load_building
+from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.force_response import rest_flexibility
 from femupdate.dynamics.projection import lumped
 from femupdate.dynamics.reduction import reduce_structure
-from femupdate.dynamics.system import Force, System
+from femupdate.dynamics.system import System
 from femupdate.effects.structure import structure_of
 from femupdate.errors import BuildingError
 from femupdate.fe.factorization import factorize
@@ -25,8 +26,8 @@ LEVELS = HEIGHT * np.arange(1, 4)
 
 def accelerance(system, parameters, zeta, frequency_hz, forced, rest=None):
     """Accelerations (N, f, k) of the floors over a force at one of them, 1/kg."""
-    force, (theta, sizes) = Force(system.floors[forced], rest), system.split(parameters)
-    return system.respond(force, theta, zeta, sizes, frequency_hz)[:, :, 0]
+    force, (theta, sizes) = Excitation(system.floors[forced]), system.split(parameters)
+    return system.respond(force, theta, zeta, sizes, frequency_hz, rest)[:, :, 0]
 
 
 def document(base, **more):

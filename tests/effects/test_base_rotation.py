@@ -9,9 +9,10 @@ from scipy.integrate import solve_ivp
 
 from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.history import floor_histories, transformed_sensors
 from femupdate.dynamics.projection import lumped
-from femupdate.dynamics.system import Base, Responses, System
+from femupdate.dynamics.system import Responses, System
 from femupdate.effects.structure import structure_of
 from femupdate.measurement.columns import parse_channel
 from femupdate.measurement.frf import estimate_frf
@@ -46,7 +47,7 @@ def known(theta=(1.0,), sizes=(), zeta=ZETA):
 
 def turned(system, theta, zeta, sizes, frequency):
     """FRFs (N, f, k) to a unit rotation of the base."""
-    return system.respond(Base(turns=True), theta, zeta, sizes, frequency)[:, :, 1]
+    return system.respond(Excitation(turns=True), theta, zeta, sizes, frequency)[:, :, 1]
 
 
 def test_the_top_of_a_rigid_rod_moves_by_its_height_times_the_rotation():

@@ -9,7 +9,7 @@ from femupdate.building.files import load_building
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.projection import lumped
-from femupdate.dynamics.system import Force, System
+from femupdate.dynamics.system import System
 from femupdate.effects.structure import structure_of
 from femupdate.inference.frf_data import forced_logs
 from femupdate.inference.likelihood import likelihood_of
@@ -25,8 +25,8 @@ FREQUENCY = np.linspace(0.5, 12.0, 60)
 
 def accelerance(system, parameters, zeta, frequency_hz, forced, rest=None):
     """Accelerations (N, f, k) of the floors over a force at one of them, 1/kg."""
-    force, (theta, sizes) = Force(system.floors[forced], rest), system.split(parameters)
-    return system.respond(force, theta, zeta, sizes, frequency_hz)[:, :, 0]
+    force, (theta, sizes) = Excitation(system.floors[forced]), system.split(parameters)
+    return system.respond(force, theta, zeta, sizes, frequency_hz, rest)[:, :, 0]
 
 
 @pytest.fixture(scope="module")
