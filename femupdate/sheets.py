@@ -6,8 +6,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from femupdate.atomic import write_bytes
 from femupdate.errors import StudyError
+from femupdate.storage import write_bytes
 from femupdate.study import write_text
 from femupdate.tables import csv_text
 

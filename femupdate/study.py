@@ -16,9 +16,8 @@ from pathlib import Path, PurePath
 from typing import Any, Generic, TypeVar
 
 from femupdate import __version__
-from femupdate.atomic import atomic_path, remove_parts, write_failure
 from femupdate.errors import StudyError
-from femupdate.files import read_file
+from femupdate.storage import atomic_path, read_file, remove_parts, write_failure
 
 MANIFEST = "study.json"
 BUILDING_FILE = "building.toml"

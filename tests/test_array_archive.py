@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femupdate.array_archive import ArchiveError, check_shapes, read_arrays, write_arrays
+from femupdate.storage import ArchiveError, check_shapes, read_arrays, write_arrays
 
 ARRAYS = {"a": np.arange(12.0).reshape(3, 4), "n": np.array([1, 2]), "text": np.array("θ")}
 

@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from femupdate.atomic import atomic_path, write_bytes
 from femupdate.errors import MeasurementError, StudyError
+from femupdate.storage import atomic_path, write_bytes
 
 
 def names(folder):

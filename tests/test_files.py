@@ -8,10 +8,10 @@ import pytest
 
 from femupdate.building.files import load_building
 from femupdate.errors import BuildingError, FemupdateError, MeasurementError, StudyError
-from femupdate.files import read_file
 from femupdate.measurement import text
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import read_record
+from femupdate.storage import read_file
 
 
 def test_content_and_head(tmp_path):

@@ -59,7 +59,7 @@ def test_no_source_runs_what_a_file_says(path):
 def test_numpy_archives_are_read_in_one_place():
     """With their headers checked first; np.load elsewhere would not."""
     users = [path.name for path in SOURCES if "np.load(" in path.read_text(encoding="utf-8")]
-    assert users == ["array_archive.py"]
+    assert users == ["storage.py"]
 
 
 def test_pickles_of_dask_are_read_in_one_place():

@@ -52,7 +52,7 @@ def test_rooms_are_light_until_something_in_them_is_used():
 
 
 def test_the_record_of_a_study_needs_nothing_heavy():
-    light = "import femupdate.study, femupdate.units, femupdate.errors, femupdate.atomic"
+    light = "import femupdate.study, femupdate.units, femupdate.errors, femupdate.storage"
     assert loaded_after(light).isdisjoint(HEAVY)
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from femupdate import __version__, atomic
+from femupdate import __version__, storage
 from femupdate.errors import InferenceError, StudyError
 from femupdate.study import (
     LAYOUT,
@@ -267,7 +267,7 @@ def test_a_full_disk_leaves_the_record_as_it_was(recorded, monkeypatch):
     def full(*_):
         raise OSError(28, os.strerror(28))
 
-    monkeypatch.setattr(atomic.os, "replace", full)
+    monkeypatch.setattr(storage.os, "replace", full)
     with pytest.raises(StudyError, match=r"study\.json: the disk is full; free some space"):
         recorded.record("posterior", "posterior.nc", "calibrate", {})
     monkeypatch.undo()

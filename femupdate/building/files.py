@@ -9,7 +9,6 @@ from typing import Any, TypeGuard
 
 import tomlkit
 
-from femupdate.atomic import atomic_path
 from femupdate.building.document import building_hash, from_document, mechanics_hash, to_document
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import check_mesh
@@ -17,7 +16,7 @@ from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.schema import Building
 from femupdate.building.shipped import building_text
 from femupdate.errors import BuildingError
-from femupdate.files import toml_content
+from femupdate.storage import atomic_path, toml_content
 
 _log = logging.getLogger(__name__)
 

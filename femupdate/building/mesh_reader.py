@@ -15,7 +15,7 @@ import numpy as np
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import Complaint
 from femupdate.fe.registry import cell_types
-from femupdate.netcdf import refuse_endless
+from femupdate.storage import refuse_endless
 
 _MEND = "write it as gmsh 2.2 or 4.1 (.msh), Abaqus (.inp), MED (.med) or VTU (.vtu)"
 _LARGEST_BYTES = 500_000_000  # a million nodes and as many shells take a fifth of it

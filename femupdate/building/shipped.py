@@ -9,7 +9,7 @@ from pathlib import Path
 
 from femupdate.building.names import close
 from femupdate.errors import BuildingError
-from femupdate.files import check_regular
+from femupdate.storage import check_regular
 
 _SUFFIX = ".toml"
 _LARGEST = 20_000_000  # bytes; drawings of towers take some hundred thousand

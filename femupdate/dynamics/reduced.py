@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femupdate.array_archive import check_shapes
 from femupdate.arrays import Floats
+from femupdate.storage import check_shapes
 
 # Arrays of a reduced model, with a letter an axis.
 _ARRAYS = {

@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.array_archive import check_shapes
 from femupdate.arrays import Complexes, Floats, Integers
 from femupdate.errors import StudyError
 from femupdate.inference.error_draws import ErrorDraws, errors_as_groups, errors_from_groups
@@ -21,8 +20,8 @@ from femupdate.inference.event_scatter import (
 )
 from femupdate.inference.parameters import Kind, Parameter, Parameters
 from femupdate.measurement.observation import Observation
-from femupdate.netcdf import read_tree, write_tree
 from femupdate.seeds import Seed
+from femupdate.storage import check_shapes, read_tree, write_tree
 
 _OF_STRUCTURE: tuple[Kind, ...] = ("stiffness", "effect")
 _OF_PRIOR = ("kind", "lower", "upper", "neutral", "centre", "scale")

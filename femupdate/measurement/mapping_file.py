@@ -4,11 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from femupdate.atomic import atomic_path
 from femupdate.errors import MeasurementError
-from femupdate.files import toml_content
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.text import closest, read_text
+from femupdate.storage import atomic_path, toml_content
 
 _KEYS = ("columns", "unit")
 _HEAD = """\

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from femupdate.errors import MeasurementError
-from femupdate.files import read_file
 from femupdate.measurement.thresholds import FILES
+from femupdate.storage import read_file
 
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _ZIP_MARK = b"PK\x03\x04"

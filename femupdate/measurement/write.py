@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.atomic import atomic_path
 from femupdate.errors import MeasurementError
 from femupdate.measurement.columns import FREQUENCY, TIME
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.mode_table import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE
 from femupdate.measurement.recording import RecordedMode
+from femupdate.storage import atomic_path
 
 _TIME_FORMAT = "%.10g"
 DIGITS = 9  # significant ones of accelerations

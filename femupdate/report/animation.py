@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats, Pixels
-from femupdate.atomic import write_bytes
 from femupdate.errors import ReportError
 from femupdate.report import drawing_matplotlib, drawing_pyvista
 from femupdate.report.figure import add_head, new_figure, show
@@ -17,6 +16,7 @@ from femupdate.report.geometry import Geometry, deformed
 from femupdate.report.plot_sticks import mark_floors, upright
 from femupdate.report.rendering import Renderer, renders
 from femupdate.report.style import BLUE, MAGNITUDE_MAP, QUIET, styled
+from femupdate.storage import write_bytes
 
 FRAMES = 16  # of a cycle
 _FRAME_MS = 80

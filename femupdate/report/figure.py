@@ -15,9 +15,9 @@ from matplotlib.ticker import NullLocator
 from numpy.typing import ArrayLike, NDArray
 
 from femupdate.arrays import Pixels
-from femupdate.atomic import atomic_path
 from femupdate.errors import ReportError
 from femupdate.report.style import QUIET, styled
+from femupdate.storage import atomic_path
 
 DOTS_PER_INCH = 150
 

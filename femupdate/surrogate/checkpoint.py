@@ -10,8 +10,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from femupdate.atomic import write_bytes
 from femupdate.errors import SurrogateError
+from femupdate.storage import write_bytes
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.soap import Soap
 

@@ -12,11 +12,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.dynamics.modes import ModalData, joined
 from femupdate.dynamics.system import System
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, torch_generator
+from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.surrogate.places import Box
 from femupdate.workers import completed
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.arrays import Floats
 from femupdate.building.document import without_effects
 from femupdate.building.files import mechanics_hash
@@ -22,6 +21,7 @@ from femupdate.effects.listed import building_effects
 from femupdate.effects.structure import Structure
 from femupdate.inference.priors import reduction_target
 from femupdate.progress import SILENT, Progress
+from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
 
 BASIS, NEAR_BASIS = "effect basis", "finder's basis"

@@ -7,7 +7,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from femupdate.atomic import atomic_path
+from femupdate.storage import atomic_path
 
 _LEFT_OUT = ("__init__.py", "__pycache__")
 

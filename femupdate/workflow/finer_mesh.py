@@ -11,7 +11,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.building.document import without_effects
 from femupdate.building.files import mechanics_hash
 from femupdate.building.frame import FrameBuilding
@@ -23,6 +22,7 @@ from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Stiffness, Terms
+from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
 
 FINER = "finer mesh"

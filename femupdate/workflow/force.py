@@ -7,7 +7,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.array_archive import check_shapes, read_arrays, write_arrays
 from femupdate.building.frame import FrameBuilding
 from femupdate.dynamics.force_response import RestFlexibility, rest_flexibility
 from femupdate.dynamics.reduced import ReducedModel
@@ -16,6 +15,7 @@ from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import FrfData, base_logs, log_responses
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
+from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
 from femupdate.units import STANDARD_GRAVITY
 from femupdate.workflow.finer_mesh import FINER, half_mesh_size

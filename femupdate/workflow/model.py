@@ -9,7 +9,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.array_archive import read_arrays, write_arrays
 from femupdate.building.files import load_building, mechanics_hash, save_building
 from femupdate.building.schema import Building
 from femupdate.dynamics.damping import DampingLaw, damping_law
@@ -22,6 +21,7 @@ from femupdate.inference.learned import SharedErrors
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.priors import damping_parameter, reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
+from femupdate.storage import read_arrays, write_arrays
 from femupdate.study import BUILDING_FILE, MAIN_POSTERIOR, Study, StudyPart
 from femupdate.workflow.finer_mesh import FinerMesh, kept_finer
 

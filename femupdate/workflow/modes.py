@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.array_archive import read_arrays, write_arrays
 from femupdate.arrays import Floats
 from femupdate.dynamics.full_modes import FullModes, mesh_modes, stick_modes
 from femupdate.dynamics.tracking import (
@@ -20,6 +19,7 @@ from femupdate.dynamics.tracking import (
 from femupdate.effects.structure import structure_of
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
+from femupdate.storage import read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
 from femupdate.tables import Table
 from femupdate.units import ordinal, percent

@@ -11,7 +11,7 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior
-from femupdate.netcdf import read_tree
+from femupdate.storage import read_tree
 from femupdate.study import REPAIRED, Artefact, Study
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import StudyModel

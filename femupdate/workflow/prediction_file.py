@@ -9,7 +9,7 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.spectra import FloorSpectra
 from femupdate.dynamics.summary import HistorySummary
 from femupdate.measurement.record import GroundMotion
-from femupdate.netcdf import write_tree
+from femupdate.storage import write_tree
 
 _BASE = ("base_acceleration", "base_rotation")  # m/s2, rad/s2
 

@@ -13,7 +13,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from femupdate.array_archive import read_arrays, write_arrays
 from femupdate.inference.bridge import Start, bridge
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.sampler_run import Level, SamplerRun
@@ -21,6 +20,7 @@ from femupdate.inference.smc import SmcSettings, SmcState, TemperedSmc
 from femupdate.inference.tempering import LogLikelihood, Points
 from femupdate.progress import Percent, Progress
 from femupdate.seeds import Seed, spawn
+from femupdate.storage import read_arrays, write_arrays
 
 FIRST, BRIDGE = 0, 1
 """Stages of a calibration, each with random streams of its own."""

@@ -10,8 +10,8 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from femupdate.atomic import write_bytes, write_failure
 from femupdate.errors import StudyError
+from femupdate.storage import write_bytes, write_failure
 
 from .result import json_content
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.atomic import atomic_path
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.errors import BuildingError
+from femupdate.storage import atomic_path
 
 GROUPS = ("slab", "wall", "non_structural_wall", "column", "beam")
 _FORMATS = {".vtu": "vtu", ".msh": "gmsh22", ".med": "med"}

@@ -173,7 +173,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_the_old_checkpoint(
     def full(temporary, path):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("femupdate.atomic.os.replace", full)
+    monkeypatch.setattr("femupdate.storage.os.replace", full)
     before = stopped.read_bytes()
     with pytest.raises(StudyError, match="the disk is full; free some space"):
         train_mvae(task, quick, stopped)

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femupdate.array_archive import read_arrays, write_arrays
 from femupdate.errors import StudyError
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import load_posterior, save_posterior
+from femupdate.storage import read_arrays, write_arrays
 from femupdate.study import MANIFEST, file_hash, write_text
 from femupdate.workflow.effects import BASIS, finder_origin, open_structure
 from femupdate.workflow.mesh_error import MESH_ERROR, kept_mesh_error

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from femupdate.errors import MeasurementError
-from femupdate.files import read_file
 from femupdate.measurement.array_file import table_of_arrays
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import FILES
+from femupdate.storage import read_file
 
 _LARGEST_BYTES = FILES.arrays_mb * 1_000_000
 _ITEM_BYTES = 16  # of a complex number, the largest

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from femupdate.array_archive import ArchiveError, read_arrays
 from femupdate.measurement.array_file import table_of_arrays
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import FILES
+from femupdate.storage import ArchiveError, read_arrays
 
 
 def _recognises(head: str, suffix: str) -> bool:
