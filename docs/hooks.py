@@ -117,6 +117,16 @@ def _formats() -> Iterator[str]:
         yield f"| `{reader.name}` | {_cell(reader.reads)} |"
 
 
+def _python() -> Iterator[str]:
+    """Every public name, with what it is."""
+    import femupdate
+
+    yield "| name | what it is |\n|---|---|"
+    for name in femupdate.__all__:
+        told = inspect.getdoc(getattr(femupdate, name)) or ""
+        yield f"| `{name}` | {_cell(told.split(chr(10) * 2)[0])} |"
+
+
 def _keys() -> Iterator[str]:
     """Keys of the JSON that commands print, as a test has recorded them."""
     for command, keys in _recorded().items():
@@ -195,6 +205,7 @@ _LISTS = {
     "commands": _commands,
     "effects": _effects,
     "formats": _formats,
+    "python": _python,
     "keys": _keys,
     "columns": _columns,
     "thresholds": _thresholds,
