@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -14,16 +15,22 @@ from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import read_head, read_text
 
+# Comments, and the name of the first column as femupdate writes it: no other format begins so.
+_OWN_TABLE = re.compile(r"(?:#[^\n]*\n)*time_s,")
+
 
 @cache
 def readers() -> Mapping[str, Reader]:
     """Readers by their names, in the order in which they are tried."""
     names = [info.name for info in pkgutil.iter_modules(folder.__path__)]
-    found: list[Reader] = [
-        importlib.import_module(f"{folder.__name__}.{name}").READER for name in names
-    ]
+    found = [_reader(name) for name in names]
     found.sort(key=lambda reader: (reader.fallback, reader.name))
     return MappingProxyType({reader.name: reader for reader in found})
+
+
+def _reader(name: str) -> Reader:
+    reader: Reader = importlib.import_module(f"{folder.__name__}.{name}").READER
+    return reader
 
 
 def read_measured(path: str | Path) -> Recording:
@@ -50,6 +57,8 @@ def read_measured(path: str | Path) -> Recording:
 
 def _recognised(path: Path) -> Reader:
     head = read_head(path)
+    if path.suffix.lower() == ".csv" and _OWN_TABLE.match(head):
+        return _reader("plain")
     for reader in readers().values():
         if reader.recognises(head, path.suffix.lower()):
             return reader

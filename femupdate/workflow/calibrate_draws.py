@@ -106,6 +106,8 @@ def with_own_errors(posterior: Posterior, model: StudyModel, seed: Seed) -> Post
 
     No data tell that from the parameters, so it moves the draws and not the likelihood.
     """
+    if not model.system.placed:
+        return posterior
     own = own_errors(model.system.placed, error_of_sizes(model.building)).numpy()
     if not own.any():
         return posterior
