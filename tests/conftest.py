@@ -254,6 +254,28 @@ tolerance = 0.1
 
 
 @pytest.fixture(scope="session")
+def built_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """A folder by its name, which is filled once for all processes that run tests."""
+    from filelock import FileLock
+
+    base = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        base = base.parent
+
+    def build(name: str, fill: Callable[[Path], object]) -> Path:
+        folder, done = base / f"shared_{name}", base / f"shared_{name}.done"
+        with FileLock(base / f"shared_{name}.lock"):
+            if not done.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir()
+                fill(folder)
+                done.touch()
+        return folder
+
+    return build
+
+
+@pytest.fixture(scope="session")
 def buildings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with tower.toml, a shear building, and cabin.toml, a frame."""
     folder = tmp_path_factory.mktemp("buildings")
@@ -293,9 +315,7 @@ def tower_observation(buildings: Path, tower_file: Path) -> SimpleNamespace:
 
 
 @pytest.fixture(scope="session")
-def tower_study(
-    tmp_path_factory: pytest.TempPathFactory, tower_file: Path, tower_observation: SimpleNamespace
-) -> Path:
+def tower_study(built_once, tower_file: Path, tower_observation: SimpleNamespace) -> Path:
     """The folder of a study of the tower with a posterior; tests work on copies of it."""
     from femupdate.study import Study
     from femupdate.workflow.calibrate import calibrate_study
@@ -303,11 +323,12 @@ def tower_study(
     from femupdate.workflow.model import open_study
     from femupdate.workflow.observed import ObservationSource
 
-    study = Study(tmp_path_factory.mktemp("tower") / "study")
-    settings = CalibrationSettings(particles=400, exact=True)
-    source = ObservationSource(tower_observation.path)
-    calibrate_study(study, open_study(study, str(tower_file)), source, settings)
-    return study.folder
+    def fill(folder: Path) -> None:
+        study, settings = Study(folder), CalibrationSettings(particles=400, exact=True)
+        source = ObservationSource(tower_observation.path)
+        calibrate_study(study, open_study(study, str(tower_file)), source, settings)
+
+    return built_once("tower", fill)
 
 
 @pytest.fixture

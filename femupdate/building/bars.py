@@ -108,7 +108,7 @@ def brace_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementB
             if stretch.start != braces.start:  # stretches run along the axis
                 diagonals = {"up": (low_end, high_start), "down": (high_end, low_start)}
             chosen = diagonals if braces.shape == "cross" else (braces.shape,)
-            nodes = np.array([diagonals[one] for one in chosen], dtype=np.int64)
+            nodes = np.array([diagonals[leaning] for leaning in chosen], dtype=np.int64)
             yield ElementBlock(
                 key=key,
                 element=Beams,

@@ -48,12 +48,12 @@ class ElementBlock:
 
     def values(self) -> dict[str, Any]:
         """What the element's fields are filled with, by their names."""
-        found = {one.name: getattr(self, one.name) for one in fields(self)}
-        found |= dict(self.material)
+        filled = {item.name: getattr(self, item.name) for item in fields(self)}
+        filled |= dict(self.material)
         if self.section is not None:
-            found |= {one.name: getattr(self.section, one.name) for one in fields(self.section)}
-            found["size"] = self.section.size
-        return found
+            filled |= {item.name: getattr(self.section, item.name) for item in fields(self.section)}
+            filled["size"] = self.section.size
+        return filled
 
 
 def by_element(blocks: Sequence[ElementBlock]) -> dict[type[Elements], list[ElementBlock]]:
@@ -69,23 +69,23 @@ def joined(blocks: Sequence[ElementBlock], used: Integers) -> tuple[Elements, ..
         blocks: whose elements have fields for what the blocks hold, or do without it.
         used: points of the lattice, or nodes of the read mesh, that are the model's nodes.
     """
-    return tuple(_joined(kind, own, used) for kind, own in by_element(blocks).items())
+    return tuple(_joined(kind, alike, used) for kind, alike in by_element(blocks).items())
 
 
 def _joined(kind: type[Elements], blocks: Sequence[ElementBlock], used: Integers) -> Elements:
     nodes = np.searchsorted(used, np.concatenate([block.nodes for block in blocks]))
     known = [block.values() for block in blocks]
     filled: dict[str, Any] = {"nodes": nodes}
-    for name in {one.name for one in fields(kind)} - {"nodes"}:
-        own = [values.get(name) for values in known]
-        given = [np.asarray(value) for value in own if value is not None]
+    for name in {item.name for item in fields(kind)} - {"nodes"}:
+        columns = [values.get(name) for values in known]
+        given = [np.asarray(value) for value in columns if value is not None]
         if given:
             shape = _SHAPES.get(name, ())
             nothing = np.zeros(shape, dtype=given[0].dtype)
             filled[name] = np.concatenate(
                 [
                     np.broadcast_to(nothing if value is None else value, (len(block.nodes), *shape))
-                    for value, block in zip(own, blocks, strict=True)
+                    for value, block in zip(columns, blocks, strict=True)
                 ]
             )
     return kind(**filled)

@@ -169,7 +169,7 @@ class MeshedBuilding(Building):
 
     def doubts(self) -> tuple[str, ...]:
         """What an engineer would ask about the figures, a sentence each."""
-        asked = {f"materials.{name}": one.doubt() for name, one in self.materials.items()}
+        asked = {f"materials.{name}": material.doubt() for name, material in self.materials.items()}
         return tuple(f"{key}: {text}" for key, text in asked.items() if text)
 
     def check_material(self, name: str | None, key: str) -> None:

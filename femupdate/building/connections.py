@@ -44,13 +44,13 @@ def connected(
 
 def face_lines(model: FiniteElementModel) -> ExtraLines:
     """Return mesh lines through the ends of the faces of beams that frame into shell edges."""
-    found: dict[str, list[float]] = {"x": [], "y": [], "z": []}
+    lines: dict[str, list[float]] = {"x": [], "y": [], "z": []}
     for joint in edge_joints(model):
         axis = int(np.abs(joint.across).argmax())
         for end in joint.face:
             if bool((joint.position * end > 0.0).any()):
-                found["xyz"[axis]].append(float(model.nodes[joint.node, axis] + end))
-    return ExtraLines(*(tuple(found[axis]) for axis in "xyz"))
+                lines["xyz"[axis]].append(float(model.nodes[joint.node, axis] + end))
+    return ExtraLines(*(tuple(lines[axis]) for axis in "xyz"))
 
 
 def _on_springs(
@@ -95,7 +95,7 @@ def _diaphragms(
 
     The master is the node nearest to the middle; a follower of something else cannot be it.
     """
-    found = []
+    links = []
     for nodes in _merged(len(model.nodes), list(slabs)):
         level = model.nodes[nodes]
         away = np.linalg.norm(level - level.mean(axis=0), axis=1)
@@ -103,8 +103,8 @@ def _diaphragms(
         master = nodes[int(away.argmin())]
         slaves = nodes[nodes != master]
         tied = np.broadcast_to(_IN_PLAN, (len(slaves), DOF_PER_NODE))
-        found.append(RigidLinks(np.full(len(slaves), master), slaves, tied.copy()))
-    return _joined(found)
+        links.append(RigidLinks(np.full(len(slaves), master), slaves, tied.copy()))
+    return _joined(links)
 
 
 def _merged(count: int, slabs: Sequence[Integers]) -> list[Integers]:

@@ -55,7 +55,7 @@ def dotted(parts: Iterable[str | int]) -> str:
 
 def _present(document: Any, parts: tuple[str | int, ...], *, keep_last: bool) -> list[str | int]:
     """Drop the tags of unions, which pydantic adds to a path but no file contains."""
-    found: list[str | int] = []
+    path: list[str | int] = []
     for number, part in enumerate(parts):
         last = number == len(parts) - 1
         try:
@@ -63,8 +63,8 @@ def _present(document: Any, parts: tuple[str | int, ...], *, keep_last: bool) ->
         except (KeyError, IndexError, TypeError):
             if not (last and keep_last):
                 continue
-        found.append(part)
-    return found
+        path.append(part)
+    return path
 
 
 _PLAIN = {

@@ -66,8 +66,8 @@ def _parts_on(building: FrameBuilding, lattice: Lattice) -> _Parts:
         *beam_blocks(building, lattice),
         *brace_blocks(building, lattice),
     ]
-    for own in by_element(blocks).values():
-        _refuse_doubles(own, lattice)
+    for alike in by_element(blocks).values():
+        _refuse_doubles(alike, lattice)
     used = np.unique(np.concatenate([block.nodes.ravel() for block in blocks]))
     model = FiniteElementModel(
         nodes=lattice.coordinates(used),
@@ -106,7 +106,7 @@ def _refuse_doubles(blocks: Sequence[ElementBlock], lattice: Lattice) -> None:
     double = first_double(nodes)
     if double is not None:
         owner = np.repeat(np.arange(len(blocks)), [len(block.nodes) for block in blocks])
-        later, earlier = (blocks[owner[one]] for one in double)
+        later, earlier = (blocks[owner[index]] for index in double)
         where = place(lattice.coordinates(nodes[double[0]]).mean(axis=0))
         raise Complaint(later.key, f"it lies on {earlier.key} at {where}; remove one")
 

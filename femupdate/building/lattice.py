@@ -154,14 +154,14 @@ def lattice_of(
     floors = dict(zip((BASE, *floor_names(len(stories))), levels.tolist(), strict=True))
     stations, more = (grid.x, grid.y, floors), (extra.x, extra.y, extra.z)
     count = math.prod(
-        _count(station, size) + len(own) for station, own in zip(stations, more, strict=True)
+        _count(station, size) + len(cuts) for station, cuts in zip(stations, more, strict=True)
     )
     if count > _MOST_CROSSINGS:
         raise BuildingError(
             f"mesh.size: {size:g} m would give some {count:.1e} nodes; write a larger size"
         )
     return Lattice(
-        *(divide(station, size, least, own) for station, own in zip(stations, more, strict=True))
+        *(divide(station, size, least, cuts) for station, cuts in zip(stations, more, strict=True))
     )
 
 

@@ -41,8 +41,8 @@ def _tributary(model: FiniteElementModel, group: int) -> Floats:
     return area
 
 
-def _rest(building: Massive, own: Floats, key: str, total: float, floor: str) -> float:
-    weight = own[building.floors.index(floor)]
+def _rest(building: Massive, weights: Floats, key: str, total: float, floor: str) -> float:
+    weight = weights[building.floors.index(floor)]
     rest = total - weight
     if rest < -_ROUNDING * total:
         text = (
@@ -53,13 +53,13 @@ def _rest(building: Massive, own: Floats, key: str, total: float, floor: str) ->
     return max(rest, 0.0)
 
 
-def _floor_rest(building: Massive, model: FiniteElementModel, own: Floats) -> Floats:
+def _floor_rest(building: Massive, model: FiniteElementModel, weights: Floats) -> Floats:
     """Return what the floor masses leave after the self weight, spread over the slabs, (N,) kg."""
     spread = np.zeros(len(model.nodes))
     for number, mass in enumerate(building.floor_mass):
         key = f"floor_mass[{number}]"
         for floor in resolve(mass.floors, building.floors, "floor", f"{key}.floors"):
-            rest = _rest(building, own, key, mass.total, floor)
+            rest = _rest(building, weights, key, mass.total, floor)
             area = _tributary(model, building.floors.index(floor))
             if rest > _ROUNDING * mass.total and not area.any():
                 text = f"{floor} has no slab to carry its mass; add one, or remove the floor mass"

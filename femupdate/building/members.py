@@ -272,5 +272,6 @@ class Sensors(Entry):
 
     def of(self, floor: str) -> tuple[str, tuple[str, ...]]:
         """Return the key and the points of a floor."""
-        own = self.floors.get(floor)
-        return ("sensors.points", self.points) if own is None else (f"sensors.floors.{floor}", own)
+        if floor in self.floors:
+            return f"sensors.floors.{floor}", self.floors[floor]
+        return "sensors.points", self.points

@@ -63,10 +63,10 @@ def check_connected(nodes: Floats, cells: Sequence[Integers], base: Integers) ->
     pieces = loose_pieces(len(nodes), cells, base)
     if pieces:
         biggest = pieces[0]
-        told = "1 piece is" if len(pieces) == 1 else f"{len(pieces)} pieces are"
+        counted = "1 piece is" if len(pieces) == 1 else f"{len(pieces)} pieces are"
         raise Complaint(
             _KEY,
-            f"{told} not connected to the base, such as {len(biggest)} nodes around "
+            f"{counted} not connected to the base, such as {len(biggest)} nodes around "
             f"{place(nodes[biggest[0]])}; "
             "join the nodes where the parts meet (mesh.merge merges near ones)",
         )
@@ -126,11 +126,11 @@ def _refuse_double_nodes(nodes: Floats, used: Integers) -> None:
     distance = _SAME * float(np.ptp(nodes[used], axis=0).max())
     pairs = cKDTree(nodes[used]).query_pairs(distance, output_type="ndarray")
     if len(pairs):
-        one, other = used[np.sort(pairs[0])]
+        first, second = used[np.sort(pairs[0])]
         raise Complaint(
             _KEY,
-            f"{len(pairs)} pairs of nodes are in the same place, such as nodes {one} and {other} "
-            f"at {place(nodes[one])}: the elements there are not connected; write "
+            f"{len(pairs)} pairs of nodes are in the same place, such as nodes {first} and "
+            f"{second} at {place(nodes[first])}: the elements there are not connected; write "
             'mesh.merge = "1 mm" to merge them, or "0 m" where the gap is meant',
         )
 
@@ -145,11 +145,11 @@ def _refuse_hanging(nodes: Floats, cells: Mapping[str, Integers], used: Integers
     ends = nodes[side]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     near = cKDTree(nodes[used]).query_ball_point(ends.mean(axis=1), 0.499 * length)
-    counts = np.array([len(found) for found in near])
+    counts = np.array([len(nearby) for nearby in near])
     if not counts.any():
         return
     which = np.repeat(np.arange(len(side)), counts)
-    node = used[np.concatenate([np.array(found, dtype=np.int64) for found in near])]
+    node = used[np.concatenate([np.array(nearby, dtype=np.int64) for nearby in near])]
     axis = (ends[which, 1] - ends[which, 0]) / length[which, None]
     arm = nodes[node] - ends[which, 0]
     aside = np.linalg.norm(arm - np.einsum("nd,nd->n", arm, axis)[:, None] * axis, axis=1)

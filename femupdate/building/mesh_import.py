@@ -69,8 +69,8 @@ def _import(building: MeshBuilding) -> BuildingMesh:
         _floor_nodes(building, model.nodes),
         diaphragms=list(_diaphragms(building, blocks, nodes, used)),
         parts=tuple(
-            np.concatenate([np.full(len(block.nodes), block.part) for block in own])
-            for own in by_element(blocks).values()
+            np.concatenate([np.full(len(block.nodes), block.part) for block in alike])
+            for alike in by_element(blocks).values()
         ),
     )
 
@@ -91,7 +91,7 @@ def _blocks(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> Iterator[Ele
     }
     for number, part in enumerate(building.parts):
         key = f"parts[{number}]"
-        found = False
+        some = False
         for kind in raw.cells:
             if (kind == "line") != (part.thickness is None):
                 continue
@@ -99,9 +99,9 @@ def _blocks(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> Iterator[Ele
             _refuse_taken(raw, kind, taken[kind], chosen, key)
             taken[kind][chosen] = number
             if chosen.any():
-                found = True
+                some = True
                 yield _block(building, number, part, kind, raw.cells[kind].nodes[chosen], nodes)
-        if not found:
+        if not some:
             what = "surfaces" if part.thickness is not None else "lines"
             text = f"no {what} of the mesh belong to it (groups: {', '.join(raw.group_names)})"
             raise Complaint(f"{key}.group", f"{text}; correct the name or remove the part")
@@ -131,9 +131,9 @@ def _refuse_taken(raw: RawMesh, kind: str, owner: Integers, chosen: Flags, key: 
 def _refuse_left(raw: RawMesh, kind: str, left: Flags, nodes: Floats) -> None:
     if left.any():
         first = int(left.argmax())
-        own = [name for name, flags in raw.cells[kind].groups.items() if flags[first]]
+        groups = [name for name, flags in raw.cells[kind].groups.items() if flags[first]]
         where = place(nodes[raw.cells[kind].nodes[first]].mean(axis=0))
-        said = f"group {own[-1]!r}" if own else "no group"
+        said = f"group {groups[-1]!r}" if groups else "no group"
         raise Complaint(
             "parts",
             f"{int(left.sum())} {kind} cells belong to no part, such as the one at {where} in "
@@ -175,7 +175,7 @@ def _element_of(part: Part, cell_type: str, key: str) -> type[Elements]:
         element = element_for(cell_type, part.element)
     except ModelError as error:
         raise Complaint(f"{key}.element", str(error)) from None
-    known = {one.name for one in fields(element)}
+    known = {field.name for field in fields(element)}
     if (part.has_arms and "offset" not in known) or (part.hinges and "released" not in known):
         text = f"a {element.name} has no eccentricity, rigid ends or hinges; remove them"
         raise Complaint(f"{key}.element", text)
@@ -210,7 +210,7 @@ def _with_ends(
     for block in blocks:
         part = building.parts[block.part]
         if part.has_arms or part.hinges is not None:
-            others = [one.nodes.ravel() for one in lines if one is not block]
+            others = [line.nodes.ravel() for line in lines if line is not block]
             meeting = np.concatenate([np.zeros(0, dtype=np.int64), *others])
             spans = span_ends(nodes, block.nodes, meeting)
             arms = beam_arms(part, nodes, block.nodes, spans, block.key) if part.has_arms else None
@@ -220,7 +220,7 @@ def _with_ends(
 
 
 def _floor_nodes(building: MeshBuilding, points: Floats) -> dict[str, Integers]:
-    found = {}
+    nearest_nodes = {}
     for floor, level in zip(building.floors, building.floor_levels, strict=True):
         on_level = np.flatnonzero(np.abs(points[:, 2] - level) < _LEVEL)
         if not len(on_level):
@@ -229,8 +229,8 @@ def _floor_nodes(building: MeshBuilding, points: Floats) -> dict[str, Integers]:
             raise Complaint("stories", f"{text} {nearest:g} m); correct the heights or mesh.base")
         _, sensors = building.sensors.of(floor)
         away = np.linalg.norm(points[on_level, None, :2] - np.array(sensors), axis=2)
-        found[floor] = on_level[away.argmin(axis=0)]
-    return found
+        nearest_nodes[floor] = on_level[away.argmin(axis=0)]
+    return nearest_nodes
 
 
 def _diaphragms(
@@ -239,8 +239,8 @@ def _diaphragms(
     for block in blocks:
         if building.parts[block.part].diaphragm != "rigid":
             continue
-        own = np.unique(block.nodes)
+        slab = np.unique(block.nodes)
         for level in building.floor_levels:
-            on_floor = own[np.abs(nodes[own, 2] - level) < _LEVEL]
+            on_floor = slab[np.abs(nodes[slab, 2] - level) < _LEVEL]
             if len(on_floor):
                 yield np.searchsorted(used, on_floor)

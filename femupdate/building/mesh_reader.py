@@ -91,7 +91,7 @@ def read_mesh(path: Path, tags: str | None) -> RawMesh:
         raise Complaint(
             "mesh.file", f"its groups do not go with its cells ({error}); {_MEND}"
         ) from None
-    return RawMesh(nodes, {kind: found for kind, found in cells.items() if len(found.nodes)})
+    return RawMesh(nodes, {kind: block for kind, block in cells.items() if len(block.nodes)})
 
 
 def _read(path: Path) -> Any:
@@ -125,13 +125,13 @@ def _reading_little() -> Iterator[None]:
     from meshio.vtu import _vtu
 
     room = [_LARGEST_BYTES]
-    own: tuple[tuple[Any, str, Any], ...] = (
+    replaced: tuple[tuple[Any, str, Any], ...] = (
         (_vtu, "zlib", _Unpacker(zlib.decompressobj, room)),
         (_vtu, "lzma", _Unpacker(lzma.LZMADecompressor, room)),
         (_common, "Console", _Unheard),
     )
     with contextlib.ExitStack() as stack:
-        for module, name, ours in own:
+        for module, name, ours in replaced:
             stack.callback(setattr, module, name, getattr(module, name))
             setattr(module, name, ours)
         yield
@@ -162,13 +162,13 @@ class _Unpacker:
     def decompress(self, data: bytes) -> bytes:
         """Unpack one piece."""
         unpacking = self.begin()
-        found: bytes = unpacking.decompress(data, self.room[0] + 1)
-        self.room[0] -= len(found)
+        piece: bytes = unpacking.decompress(data, self.room[0] + 1)
+        self.room[0] -= len(piece)
         if self.room[0] < 0:
             raise ValueError(f"its arrays unpack to more than {_LARGEST_BYTES / 1e6:.0f} MB")
         if not unpacking.eof:
             raise ValueError("its packed arrays are cut short")
-        return found
+        return piece
 
 
 def _check_file(path: Path) -> None:

@@ -52,10 +52,10 @@ def span_ends(nodes: Floats, lines: Integers, others: Integers) -> SpanEnds:
     element, side = np.nonzero(at_end)
     order = np.argsort(span[element], kind="stable")  # the two ends of a span, one after the other
     first, second = element[order].reshape(-1, 2).T, side[order].reshape(-1, 2).T
-    one, other = (nodes[lines[first[k], second[k]]] for k in range(2))
-    along = np.abs(other - one).argmax(axis=1)
+    start, end = (nodes[lines[first[k], second[k]]] for k in range(2))
+    along = np.abs(end - start).argmax(axis=1)
     rows = np.arange(len(along))
-    swapped = (other[rows, along] < one[rows, along]).astype(np.int64)
+    swapped = (end[rows, along] < start[rows, along]).astype(np.int64)
     starts[first[swapped, rows], second[swapped, rows]] = True
     ends[first[1 - swapped, rows], second[1 - swapped, rows]] = True
     return SpanEnds(starts, ends)

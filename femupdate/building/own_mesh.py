@@ -105,8 +105,9 @@ class MeshSensors(Entry):
 
     def of(self, floor: str) -> tuple[str, tuple[tuple[float, float], ...]]:
         """Return the key and the points of a floor."""
-        own = self.floors.get(floor)
-        return ("sensors.points", self.points) if own is None else (f"sensors.floors.{floor}", own)
+        if floor in self.floors:
+            return f"sensors.floors.{floor}", self.floors[floor]
+        return "sensors.points", self.points
 
 
 class MeshBuilding(MeshedBuilding):
@@ -123,11 +124,11 @@ class MeshBuilding(MeshedBuilding):
         if not self.parts:
             raise Complaint("parts", "no group of the mesh has a meaning; add a [[parts]] table")
         for n, part in enumerate(self.parts):
-            own = None
+            material = None
             if part.section is not None:
                 require(part.section, self.sections, "section", f"parts[{n}].section")
-                own = self.sections[part.section].material
-            self.check_material(part.material or own, f"parts[{n}]")
+                material = self.sections[part.section].material
+            self.check_material(part.material or material, f"parts[{n}]")
             if part.story is not None:
                 require(part.story, self.story_names, "story", f"parts[{n}].story")
         for floor in self.sensors.floors:

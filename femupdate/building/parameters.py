@@ -55,18 +55,18 @@ def stiffness_factors(building: Building) -> tuple[StiffnessFactor, ...]:
 def factor_titles(building: Building) -> dict[str, str]:
     """Return what every stiffness factor is of, by its name: "story S3" or "walls of story S3"."""
     names = building.story_names
-    found = stiffness_factors(building)
-    parts = {one.name: f"{one.kind} of " if one.kind else "" for one in found}
-    return {one.name: f"{parts[one.name]}story {names[one.story]}" for one in found}
+    factors = stiffness_factors(building)
+    parts = {factor.name: f"{factor.kind} of " if factor.kind else "" for factor in factors}
+    return {factor.name: f"{parts[factor.name]}story {names[factor.story]}" for factor in factors}
 
 
 def factor_ranges(building: Building) -> dict[str, tuple[float, float]]:
     """Return lowest and highest value of every stiffness factor, by its name."""
     ranges = {
-        one.name: building.prior.theta_of(building.story_names[one.story])
-        for one in stiffness_factors(building)
+        factor.name: building.prior.theta_of(building.story_names[factor.story])
+        for factor in stiffness_factors(building)
     }
-    return {name: (found.lower, found.upper) for name, found in ranges.items()}
+    return {name: (prior.lower, prior.upper) for name, prior in ranges.items()}
 
 
 def with_factors(
@@ -78,12 +78,12 @@ def with_factors(
         model: whose groups are stories.
         factors: of all kinds that the model has.
     """
-    number = {(one.story, one.kind): k for k, one in enumerate(factors)}
+    number = {(factor.story, factor.kind): k for k, factor in enumerate(factors)}
 
     def of(group: Integers, kind: Strings) -> Integers:
         pairs = zip(group.tolist(), kind.tolist(), strict=True)
-        found = [number[story, _CALLED[name]] if story >= 0 else story for story, name in pairs]
-        return np.array(found, dtype=np.int64)
+        numbers = [number[story, _CALLED[name]] if story >= 0 else story for story, name in pairs]
+        return np.array(numbers, dtype=np.int64)
 
     renumbered = model.mapped(lambda part: replace(part, group=of(part.group, part.kind)))
     return replace(renumbered, groups=len(factors))

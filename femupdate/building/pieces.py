@@ -23,7 +23,7 @@ def loose_pieces(count: int, cells: Iterable[Integers], base: Integers) -> list[
         cells: nodes of the elements of each type, (n, k).
         base: (b,) nodes at the base.
     """
-    edges = np.concatenate([own[:, [0, k]] for own in cells for k in range(1, own.shape[1])])
+    edges = np.concatenate([quads[:, [0, k]] for quads in cells for k in range(1, quads.shape[1])])
     piece, used = piece_of(count, edges), np.unique(edges)
     loose = used[~np.isin(piece[used], piece[base])]
     pieces = [loose[piece[loose] == label] for label in np.unique(piece[loose])]

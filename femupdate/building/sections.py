@@ -265,7 +265,7 @@ class FiguresSection(_SectionShape):
 
     def figures(self) -> SectionFigures:
         """Return the section's figures."""
-        names = [one.name for one in fields(SectionFigures) if one.name != "extent"]
+        names = [item.name for item in fields(SectionFigures) if item.name != "extent"]
         return SectionFigures(**{name: getattr(self, name) for name in names})
 
 

@@ -171,11 +171,11 @@ def _inside(model: FiniteElementModel, low: Floats, high: Floats) -> Flags:
 
 def _wall_nodes(model: FiniteElementModel, among: Flags) -> Integers:
     """Nodes of the walls whose nodes are all among these."""
-    own = [
+    chosen = [
         part.nodes[among[part.nodes].all(axis=1) & np.isin(part.kind, _KINDS)].ravel()
         for part in model.elements
     ]
-    return np.unique(np.concatenate(own))
+    return np.unique(np.concatenate(chosen))
 
 
 def _mesh_walls(building: MeshBuilding, mesh: BuildingMesh) -> Iterator[tuple[str, _Wall]]:
@@ -184,10 +184,10 @@ def _mesh_walls(building: MeshBuilding, mesh: BuildingMesh) -> Iterator[tuple[st
         raise ValueError("a mesh that was read has parts")
     for number, part in enumerate(building.parts):
         for story, name in enumerate(building.story_names):
-            own = [
+            surfaces = [
                 block.nodes[(owner == number) & (block.group == story) & (block.kind == "wall")]
                 for block, owner in zip(mesh.model.elements, mesh.parts, strict=True)
             ]
-            found = np.unique(np.concatenate([nodes.ravel() for nodes in own]))
-            for group in part.group if len(found) else ():
-                yield f"{group}:{name}", _Wall(story, found)
+            nodes_of_wall = np.unique(np.concatenate([nodes.ravel() for nodes in surfaces]))
+            for group in part.group if len(nodes_of_wall) else ():
+                yield f"{group}:{name}", _Wall(story, nodes_of_wall)

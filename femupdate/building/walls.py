@@ -93,61 +93,61 @@ def wall_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBl
     Raises:
         Complaint: the openings leave nothing of a wall.
     """
-    for one in _wall_stories(building):
-        if not one.wall.is_stiff:
+    for part in _wall_stories(building):
+        if not part.wall.is_stiff:
             continue
-        nodes = quadrilaterals(one.sheet(lattice))
-        open_ = one.is_open(lattice, nodes)
+        nodes = quadrilaterals(part.sheet(lattice))
+        open_ = part.is_open(lattice, nodes)
         if open_.all():
-            story = building.story_names[one.group]
+            story = building.story_names[part.group]
             text = f"the openings leave nothing of the wall in story {story}; make them smaller"
-            raise Complaint(f"{one.key}.openings", text)
+            raise Complaint(f"{part.key}.openings", text)
         yield ElementBlock(
-            key=one.key,
+            key=part.key,
             element=Shells,
             nodes=nodes[~open_],
-            group=one.group,
-            kind="wall" if one.wall.role == "shear" else "non_structural_wall",
-            thickness=one.wall.thickness,
-            material=building.material(one.wall.material),
+            group=part.group,
+            kind="wall" if part.wall.role == "shear" else "non_structural_wall",
+            thickness=part.wall.thickness,
+            material=building.material(part.wall.material),
         )
 
 
 def opening_lines(building: FrameBuilding) -> ExtraLines:
     """Return the mesh lines through the sides of openings."""
     lines = ExtraLines()
-    for one in _wall_stories(building):
-        for left, right, bottom, top in one.openings.tolist():
-            along = {"xy"[one.run.axis]: (left, right)}
+    for part in _wall_stories(building):
+        for left, right, bottom, top in part.openings.tolist():
+            along = {"xy"[part.run.axis]: (left, right)}
             lines += ExtraLines(**along, z=(bottom, top))
     return lines
 
 
 def dead_walls(building: FrameBuilding, lattice: Lattice) -> Iterator[DeadWall]:
     """Yield the walls whose weight alone counts, one a story."""
-    for one in _wall_stories(building):
-        if one.wall.is_stiff:
+    for part in _wall_stories(building):
+        if part.wall.is_stiff:
             continue
-        sheet = one.sheet(lattice)
-        widths = np.diff(lattice.coordinates(sheet[:, 0])[:, one.run.axis])
+        sheet = part.sheet(lattice)
+        widths = np.diff(lattice.coordinates(sheet[:, 0])[:, part.run.axis])
         tributary = (np.append(widths, 0.0) + np.append(0.0, widths)) / 2.0
-        area_density = building.material(one.wall.material).density * one.wall.thickness
-        height = building.stories[one.group].height * _closed_share(one, lattice, sheet)
+        area_density = building.material(part.wall.material).density * part.wall.thickness
+        height = building.stories[part.group].height * _closed_share(part, lattice, sheet)
         yield DeadWall(
-            key=one.key,
-            group=one.group,
+            key=part.key,
+            group=part.group,
             above=sheet[:, -1],
-            below=sheet[:0, 0] if one.group == 0 else sheet[:, 0],
+            below=sheet[:0, 0] if part.group == 0 else sheet[:, 0],
             share=area_density * height * tributary / 2.0,
         )
 
 
-def _closed_share(one: _WallStory, lattice: Lattice, sheet: Integers) -> float:
+def _closed_share(part: _WallStory, lattice: Lattice, sheet: Integers) -> float:
     """Return how much of a wall's area no opening takes."""
     nodes = quadrilaterals(sheet)
     corners = lattice.coordinates(nodes.ravel()).reshape(-1, 4, 3)
-    area = np.ptp(corners[:, :, one.run.axis], axis=1) * np.ptp(corners[:, :, 2], axis=1)
-    return float(area[~one.is_open(lattice, nodes)].sum() / area.sum())
+    area = np.ptp(corners[:, :, part.run.axis], axis=1) * np.ptp(corners[:, :, 2], axis=1)
+    return float(area[~part.is_open(lattice, nodes)].sum() / area.sum())
 
 
 def slab_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:

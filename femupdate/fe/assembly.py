@@ -165,8 +165,8 @@ def _entries(model: FiniteElementModel) -> tuple[dict[int, list[Entries]], list[
             for group in np.unique(groups):
                 chosen = groups == group
                 shared = len(matrices.stiffness) == 1
-                own = matrices.stiffness if shared else matrices.stiffness[chosen]
-                part = element_entries(nodes[chosen], own)
+                values = matrices.stiffness if shared else matrices.stiffness[chosen]
+                part = element_entries(nodes[chosen], values)
                 stiffness[max(int(group), CONSTANT)].append(part)
     for group, parts in stiffness.items():
         springs = model.springs.group

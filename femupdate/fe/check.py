@@ -84,14 +84,14 @@ def _refuse(name: str, bad: ArrayLike, complaint: str, *values: Integers | int) 
     """Raise ModelError with the first that is bad (n,), and what the complaint says of it."""
     if np.any(bad):
         first = int(np.argmax(bad))
-        own = (one if isinstance(one, int) else one[first] for one in values)
-        raise ModelError(f"{name} {first} {complaint.format(*own)}")
+        shown = (value if isinstance(value, int) else value[first] for value in values)
+        raise ModelError(f"{name} {first} {complaint.format(*shown)}")
 
 
 def _check_connected(model: FiniteElementModel) -> None:
     lonely = np.ones(len(model.nodes), dtype=bool)
-    own = [block.nodes for block in model.elements]
-    for nodes in [*own, model.springs.nodes, model.links.master, model.links.slave]:
+    connected = [block.nodes for block in model.elements]
+    for nodes in [*connected, model.springs.nodes, model.links.master, model.links.slave]:
         lonely[nodes[nodes >= 0]] = False
     if lonely.any():
         raise ModelError(

@@ -94,18 +94,18 @@ def driven_shapes(
         count += block.shape[1]
         exhausted = block.shape[1] == 0
         if exhausted or count >= looked + _LOOK:
-            own = slice(looked, count)
-            pulled = factorization.times(basis[:, own])
-            small[:count, own] = along(basis[:, :count], pulled)
-            small[own, :count] = small[:count, own].T
-            found = _diagonal(small[:count, :count])
-            driven = found.shapes.T @ along(basis[:, :count], forces)
+            new = slice(looked, count)
+            pulled = factorization.times(basis[:, new])
+            small[:count, new] = along(basis[:, :count], pulled)
+            small[new, :count] = small[:count, new].T
+            modes = _diagonal(small[:count, :count])
+            driven = modes.shapes.T @ along(basis[:, :count], forces)
             response = [
-                _response(found, (group @ basis[:, :count]) @ found.shapes, driven, top_hz, least)
-                for group, least in ((rows, 0.0), *((own, _SMALL) for own in watched))
+                _response(modes, (group @ basis[:, :count]) @ modes.shapes, driven, top_hz, least)
+                for group, least in ((rows, 0.0), *((some, _SMALL) for some in watched))
             ]
             if exhausted or (last is not None and _change(response, last) < tolerance):
-                return DrivenShapes(found.frequency_hz, combined(basis[:, :count], found.shapes))
+                return DrivenShapes(modes.frequency_hz, combined(basis[:, :count], modes.shapes))
             last, looked = response, count
         fresh = factorization.apply(moved)
     raise ModelError(f"{most} shapes do not give the response up to {top_hz:g} Hz; lower that")
@@ -139,7 +139,7 @@ def _diagonal(stiffness: Floats) -> DrivenShapes:
 
 
 def _response(
-    found: DrivenShapes, seen: Floats, driven: Floats, top_hz: float, least: float
+    shapes: DrivenShapes, seen: Floats, driven: Floats, top_hz: float, least: float
 ) -> Floats:
     """ln of the magnitude (c, o, k) of the motion of rows under every force.
 
@@ -148,14 +148,16 @@ def _response(
         driven: (r, c) forces on the shapes.
         least: share of the largest magnitude under a force that is added to all.
     """
-    omega = 2.0 * np.pi * found.frequency_hz
+    omega = 2.0 * np.pi * shapes.frequency_hz
     w = 2.0 * np.pi * top_hz * np.arange(1, _POINTS + 1) / _POINTS
     flexible = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * _DAMPING * omega[:, None] * w)
-    moved = np.abs(np.stack([(seen * one) @ flexible for one in driven.T]))
+    moved = np.abs(np.stack([(seen * force) @ flexible for force in driven.T]))
     return np.asarray(np.log(moved + least * moved.max(axis=(1, 2), keepdims=True) + 1e-300))
 
 
 def _change(new: Sequence[Floats], old: Sequence[Floats]) -> float:
     """Largest rms change of a force's response, of any group of rows."""
-    squared = [((one - two) ** 2).mean(axis=(1, 2)) for one, two in zip(new, old, strict=True)]
+    squared = [
+        ((after - before) ** 2).mean(axis=(1, 2)) for after, before in zip(new, old, strict=True)
+    ]
     return float(np.sqrt(np.max(squared)))

@@ -166,8 +166,8 @@ class Elements(ABC):
 
     def taken(self, chosen: Integers) -> Self:
         """Some of the elements, by index."""
-        own = ((one.name, getattr(self, one.name)) for one in fields(self))
-        some: dict[str, Any] = {k: v if v is None else v[chosen] for k, v in own}
+        columns = ((item.name, getattr(self, item.name)) for item in fields(self))
+        some: dict[str, Any] = {k: v if v is None else v[chosen] for k, v in columns}
         return replace(self, **some)
 
     def check(self, points: Floats) -> None:
@@ -179,17 +179,17 @@ class Elements(ABC):
         Raises:
             ModelError: names the first such element and its nodes.
         """
-        for one in fields(self):
-            values = getattr(self, one.name)
+        for item in fields(self):
+            values = getattr(self, item.name)
             if values is not None and len(values) != len(self):
                 raise ModelError(
-                    f"{one.name} of the {self.name} elements has {len(values)} rows; give one for "
+                    f"{item.name} of the {self.name} elements has {len(values)} rows; give one for "
                     f"each of the {len(self)} elements"
                 )
-            demand = one.metadata.get("demand")
+            demand = item.metadata.get("demand")
             if demand is not None and not (fine := demand.holds(values)).all():
                 value = values[int(fine.argmin())]
-                label = _LABELS.get(one.name, one.name.replace("_", " "))
+                label = _LABELS.get(item.name, item.name.replace("_", " "))
                 self.refuse(~fine, f"has {label} {value:g}; it must be {demand.words}")
 
     def refuse(self, bad: ArrayLike, complaint: str) -> None:

@@ -72,10 +72,10 @@ def opensees_script(
 def _types(model: FiniteElementModel, wanted: Mapping[str, str]) -> dict[str, str]:
     """The element type of OpenSees for each kind in the model that has one."""
     known = {block.name: block.opensees_types for block in model.elements if block.opensees_types}
-    for kind, one in wanted.items():
-        if kind in known and one not in known[kind]:
+    for kind, named in wanted.items():
+        if kind in known and named not in known[kind]:
             raise ModelError(
-                f"{one} cannot stand for a {kind} in OpenSees; use {', '.join(known[kind])}"
+                f"{named} cannot stand for a {kind} in OpenSees; use {', '.join(known[kind])}"
             )
     return {kind: wanted.get(kind, first) for kind, (first, *_) in known.items()}
 
@@ -112,7 +112,7 @@ def _masses(model: FiniteElementModel) -> OpenSeesTable:
 
 def _links(links: RigidLinks, tied: np.ndarray) -> OpenSeesTable:
     """Links of one kind, each to the last master of its chain."""
-    own, rigid, plan = ((links.tied == one).all(axis=1) for one in (tied, _RIGID, _DIAPHRAGM))
+    chosen, rigid, plan = ((links.tied == ties).all(axis=1) for ties in (tied, _RIGID, _DIAPHRAGM))
     known = rigid | plan
     if not known.all():
         first = int((~known).argmax())
@@ -120,19 +120,19 @@ def _links(links: RigidLinks, tied: np.ndarray) -> OpenSeesTable:
             f"the rigid link from node {links.master[first]} to node {links.slave[first]} ties "
             "neither all six motions nor those of a floor in its plane; OpenSees has no such link"
         )
-    return OpenSeesTable(("master", "slave"), [_last_masters(links)[own], links.slave[own]])
+    return OpenSeesTable(("master", "slave"), [_last_masters(links)[chosen], links.slave[chosen]])
 
 
 def _last_masters(links: RigidLinks) -> Integers:
     """The node at the end of each chain: OpenSees does not follow chains of links."""
     rigid = links.tied.all(axis=1)
     follows = dict(zip(links.slave[rigid].tolist(), links.master[rigid].tolist(), strict=True))
-    found = links.master.copy()
-    for k, master in enumerate(found.tolist()):
+    masters = links.master.copy()
+    for k, master in enumerate(masters.tolist()):
         while master in follows:
             master = follows[master]
-        found[k] = master
-    return found
+        masters[k] = master
+    return masters
 
 
 _HEAD = '''#!/usr/bin/env python3

@@ -78,11 +78,11 @@ def edge_joints(model: FiniteElementModel) -> tuple[EdgeJoint, ...]:
         return ()
     ends = _Ends.of(model.nodes, beams)
     candidates, around = _candidates(sheets, ends, len(model.nodes))
-    found: list[EdgeJoint] = []
+    joints: list[EdgeJoint] = []
     for node in candidates.tolist():
-        own = np.flatnonzero(ends.node == node)
-        found += _joints_at(model.nodes, sheets, ends, node, own, around(node))
-    return tuple(found)
+        ends_here = np.flatnonzero(ends.node == node)
+        joints += _joints_at(model.nodes, sheets, ends, node, ends_here, around(node))
+    return tuple(joints)
 
 
 def _candidates(
@@ -184,7 +184,7 @@ class _ElementsAtNodes:
 
 
 def _joints_at(
-    points: Floats, sheets: _Sheets, ends: _Ends, node: int, own: Integers, around: Integers
+    points: Floats, sheets: _Sheets, ends: _Ends, node: int, ends_here: Integers, around: Integers
 ) -> Iterator[EdgeJoint]:
     """Yield the joints of one node: one for each plane in which a beam leaves it."""
     normal = sheets.normal[around]
@@ -194,13 +194,13 @@ def _joints_at(
         plane = np.abs(normal @ first) > _SAME_PLANE
         left &= ~plane
         quads = sheets.nodes[around[plane]]
-        candidates = own[np.abs(ends.away[own] @ first) < _IN_PLANE]
+        candidates = ends_here[np.abs(ends.away[ends_here] @ first) < _IN_PLANE]
         if not len(candidates) or any(
             _runs_along(points, quads, node, ends.away[end]) for end in candidates
         ):
             continue
         joints = [_joint(points, sheets, quads, ends, int(end), first) for end in candidates]
-        joint = max(joints, key=lambda one: one.depth)
+        joint = max(joints, key=lambda joint: joint.depth)
         if len(joint.edge):
             yield joint
 
@@ -212,12 +212,12 @@ def _runs_along(nodes: Floats, quads: Integers, node: int, away: Floats) -> bool
         place = distinct.index(node)
         before = nodes[distinct[place - 1]] - nodes[node]
         after = nodes[distinct[(place + 1) % len(distinct)]] - nodes[node]
-        one, other = before / np.linalg.norm(before), after / np.linalg.norm(after)
-        normal = np.cross(other, one)
+        backward, forward = before / np.linalg.norm(before), after / np.linalg.norm(after)
+        normal = np.cross(forward, backward)
         if (
-            np.cross(other, away) @ normal > -_ALONG
-            and np.cross(away, one) @ normal > -_ALONG
-            and away @ (one + other) > 0.0
+            np.cross(forward, away) @ normal > -_ALONG
+            and np.cross(away, backward) @ normal > -_ALONG
+            and away @ (backward + forward) > 0.0
         ):
             return True
     return False

@@ -70,9 +70,9 @@ def largest_of_inverse(
         while steps.done + width <= most:
             steps.advance()
             if steps.done >= min(look, most - width):
-                found = _converged(steps.inside, steps.link, count, tolerance)
-                if found is not None:
-                    return _purified(steps.known, steps.block @ steps.link, *found)
+                pairs = _converged(steps.inside, steps.link, count, tolerance)
+                if pairs is not None:
+                    return _purified(steps.known, steps.block @ steps.link, *pairs)
                 look = steps.done + max(2, steps.done // _LOOKS)
     except np.linalg.LinAlgError:
         pass  # the vectors span all that the start reaches
@@ -154,8 +154,8 @@ class _Watch:
     def add(self, image: Floats) -> None:
         """Include M times new vectors (n, b)."""
         signs = self._signs.choice([-1.0, 1.0], (image.shape[1], _PROBES))
-        for probe, own in zip(self._sum.T, signs.T, strict=True):
-            for column, sign in zip(image.T, own, strict=True):
+        for probe, row in zip(self._sum.T, signs.T, strict=True):
+            for column, sign in zip(image.T, row, strict=True):
                 (np.add if sign > 0.0 else np.subtract)(probe, column, out=probe)
 
     def overlaps(self, block: Floats) -> bool:

@@ -50,9 +50,9 @@ def link_expansion(model: FiniteElementModel) -> csr_matrix | None:
         ),
         shape=(model.dof, model.dof),
     ).tocsr()
-    own = np.ones(model.dof)
-    own[slaves] = 0.0
-    expansion = (identity(model.dof, format="csr").multiply(own) + follow).tocsr()
+    free = np.ones(model.dof)
+    free[slaves] = 0.0
+    expansion = (identity(model.dof, format="csr").multiply(free) + follow).tocsr()
     for _ in range(_LONGEST_CHAIN):
         if not expansion[:, slaves].nnz:
             return expansion

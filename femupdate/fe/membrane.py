@@ -130,5 +130,5 @@ def _slip(samples: PlaneSamples, points: Floats, internal: Floats) -> Floats:
 
 def _internal(stiffness: Floats) -> Floats:
     """Load-free amplitudes of the internal modes per corner motion, sign reversed, (n, 4, 12)."""
-    own, coupling = stiffness[:, _INTERNAL, _INTERNAL], stiffness[:, _INTERNAL, _NODAL]
-    return np.asarray(np.linalg.solve(own, coupling), dtype=np.float64)
+    internal, coupling = stiffness[:, _INTERNAL, _INTERNAL], stiffness[:, _INTERNAL, _NODAL]
+    return np.asarray(np.linalg.solve(internal, coupling), dtype=np.float64)

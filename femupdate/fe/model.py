@@ -113,14 +113,14 @@ class FiniteElementModel:
     @property
     def lines(self) -> Integers:
         """Ends of all elements that are lines, (n, 2) node indices."""
-        own = [block.nodes for block in self.elements if block.dimension() == 1]
-        return np.concatenate([np.zeros((0, 2), dtype=np.int64), *own])
+        bars = [block.nodes for block in self.elements if block.dimension() == 1]
+        return np.concatenate([np.zeros((0, 2), dtype=np.int64), *bars])
 
     @property
     def faces(self) -> Integers:
         """Corners of all elements that are surfaces, (n, 4); a triangle repeats its last node."""
-        own = [block.nodes for block in self.elements if block.dimension() == 2]
-        quads = [nodes[:, [0, 1, 2, -1]] for nodes in own]
+        flat = [block.nodes for block in self.elements if block.dimension() == 2]
+        quads = [nodes[:, [0, 1, 2, -1]] for nodes in flat]
         return np.concatenate([np.zeros((0, 4), dtype=np.int64), *quads])
 
     def elements_of(self, kind: type[E]) -> E:

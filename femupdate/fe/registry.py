@@ -11,8 +11,8 @@ from femupdate.registry import classes_in
 @cache
 def element_kinds() -> dict[str, type[Elements]]:
     """All kinds of elements by their names."""
-    found = classes_in(elements, Elements)  # type: ignore[type-abstract] # only its kinds are made
-    return {kind.name: kind for kind in found}
+    kinds = classes_in(elements, Elements)  # type: ignore[type-abstract] # only its kinds are made
+    return {kind.name: kind for kind in kinds}
 
 
 def cell_types() -> dict[str, int]:

@@ -101,14 +101,14 @@ def _lowest(
         return _modes(problem, *_condensed(problem, count))
     complaint = "did not converge"
     for attempt in (_own_lanczos, _wider_lanczos, _arpack, _sharp_arpack):
-        found = attempt(problem, count)
-        if found is None:
+        pairs = attempt(problem, count)
+        if pairs is None:
             continue
-        residual = _residual(problem, *found)
+        residual = _residual(problem, *pairs)
         if not residual < _RESIDUAL:
             complaint = f"left a relative residual of {residual:.1e}"
-        elif found[0][-1] < below < np.inf or _complete(problem, found[0]):
-            return _modes(problem, *found)
+        elif pairs[0][-1] < below < np.inf or _complete(problem, pairs[0]):
+            return _modes(problem, *pairs)
         else:
             refuse_negative(operators, problem.factorization)
             complaint = "missed a mode"
@@ -146,11 +146,11 @@ def modes_below(
     """
     _check_request(_massive(operators), 1, None)
     stiffness = operators.stiffness(theta)
-    own = factorization or factorize_held(operators, stiffness)
-    problem = _Problem(stiffness, operators.mass, own, 0.0)
+    factors = factorization or factorize_held(operators, stiffness)
+    problem = _Problem(stiffness, operators.mass, factors, 0.0)
     for nudge in (1.0, 1.003, 1.01):  # beside a natural frequency the pivots have no sure sign
         shift = (2.0 * np.pi * top_hz * nudge) ** 2
-        count = _count_negative((stiffness - shift * operators.mass).tocsc(), own.order())
+        count = _count_negative((stiffness - shift * operators.mass).tocsc(), factors.order())
         if count is not None:
             return _lowest(operators, problem, max(1, count), shift if count else np.inf)
     raise ModelError(
@@ -176,9 +176,9 @@ def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
     With M = R R^T the eigenvalues of R^T K^-1 R are those of K^-1 M that are not zero.
     """
     massive = np.flatnonzero(problem.mass.diagonal() > 0.0)
-    own, directions = eigh(problem.mass[massive][:, massive].toarray())
+    masses, directions = eigh(problem.mass[massive][:, massive].toarray())
     root = np.zeros((problem.mass.shape[0], len(massive)))
-    root[massive] = directions * np.sqrt(np.maximum(own, 0.0))
+    root[massive] = directions * np.sqrt(np.maximum(masses, 0.0))
     flexible = problem.factorization.apply(root)
     flexibility = root.T @ flexible
     inverse, coordinates = eigh(0.5 * (flexibility + flexibility.T))
@@ -195,8 +195,8 @@ def _own_lanczos(
 ) -> tuple[Floats, Floats] | None:
     shape = (problem.stiffness.shape[0], width or block_size(count))
     start = np.random.default_rng(_SEED).standard_normal(shape)
-    found = largest_of_inverse(problem.factorization.apply, problem.mass, start, count, tolerance)
-    return None if found is None else (problem.shift + 1.0 / found[0], found[1])
+    pairs = largest_of_inverse(problem.factorization.apply, problem.mass, start, count, tolerance)
+    return None if pairs is None else (problem.shift + 1.0 / pairs[0], pairs[1])
 
 
 def _wider_lanczos(problem: _Problem, count: int) -> tuple[Floats, Floats] | None:

@@ -31,7 +31,7 @@ def element_forces(
             f"the displacement has {motion.size} values; the model has {model.dof} degrees of "
             "freedom, six per node"
         )
-    own = elements if chosen is None else elements.taken(chosen)
-    moved = motion.reshape(-1, 6)[own.nodes].reshape(len(own), -1)
-    rows = own.force_rows(model.nodes)
-    return np.einsum("n,nrd,nd->nr", group_factors(own.group, theta), rows, moved, optimize=True)
+    some = elements if chosen is None else elements.taken(chosen)
+    moved = motion.reshape(-1, 6)[some.nodes].reshape(len(some), -1)
+    rows = some.force_rows(model.nodes)
+    return np.einsum("n,nrd,nd->nr", group_factors(some.group, theta), rows, moved, optimize=True)

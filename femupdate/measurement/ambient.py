@@ -85,11 +85,13 @@ def identify_modes(
             f"no mode comes back from order to order between {band[0]:.3g} and {band[1]:.3g} Hz;"
             " give a longer record, or the band of the modes by the band option"
         )
-    numbers = {own: k for k, own in enumerate(modes)}
+    numbers = {mode_number: k for k, mode_number in enumerate(modes)}
     return AmbientModes(
         modes=tuple(modes.values()),
         poles=poles,
-        group=np.array([numbers.get(int(own), -1) for own in group], dtype=np.int64),
+        group=np.array(
+            [numbers.get(int(mode_number), -1) for mode_number in group], dtype=np.int64
+        ),
         band_hz=band,
         frequency_hz=frequency,
         spectra=spectra,
@@ -180,28 +182,30 @@ def _chosen(
     chosen: dict[int, tuple[Pole, ...]] = {}
     doubtful: list[float] = []
     for number in np.unique(group):
-        own = [poles[k] for k in np.flatnonzero(group == number).tolist()]
-        orders = {pole.order for pole in own}
+        members = [poles[k] for k in np.flatnonzero(group == number).tolist()]
+        orders = {pole.order for pole in members}
         enough = len(orders) >= AMBIENT.share_of_all * order
         steady = len(orders) >= AMBIENT.share * (order + 1 - min(orders))
-        aligned = np.median([phase_collinearity(pole.shape) for pole in own]) >= AMBIENT.in_phase
+        aligned = (
+            np.median([phase_collinearity(pole.shape) for pole in members]) >= AMBIENT.in_phase
+        )
         if enough and steady and aligned:
-            chosen[int(number)] = _middle(own)
+            chosen[int(number)] = _middle(members)
         elif len(orders) >= AMBIENT.told * order:
-            doubtful.append(float(np.median([pole.frequency_hz for pole in own])))
-    told = ", ".join(f"{value:.4g}" for value in sorted(doubtful))
+            doubtful.append(float(np.median([pole.frequency_hz for pole in members])))
+    listed = ", ".join(f"{value:.4g}" for value in sorted(doubtful))
     note = (
         f"Doubtful and left out, for they do not come back in every order or move out of phase:"
-        f" {told} Hz."
+        f" {listed} Hz."
     )
     return chosen, (note,) if doubtful else ()
 
 
-def _middle(own: Sequence[Pole]) -> tuple[Pole, ...]:
+def _middle(poles: Sequence[Pole]) -> tuple[Pole, ...]:
     """Some poles of the half nearest to the group's middle, over their orders."""
-    places = np.array([[np.log(pole.frequency_hz), pole.damping] for pole in own])
+    places = np.array([[np.log(pole.frequency_hz), pole.damping] for pole in poles])
     away = np.hypot(*(places - np.median(places, axis=0)).T)
-    near = [pole for pole, one in zip(own, away, strict=True) if one <= np.median(away)]
+    near = [pole for pole, distance in zip(poles, away, strict=True) if distance <= np.median(away)]
     near.sort(key=lambda pole: pole.order)
     spaced = np.linspace(0, len(near) - 1, min(AMBIENT.tried, len(near)))
     return tuple(near[round(k)] for k in spaced)
@@ -209,9 +213,9 @@ def _middle(own: Sequence[Pole]) -> tuple[Pole, ...]:
 
 def _best(subspace: Subspace, candidates: Sequence[Sequence[Pole]]) -> list[tuple[Pole, Spread]]:
     """The pole of each group that is known best: a pole of noise beside it spoils some orders."""
-    spreads = iter(subspace.spreads([pole for own in candidates for pole in own]))
-    pairs = [[(pole, next(spreads)) for pole in own] for own in candidates]
-    return [min(own, key=lambda pair: pair[1].frequency_hz) for own in pairs]
+    spreads = iter(subspace.spreads([pole for group in candidates for pole in group]))
+    pairs = [[(pole, next(spreads)) for pole in group] for group in candidates]
+    return [min(group, key=lambda pair: pair[1].frequency_hz) for group in pairs]
 
 
 def _modes(
@@ -224,7 +228,7 @@ def _modes(
     """Modes by their groups, and sentences on what is left out."""
     if not chosen:
         return {}, ()
-    found: dict[int, RecordedMode] = {}
+    modes: dict[int, RecordedMode] = {}
     notes = []
     best = _best(subspace, list(chosen.values()))
     for number, (pole, spread) in zip(chosen, best, strict=True):
@@ -236,30 +240,33 @@ def _modes(
                 f" {spread.damping:.1g} may be none, as of a machine that runs at one frequency."
             )
         else:
-            own = [poles[k] for k in np.flatnonzero(group == number).tolist()]
-            found[number] = _mode(pole, spread, own, channels)
-    return found, tuple(notes)
+            members = [poles[k] for k in np.flatnonzero(group == number).tolist()]
+            modes[number] = _mode(pole, spread, members, channels)
+    return modes, tuple(notes)
 
 
 def _once(modes: dict[int, RecordedMode]) -> tuple[dict[int, RecordedMode], tuple[str, ...]]:
     """The modes, of two alike the one that is better known, and sentences on the others."""
-    found: dict[int, RecordedMode] = {}
+    kept: dict[int, RecordedMode] = {}
     notes = []
     for number, mode in sorted(modes.items(), key=lambda item: item[1].frequency_sd_hz or 0.0):
-        if any(alike(mode, other) for other in found.values()):
+        if any(alike(mode, other) for other in kept.values()):
             notes.append(
                 f"Left out: {mode.frequency_hz:.4g} Hz, which looks like its better known neighbour"
                 " found twice."
             )
         else:
-            found[number] = mode
-    ordered = sorted(found, key=lambda number: found[number].frequency_hz)
-    named = {own: replace(found[own], name=str(k)) for k, own in enumerate(ordered, start=1)}
+            kept[number] = mode
+    ordered = sorted(kept, key=lambda number: kept[number].frequency_hz)
+    named = {
+        number_kept: replace(kept[number_kept], name=str(k))
+        for k, number_kept in enumerate(ordered, start=1)
+    }
     return named, tuple(notes)
 
 
 def _mode(
-    pole: Pole, spread: Spread, own: Sequence[Pole], channels: tuple[str, ...]
+    pole: Pole, spread: Spread, members: Sequence[Pole], channels: tuple[str, ...]
 ) -> RecordedMode:
     """A mode, whose standard deviations hold the scatter over the orders too."""
     shape = in_phase(pole.shape)
@@ -268,15 +275,15 @@ def _mode(
     return RecordedMode(
         frequency_hz=pole.frequency_hz,
         sensors=channels,
-        frequency_sd_hz=float(np.hypot(spread.frequency_hz, _scatter(own, "frequency_hz"))),
+        frequency_sd_hz=float(np.hypot(spread.frequency_hz, _scatter(members, "frequency_hz"))),
         damping=pole.damping,
-        damping_sd=float(np.hypot(spread.damping, _scatter(own, "damping"))),
+        damping_sd=float(np.hypot(spread.damping, _scatter(members, "damping"))),
         shape=shape / largest,
         shape_sd=np.maximum(spread.shape / abs(largest), AMBIENT.least_sd) if several else None,
     )
 
 
-def _scatter(own: Sequence[Pole], name: str) -> float:
+def _scatter(poles: Sequence[Pole], name: str) -> float:
     """Standard deviation of a figure over the orders, from its median deviation."""
-    values = np.array([getattr(pole, name) for pole in own])
+    values = np.array([getattr(pole, name) for pole in poles])
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))

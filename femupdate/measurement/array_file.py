@@ -64,12 +64,12 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     used = {axis: columns.pop(axis)} | {k: v for k, v in columns.items() if v.size == count}
     left_out = [name for name in columns if name not in used]
     _require_finite(file, used)
-    stated = [one if is_unit(one) else None for one in _texts(arrays, _UNIT)]
+    stated = [unit if is_unit(unit) else None for unit in _texts(arrays, _UNIT)]
     each = dict(zip(labels, stated, strict=False)) if len(stated) == len(labels) else {}
     common = stated[0] if len(set(stated)) == 1 else None
     plain = dict(zip(_without_structure(tuple(used)), used, strict=True))
-    units = {name: each.get(own, common) for name, own in plain.items() if own != axis}
-    table = Table.of_arrays(file, {name: used[own] for name, own in plain.items()}, units)
+    units = {name: each.get(key, common) for name, key in plain.items() if key != axis}
+    table = Table.of_arrays(file, {name: used[key] for name, key in plain.items()}, units)
     notes = (f"Arrays of another length are left out: {', '.join(left_out)}.",)
     return Recording(file, table=table, notes=notes if left_out else ())
 
@@ -82,24 +82,24 @@ def _is_numeric(array: Any) -> bool:
 
 def _texts(arrays: Mapping[str, Any], called: re.Pattern[str]) -> list[str]:
     """The texts of the first array of a name, one of a single text."""
-    found = (a for name, a in arrays.items() if called.match(name.rpartition(".")[2]))
-    return [str(one).strip() for a in found for one in np.ravel(np.asarray(a, dtype=object))]
+    named = (a for name, a in arrays.items() if called.match(name.rpartition(".")[2]))
+    return [str(text).strip() for a in named for text in np.ravel(np.asarray(a, dtype=object))]
 
 
 def _without_structure(names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of columns without that of the one structure that all of them are fields of."""
     plain = tuple(name.rpartition(".")[2] for name in names)
-    one = len({name.rpartition(".")[0] for name in names if "." in name}) == 1
-    return plain if one and len(set(plain)) == len(plain) else names
+    single = len({name.rpartition(".")[0] for name in names if "." in name}) == 1
+    return plain if single and len(set(plain)) == len(plain) else names
 
 
 def _columns(name: str, array: NDArray[Any], labels: Sequence[str] = ()) -> dict[str, _Column]:
     if array.ndim == 2:
         rows = array if array.shape[0] <= array.shape[1] else array.T
-        own = labels if len(set(labels)) == len(rows) else ()
-        own = own or [f"{name}_{k}" for k in range(1, len(rows) + 1)]
-        found = [_columns(title, row) for title, row in zip(own, rows, strict=True)]
-        return {key: column for each in found for key, column in each.items()}
+        titles = labels if len(set(labels)) == len(rows) else ()
+        titles = titles or [f"{name}_{k}" for k in range(1, len(rows) + 1)]
+        parts = [_columns(title, row) for title, row in zip(titles, rows, strict=True)]
+        return {key: column for each in parts for key, column in each.items()}
     return {name: array} if array.ndim == 1 and array.size > 1 else {}
 
 
@@ -107,9 +107,9 @@ def _axis(file: TextFile, columns: dict[str, _Column], scalars: Mapping[str, flo
     """Name of the column of times or frequencies; one is added where a rate gives it."""
     for kind, name in ((TIME_NAME, TIME), (FREQUENCY_NAME, FREQUENCY)):
         real = (key for key, column in columns.items() if not np.iscomplexobj(column))
-        found = next((key for key in real if kind.match(key.rpartition(".")[2])), None)
-        if found is not None:
-            columns[name] = columns.pop(found)
+        key_of_axis = next((key for key in real if kind.match(key.rpartition(".")[2])), None)
+        if key_of_axis is not None:
+            columns[name] = columns.pop(key_of_axis)
             return name
     step = _step(scalars)
     if step is None:
@@ -158,12 +158,14 @@ class _Signal:
 
 def _testlab_recording(file: TextFile, arrays: Mapping[str, Any]) -> Recording | None:
     """The structures of a file as one table; None of a file that holds none."""
-    found = {name.removesuffix(f".{_STEP_OF}") for name in arrays if name.endswith(f".{_STEP_OF}")}
-    owners = sorted(name for name in found if f"{name}.{_VALUES}" in arrays)
+    stepped = {
+        name.removesuffix(f".{_STEP_OF}") for name in arrays if name.endswith(f".{_STEP_OF}")
+    }
+    owners = sorted(name for name in stepped if f"{name}.{_VALUES}" in arrays)
     if not owners:
         return None
     signals = {name: _signal(file, name, arrays) for name in owners}
-    axes = {one.axis for one in signals.values()}
+    axes = {signal.axis for signal in signals.values()}
     if len(axes) > 1:
         raise file.error(
             f"{', '.join(owners)} are not sampled alike; export them to files of their own"
@@ -171,11 +173,11 @@ def _testlab_recording(file: TextFile, arrays: Mapping[str, Any]) -> Recording |
     ((axis, start, step, count),) = axes
     columns: dict[str, _Column] = {axis: start + step * np.arange(count, dtype=np.float64)}
     units: dict[str, str | None] = {}
-    for owner, one in signals.items():
-        for name, column in one.columns.items():
+    for owner, signal in signals.items():
+        for name, column in signal.columns.items():
             alone = sum(name in other.columns for other in signals.values()) == 1
             title = name if alone else f"{owner} {name}"
-            columns[title], units[title] = column, one.unit
+            columns[title], units[title] = column, signal.unit
     return Recording(file, table=Table.of_arrays(file, columns, units))
 
 
@@ -191,7 +193,7 @@ def _signal(file: TextFile, owner: str, arrays: Mapping[str, Any]) -> _Signal:
             f"{owner} holds no {count} rows of finite numbers over time or frequency; export it"
             " again as time data or response functions"
         )
-    names = [str(one).strip() for one in np.ravel(arrays.get(f"{owner}.{_NAMES}", []))]
+    names = [str(name).strip() for name in np.ravel(arrays.get(f"{owner}.{_NAMES}", []))]
     if len(set(names)) != values.shape[1] or not all(names):
         numbered = [f"{owner}_{k}" for k in range(1, values.shape[1] + 1)]
         names = [owner] if values.shape[1] == 1 else numbered
@@ -210,9 +212,9 @@ _SHAPES = {
 
 def _of_modes(name: str) -> str | None:
     """What of modes an array holds, by its name."""
-    own = name.rpartition(".")[2]
-    shapes = (of for of, called in _SHAPES.items() if re.fullmatch(called, own, re.IGNORECASE))
-    return next(shapes, None) or figure_of(own)
+    plain = name.rpartition(".")[2]
+    shapes = (of for of, called in _SHAPES.items() if re.fullmatch(called, plain, re.IGNORECASE))
+    return next(shapes, None) or figure_of(plain)
 
 
 def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[RecordedMode, ...]:
@@ -224,34 +226,34 @@ def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[Recorded
     Raises:
         MeasurementError: an array has another number of modes.
     """
-    found = {
+    given = {
         ours: np.squeeze(np.asarray(array))
         for name, array in arrays.items()
         if np.size(array) and (ours := _of_modes(name))
     }
-    if not {FREQUENCY, _SHAPE} <= set(found):
+    if not {FREQUENCY, _SHAPE} <= set(given):
         return ()
-    frequency = np.atleast_1d(found[FREQUENCY])
+    frequency = np.atleast_1d(given[FREQUENCY])
     count = frequency.size
-    shape = _by_modes(found[_SHAPE], count)
+    shape = _by_modes(given[_SHAPE], count)
     if frequency.ndim != 1 or shape is None:
         return ()
-    spread = _by_modes(found[_SHAPE_SD], count) if _SHAPE_SD in found else None
+    spread = _by_modes(given[_SHAPE_SD], count) if _SHAPE_SD in given else None
     for name in (FREQUENCY_SD, DAMPING, DAMPING_SD):
-        if name in found and np.size(found[name]) != count:
+        if name in given and np.size(given[name]) != count:
             raise file.error(
-                f"there are {count} frequencies but {np.size(found[name])} values of"
+                f"there are {count} frequencies but {np.size(given[name])} values of"
                 f" {name}; give one for each mode"
             )
-    names = [str(one) for one in np.atleast_1d(found.get(_SENSORS, np.array([])))]
+    names = [str(sensor) for sensor in np.atleast_1d(given.get(_SENSORS, np.array([])))]
     if len(names) != len(shape):
         names = [str(k + 1) for k in range(len(shape))]
     return tuple(
         RecordedMode(
             frequency_hz=float(frequency[k]),
-            frequency_sd_hz=_value(found.get(FREQUENCY_SD), k),
-            damping=_value(found.get(DAMPING), k),
-            damping_sd=_value(found.get(DAMPING_SD), k),
+            frequency_sd_hz=_value(given.get(FREQUENCY_SD), k),
+            damping=_value(given.get(DAMPING), k),
+            damping_sd=_value(given.get(DAMPING_SD), k),
             sensors=tuple(names),
             shape=shape[:, k],
             shape_sd=None if spread is None else spread[:, k].astype(np.float64),

@@ -50,12 +50,12 @@ def modes_in_table(
         MeasurementError: there is no column of frequencies, a row has none, or a column has a
             name that is not known.
     """
-    own = _columns(table, columns, named)
-    if FREQUENCY not in own:
+    values = _columns(table, columns, named)
+    if FREQUENCY not in values:
         raise table.file.error(
             f"there is no column {FREQUENCY}; columns of identified modes are {MODE_COLUMNS}"
         )
-    frequency = own[FREQUENCY]
+    frequency = values[FREQUENCY]
     blank = np.flatnonzero(np.isnan(frequency))
     if blank.size:
         raise table.file.error(
@@ -63,14 +63,14 @@ def modes_in_table(
             int(table.lines[blank[0]]),
             FREQUENCY,
         )
-    sensors, shape, sd = _shapes(table, own)
-    numbers = own.get(MODE, np.arange(1.0, len(frequency) + 1.0))
+    sensors, shape, sd = _shapes(table, values)
+    numbers = values.get(MODE, np.arange(1.0, len(frequency) + 1.0))
     return tuple(
         RecordedMode(
             frequency_hz=float(frequency[row]),
-            frequency_sd_hz=_cell(own, FREQUENCY_SD, row),
-            damping=_cell(own, DAMPING, row),
-            damping_sd=_cell(own, DAMPING_SD, row),
+            frequency_sd_hz=_cell(values, FREQUENCY_SD, row),
+            damping=_cell(values, DAMPING, row),
+            damping_sd=_cell(values, DAMPING_SD, row),
             sensors=sensors,
             shape=shape[row],
             shape_sd=sd[row],
@@ -83,7 +83,7 @@ def modes_in_table(
 def _columns(table: Table, columns: Mapping[str, str], named: bool) -> dict[str, Floats]:
     """Values (r,) of every column that is used, by our name, in SI units."""
     renamed = renamed_columns(table, columns)
-    found: dict[str, Floats] = {}
+    values: dict[str, Floats] = {}
     for position, title in enumerate(table.names or ()):
         known = _known_name(renamed.get(position, title))
         beside = _BESIDE.fullmatch(title) is not None
@@ -96,8 +96,8 @@ def _columns(table: Table, columns: Mapping[str, str], named: bool) -> dict[str,
                 f"unknown column {title!r}{closest(title, _NAMED)}; columns of identified modes"
                 f" are {MODE_COLUMNS}: rename it or map it by the columns option"
             )
-        found[known] = table.values[:, position] * _factor(table, known, position)
-    return found
+        values[known] = table.values[:, position] * _factor(table, known, position)
+    return values
 
 
 def _known_name(name: str) -> str | None:
@@ -119,7 +119,7 @@ def figure_of(title: str) -> str | None:
     `Std. Frequency`, `Damping Ratio`, `Fn`; None of any other title.
     """
     plain = re.sub(r"[\s_.\-]+", "", title).lower()
-    return next((name for name, own in _TITLES.items() if re.fullmatch(own, plain)), None)
+    return next((name for name, pattern in _TITLES.items() if re.fullmatch(pattern, plain)), None)
 
 
 def _factor(table: Table, name: str, position: int) -> float:
@@ -139,23 +139,23 @@ def _factor(table: Table, name: str, position: int) -> float:
 
 
 def _shapes(
-    table: Table, own: Mapping[str, Floats]
+    table: Table, values: Mapping[str, Floats]
 ) -> tuple[tuple[str, ...], NDArray[np.inexact], Floats]:
     """Names of the sensors, shapes (r, s) and standard deviations (r, s)."""
-    parts = [name for name in own if name not in _NAMED]
+    parts = [name for name in values if name not in _NAMED]
     sensors = tuple(dict.fromkeys(re.sub(r"_(re|im|sd)$", "", name) for name in parts))
     rows = len(table.values)
     shape, sd = np.zeros((rows, len(sensors)), dtype=complex), np.full((rows, len(sensors)), np.nan)
     for k, sensor in enumerate(sensors):
         what = f"the shape at {sensor}"
-        real, imaginary = whole_or_parts(table.file, sensor, own, what)
+        real, imaginary = whole_or_parts(table.file, sensor, values, what)
         shape[:, k] = real if imaginary is None else real + 1j * imaginary
-        sd[:, k] = own.get(f"{sensor}_sd", sd[:, k])
-    real_only = not any(f"{sensor}_im" in own for sensor in sensors)
+        sd[:, k] = values.get(f"{sensor}_sd", sd[:, k])
+    real_only = not any(f"{sensor}_im" in values for sensor in sensors)
     return sensors, shape.real if real_only else shape, sd
 
 
-def _cell(own: Mapping[str, Floats], name: str, row: int) -> float | None:
-    if name not in own or np.isnan(own[name][row]):
+def _cell(values: Mapping[str, Floats], name: str, row: int) -> float | None:
+    if name not in values or np.isnan(values[name][row]):
         return None
-    return float(own[name][row])
+    return float(values[name][row])

@@ -52,15 +52,18 @@ class IdentifiedModes:
 
     def some(self, rows: Sequence[int]) -> "IdentifiedModes":
         """Some of the modes."""
-        own = list(rows)
-        arrays = {name: getattr(self, name)[own] for name in _OF_MODES}
-        return replace(self, names=tuple(self.names[k] for k in own), **arrays)
+        chosen = list(rows)
+        arrays = {name: getattr(self, name)[chosen] for name in _OF_MODES}
+        return replace(self, names=tuple(self.names[k] for k in chosen), **arrays)
 
     def of_floors(self, floors: Sequence[str]) -> "IdentifiedModes":
         """Shapes at some of the floors."""
-        own = [self.floors.index(name) for name in floors]
+        columns = [self.floors.index(name) for name in floors]
         return replace(
-            self, floors=tuple(floors), shape=self.shape[:, own], shape_sd=self.shape_sd[:, own]
+            self,
+            floors=tuple(floors),
+            shape=self.shape[:, columns],
+            shape_sd=self.shape_sd[:, columns],
         )
 
 
@@ -137,20 +140,20 @@ def _floors_of(
     if columns:
         chosen = positions(file, "component", sensors, columns)
         given = {sensors[k]: ours for ours, k in chosen.items()}
-    found: dict[str, str] = {}
+    placed: dict[str, str] = {}
     for sensor, ours in given.items():
         channel = parse_channel(ours)
         if channel is None and columns:
             raise file.error(f"unknown floor {ours!r}; floors are 2F, 3F, ..., RF")
         if channel is not None and channel.direction == direction and channel.floor != BASE:
-            found[sensor] = channel.floor
-    if sensors and not found:
+            placed[sensor] = channel.floor
+    if sensors and not placed:
         shown = ", ".join(sensors[:_SHOWN]) + (", ..." if len(sensors) > _SHOWN else "")
         raise file.error(
             f"none of the shapes' components is a floor's in direction {direction}; say which are,"
             f" by the columns option, such as 2F=NAME,RF=NAME, among {shown}"
         )
-    return found
+    return placed
 
 
 def _on_floors(
@@ -163,10 +166,10 @@ def _on_floors(
     names = np.array([placed[mode.sensors[k]] for k in used])
     shape, spread = np.full(len(floors), np.nan), np.full(len(floors), np.nan)
     for row, floor in enumerate(floors):
-        own = (names == floor) & ~np.isnan(values) if used else np.zeros(0, dtype=bool)
-        if own.any():
-            shape[row] = values[own].mean()
-            spread[row] = np.sqrt((sd[own] ** 2).sum()) / own.sum()
+        here = (names == floor) & ~np.isnan(values) if used else np.zeros(0, dtype=bool)
+        if here.any():
+            shape[row] = values[here].mean()
+            spread[row] = np.sqrt((sd[here] ** 2).sum()) / here.sum()
     return shape, spread
 
 
@@ -197,7 +200,7 @@ def _known(values: Sequence[float | None]) -> Floats:
 
 def _of_base(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
     channels = (parse_channel(sensor) for mode in modes for sensor in mode.sensors)
-    there = any(one is not None and one.floor == BASE for one in channels)
+    there = any(channel is not None and channel.floor == BASE for channel in channels)
     return ("The shapes' component at the base is left out.",) if there else ()
 
 
@@ -226,12 +229,12 @@ def mode_findings(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
     return (*single, *pairs)
 
 
-def mac(one: RecordedMode, other: RecordedMode) -> float:
+def mac(first: RecordedMode, second: RecordedMode) -> float:
     """Modal assurance criterion of two modes at the sensors that both have; NaN without any."""
-    shared = [name for name in one.sensors if name in other.sensors]
+    shared = [name for name in first.sensors if name in second.sensors]
     a, b = (
         np.asarray(mode.shape)[[mode.sensors.index(name) for name in shared]]
-        for mode in (one, other)
+        for mode in (first, second)
     )
     there = ~(np.isnan(a) | np.isnan(b))
     a, b = a[there], b[there]
@@ -240,20 +243,20 @@ def mac(one: RecordedMode, other: RecordedMode) -> float:
 
 
 def _of_one(mode: RecordedMode) -> list[str]:
-    found, shape = [], np.asarray(mode.shape)
+    findings, shape = [], np.asarray(mode.shape)
     if mode.damping is not None and not 0.0 < mode.damping <= RECORDED_MODE.much_damping:
-        found.append(f"{_called(mode)} has a damping ratio of {mode.damping:.3g}")
+        findings.append(f"{_called(mode)} has a damping ratio of {mode.damping:.3g}")
     if (
         mode.frequency_sd_hz is not None
         and mode.frequency_sd_hz > RECORDED_MODE.wide * mode.frequency_hz
     ):
-        found.append(f"{_called(mode)} is hardly known: ±{mode.frequency_sd_hz:.3g} Hz")
+        findings.append(f"{_called(mode)} is hardly known: ±{mode.frequency_sd_hz:.3g} Hz")
     seen = shape[~np.isnan(shape)]
     if seen.size and phase_collinearity(seen) < RECORDED_MODE.in_phase:
-        found.append(f"{_called(mode)}: the sensors do not move in phase")
+        findings.append(f"{_called(mode)}: the sensors do not move in phase")
     if seen.size > 1 and not np.abs(in_phase(seen)).any():
-        found.append(f"{_called(mode)}: every component of the shape is zero")
-    return found
+        findings.append(f"{_called(mode)}: every component of the shape is zero")
+    return findings
 
 
 def _called(mode: RecordedMode) -> str:
@@ -261,9 +264,9 @@ def _called(mode: RecordedMode) -> str:
     return f"{name}at {mode.frequency_hz:.4g} Hz"
 
 
-def alike(one: RecordedMode, other: RecordedMode) -> bool:
+def alike(first: RecordedMode, second: RecordedMode) -> bool:
     """Whether two modes look like one that was found twice."""
-    if not (one.frequency_hz > 0.0 and other.frequency_hz > 0.0):
+    if not (first.frequency_hz > 0.0 and second.frequency_hz > 0.0):
         return False
-    close = abs(np.log(one.frequency_hz / other.frequency_hz)) < RECORDED_MODE.same_frequency
-    return close and mac(one, other) > RECORDED_MODE.same_shape
+    close = abs(np.log(first.frequency_hz / second.frequency_hz)) < RECORDED_MODE.same_frequency
+    return close and mac(first, second) > RECORDED_MODE.same_shape

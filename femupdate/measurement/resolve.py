@@ -66,7 +66,7 @@ def positions(
     Raises:
         MeasurementError: none, or more than one, is called so, or one is given to two names.
     """
-    found: dict[str, int] = {}
+    at_name: dict[str, int] = {}
     for ours, theirs in columns.items():
         at = _matching(names, theirs.removeprefix("-") if turned else theirs, bool(listing))
         if len(at) != 1:
@@ -77,10 +77,10 @@ def positions(
             shown = ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
             offer = f"choose by number: {listing}" if listing else f"the file has {shown}"
             raise file.error(f"{problem}; {offer}")
-        if at[0] in found.values():
+        if at[0] in at_name.values():
             raise file.error(f"{what} {theirs!r} is mapped twice; map it to one name")
-        found[ours] = at[0]
-    return found
+        at_name[ours] = at[0]
+    return at_name
 
 
 def _matching(names: Sequence[str], asked: str, numbered: bool) -> list[int]:
@@ -95,7 +95,7 @@ def _matching(names: Sequence[str], asked: str, numbered: bool) -> list[int]:
         [name.split(",")[0] == wanted for name in folded],
         [name.split()[:1] == [wanted] for name in folded],
     )
-    best = next((one for one in tries if any(one)), ())
+    best = next((match for match in tries if any(match)), ())
     return [k for k, fits in enumerate(best) if fits]
 
 
@@ -120,14 +120,14 @@ def given_channels(
         MeasurementError: a name is not known, or stands for two channels.
     """
     known = _known(file, tuple(columns), {}, TIME)
-    names, listing = [one.name for one in channels], channel_listing(file, channels, unit)
+    names, listing = [channel.name for channel in channels], channel_listing(file, channels, unit)
     at = positions(file, "channel", names, columns, listing, turned=True)
-    found: dict[Motion, RecordedChannel] = {}
+    chosen: dict[Motion, RecordedChannel] = {}
     for (ours, theirs), motion in zip(columns.items(), known.values(), strict=True):
         if isinstance(motion, Channel | ForceChannel):
             own = channels[at[ours]]
-            found[motion] = own.turned() if theirs.startswith("-") else own
-    return found
+            chosen[motion] = own.turned() if theirs.startswith("-") else own
+    return chosen
 
 
 def placed_channels(
@@ -189,7 +189,7 @@ class Layout:
     @property
     def force_units(self) -> list[str]:
         """Units of columns that only a response to a force has."""
-        units = (self.table.units[i] for one, i in self.frfs.items() if one.part != "sd")
+        units = (self.table.units[i] for meaning, i in self.frfs.items() if meaning.part != "sd")
         return [unit for unit in units if unit and force_unit(unit)]
 
     @property
@@ -199,9 +199,11 @@ class Layout:
 
     def channels(self) -> dict[Motion, RecordedChannel]:
         """The columns of histories."""
-        own = self.table.channels(self.at, RECORD.fewest_of_spectrum, "spectrum")
+        read = self.table.channels(self.at, RECORD.fewest_of_spectrum, "spectrum")
         return {
-            one: own[i] for i, one in self.known.items() if isinstance(one, Channel | ForceChannel)
+            meaning: read[i]
+            for i, meaning in self.known.items()
+            if isinstance(meaning, Channel | ForceChannel)
         }
 
 
@@ -237,23 +239,23 @@ def layout_of(table: Table, columns: Mapping[str, str] | None) -> Layout:
 
 def axes_of(names: Sequence[str]) -> dict[int, str]:
     """Positions of times and frequencies: where our names stand, or where the first means them."""
-    found = {k: name.lower() for k, name in enumerate(names) if name.lower() in (TIME, FREQUENCY)}
-    if not found and SECONDS_NAME.match(names[0]):
+    axes = {k: name.lower() for k, name in enumerate(names) if name.lower() in (TIME, FREQUENCY)}
+    if not axes and SECONDS_NAME.match(names[0]):
         return {0: TIME}
-    return {0: FREQUENCY} if not found and FREQUENCY_NAME.match(names[0]) else found
+    return {0: FREQUENCY} if not axes and FREQUENCY_NAME.match(names[0]) else axes
 
 
 def in_parts(positions: Mapping[str, int]) -> dict[str, tuple[int, int | None]]:
     """Positions of columns by their names; `x_re` and `x_im` together are `x`."""
-    found: dict[str, tuple[int, int | None]] = {}
+    parts: dict[str, tuple[int, int | None]] = {}
     for name, at in positions.items():
         whole = re.sub("_(re|im)$", "", name)
         real, imaginary = (positions.get(f"{whole}{part}") for part in ("_re", "_im"))
         if real is not None and imaginary is not None:
-            found[whole] = real, imaginary
+            parts[whole] = real, imaginary
         else:
-            found[name] = at, None
-    return found
+            parts[name] = at, None
+    return parts
 
 
 def whole_or_parts(
@@ -284,13 +286,13 @@ def renamed_columns(table: Table, columns: Mapping[str, str]) -> dict[int, str]:
     names = table.names or ()
     parts = in_parts({name: k for k, name in enumerate(names)})
     options = (*names, *(name for name in parts if name not in names))
-    found: dict[int, str] = {}
+    renamed: dict[int, str] = {}
     for ours, at in positions(table.file, "column", options, columns).items():
         real, imaginary = (at, None) if at < len(names) else parts[options[at]]
-        found[real] = ours if imaginary is None else f"{ours}_re"
+        renamed[real] = ours if imaginary is None else f"{ours}_re"
         if imaginary is not None:
-            found[imaginary] = f"{ours}_im"
-    return found
+            renamed[imaginary] = f"{ours}_im"
+    return renamed
 
 
 def _known(
@@ -309,8 +311,8 @@ def _known(
     """
     parse, columns = _KINDS[axis]
     known: dict[int, Known] = {}
-    for position, own in enumerate(names):
-        name = given.get(position, own)
+    for position, title in enumerate(names):
+        name = given.get(position, title)
         parsed = parse(name)
         if position == at:
             continue

@@ -87,9 +87,9 @@ class Subspace:
             moved = self._hankel + block.reshape(self._hankel.shape, order="F")
             with _library() as ssi:
                 _, a, c, _ = ssi.SSI_fast(moved, self._rows, largest)
-            found = {order: self._of_order(order, a, c) for order in {p.order for p in poles}}
+            perturbed = {order: self._of_order(order, a, c) for order in {p.order for p in poles}}
             for k, pole in enumerate(poles):
-                squares[k] += _change(pole, found[pole.order]) ** 2
+                squares[k] += _change(pole, perturbed[pole.order]) ** 2
         # A variance from so few blocks is uncertain itself: that of Student's t is larger by this.
         blocks = self._blocks.shape[1]
         wider = (blocks - 1.0) / (blocks - 3.0)
@@ -99,10 +99,10 @@ class Subspace:
     def _of_order(self, order: int, a: list[Any], c: list[Any]) -> tuple[Pole, ...]:
         with _library() as ssi:
             pair = [a[0], a[order]], [c[0], c[order]]
-            found = ssi.SSI_poles(
+            results = ssi.SSI_poles(
                 self._obs[:, :order], *pair, order, self._step, order, True, AMBIENT.largest_damping
             )
-        frequency, damping, shape = found[0][:, 1], found[1][:, 1], found[2][:, 1]
+        frequency, damping, shape = results[0][:, 1], results[1][:, 1], results[2][:, 1]
         return tuple(
             Pole(order, float(frequency[k]), float(damping[k]), shape[k])
             for k in np.flatnonzero(np.isfinite(frequency) & np.isfinite(shape).all(axis=1))
@@ -117,23 +117,25 @@ def _change(pole: Pole, moved: tuple[Pole, ...]) -> Floats:
     if not moved:
         return np.full(2 + pole.shape.size, np.inf)
     nearest = min(moved, key=lambda other: _distance(pole, other))
-    own, length = pole.shape, np.vdot(pole.shape, pole.shape).real
-    shape = nearest.shape * (length / np.vdot(own, nearest.shape))
-    turn = np.exp(-0.5j * np.angle((own**2).sum()))
-    change = ((shape - own) * turn).real
+    before, length = pole.shape, np.vdot(pole.shape, pole.shape).real
+    shape = nearest.shape * (length / np.vdot(before, nearest.shape))
+    turn = np.exp(-0.5j * np.angle((before**2).sum()))
+    change = ((shape - before) * turn).real
     figures = nearest.frequency_hz - pole.frequency_hz, nearest.damping - pole.damping
     return np.array([*figures, *change])
 
 
-def _distance(one: Pole, other: Pole) -> float:
-    away = np.hypot(np.log(one.frequency_hz / other.frequency_hz), one.damping - other.damping)
-    return float(away) + 1.0 - mac(one.shape, other.shape)
+def _distance(first: Pole, second: Pole) -> float:
+    away = np.hypot(
+        np.log(first.frequency_hz / second.frequency_hz), first.damping - second.damping
+    )
+    return float(away) + 1.0 - mac(first.shape, second.shape)
 
 
-def mac(one: Complexes, other: Complexes) -> float:
+def mac(first: Complexes, second: Complexes) -> float:
     """Modal assurance criterion of two shapes (c,)."""
-    length = float(np.vdot(one, one).real * np.vdot(other, other).real)
-    return float(np.abs(np.vdot(one, other)) ** 2 / length) if length > 0.0 else 0.0
+    length = float(np.vdot(first, first).real * np.vdot(second, second).real)
+    return float(np.abs(np.vdot(first, second)) ** 2 / length) if length > 0.0 else 0.0
 
 
 @contextlib.contextmanager

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from femupdate import __version__
-from femupdate.errors import SurrogateError
 from femupdate.inference.posterior import load_posterior
 
 BUILD = {
@@ -18,18 +17,6 @@ BUILD = {
     "reduction_error",
     "study",
 }
-CALIBRATE = {
-    "posterior",
-    "likelihood",
-    "parameters",
-    "mean",
-    "sd",
-    "q05",
-    "q95",
-    "particles",
-    "seconds",
-}
-PREDICT = {"prediction", "floors", "peak_acceleration_m_s2", "story_stiffness_n_per_m"}
 FEW = ("--particles", 200)
 
 
@@ -108,20 +95,8 @@ def test_simulate_takes_the_building_of_the_study(femupdate, calibrated, tmp_pat
     assert "time_s,base,2F,RF" in file.read_text()
 
 
-@pytest.fixture(scope="module")
-def exact(femupdate, tmp_path_factory, tower_file, tower_observation):
-    """An exact calibration by the command: its answer and its study."""
-    study = tmp_path_factory.mktemp("exact") / "study"
-    done = femupdate(
-        *("calibrate", tower_observation.path, "--building", tower_file, "--exact", *FEW),
-        *("--study", study, "--json"),
-    )
-    return done.answer, study
-
-
-def test_calibrate(exact, tower_observation):
-    answer, study = exact
-    assert set(answer) >= CALIBRATE | {"log_evidence", "r_hat", "notes", "pictures", "zeta"}
+def test_calibrate(walk, tower_observation):
+    answer, study = walk.answers["calibrate"], walk.study
     assert answer["posterior"] == str(study / "posterior.nc")
     assert answer["likelihood"] == "exact"
     assert answer["parameters"] == ["theta_1", "theta_2"]
@@ -133,29 +108,17 @@ def test_calibrate(exact, tower_observation):
     # Within 2 %: twenty posterior standard deviations, and a tenth of what tells the stories apart.
     assert answer["mean"] == pytest.approx(tower_observation.theta, rel=0.02)
     assert all(not_blank(Path(picture)) for picture in answer["pictures"])
-    told = answer["identifiability"]
-    assert told["undetermined"] == 0
-    assert len(told["modes"]) == 1
-    assert set(told["combinations"][0]["weight"]) == {"theta_1", "theta_2"}
+    identified = answer["identifiability"]
+    assert identified["undetermined"] == 0
+    assert len(identified["modes"]) == 1
+    assert set(identified["combinations"][0]["weight"]) == {"theta_1", "theta_2"}
     summary = json.loads((study / "posterior_summary.json").read_text())
-    assert summary["identifiability"] == told
+    assert summary["identifiability"] == identified
     p_values = answer["posterior_predictive_p"]
     assert summary["posterior_predictive_p"] == p_values
     assert list(p_values["floors"]) == ["2F", "RF"]
     assert 0.0 < p_values["whole"] <= 1.0
     assert [p["mean"] for p in summary["parameters"]] == pytest.approx(answer["mean"])
-
-
-def test_calibrate_without_pictures(femupdate, tower_file, tower_observation, tmp_path):
-    """Figures alone: nothing is drawn, and nothing that draws is imported by the steps."""
-    study = tmp_path / "study"
-    answer = femupdate(
-        *("calibrate", tower_observation.path, "--building", tower_file, "--exact", *FEW),
-        *("--study", study, "--no-pictures", "--json"),
-    ).answer
-    assert answer["pictures"] == []
-    assert set(answer) >= CALIBRATE
-    assert not (study / "pictures").exists()
 
 
 def test_calibrate_in_words(femupdate, calibrated, tower_observation):
@@ -202,56 +165,33 @@ def test_calibrate_several_files(femupdate, tmp_path, calibrated, tower_observat
     assert "other.csv is given twice" in again.complaint
 
 
-@pytest.fixture(scope="module")
-def trained(femupdate, tmp_path_factory, tower_file):
-    """A study with a surrogate that has seen little, and the answer of its training."""
-    study = tmp_path_factory.mktemp("trained") / "study"
-    done = femupdate(*train(study), "--building", tower_file, "--json")
-    return done.answer, study
-
-
-def train(study):
-    return ["train", "--samples", 400, "--epochs", 2, "--batch", 64, "--study", study]
-
-
-def test_train(trained):
-    answer, study = trained
-    assert answer["surrogate"] == str(study / "surrogate.safetensors")
+def test_train(walk):
+    answer = walk.answers["train"]
+    assert answer["surrogate"] == str(walk.study / "surrogate.safetensors")
     assert answer["trained"] is True
     assert Path(answer["surrogate"]).stat().st_size > 10_000
-    assert {path.name for path in study.iterdir()} == {
-        "building.toml",
-        "reduced_model.npz",
-        "study.json",
-        "surrogate.safetensors",
-    }
 
 
-def test_train_a_second_time(femupdate, trained, snapshot):
-    _, study = trained
-    before = snapshot(study)
-    assert femupdate(*train(study), "--json").answer["trained"] is False
-    assert "A trained surrogate fits" in femupdate(*train(study)).out
-    assert snapshot(study) == before
+def test_train_a_second_time(femupdate, walk, snapshot):
+    before = snapshot(walk.study)
+    again = ("train", "--samples", 400, "--epochs", 2, "--batch", 64, "--study", walk.study)
+    assert femupdate(*again, "--json").answer["trained"] is False
+    assert "A trained surrogate fits" in femupdate(*again).out
+    assert snapshot(walk.study) == before
 
 
-def test_calibrate_with_the_surrogate(femupdate, trained, tower_observation):
-    _, study = trained
-    answer = femupdate("calibrate", tower_observation.path, *FEW, "--study", study, "--json").answer
-    assert set(answer) >= CALIBRATE
+def test_calibrate_with_the_surrogate(walk):
+    answer = walk.answers["calibrate --name=latent"]
     assert answer["likelihood"] == "latent"
     assert "log_evidence" not in answer
     assert any("error of the model" in note for note in answer["notes"])
+    assert answer["pictures"] == []
+    assert not (walk.study / "posteriors" / "latent" / "pictures").exists()
 
 
-def test_predict(femupdate, exact, record, tower_observation):
-    _, study = exact
-    answer = femupdate(
-        *("predict", "--record", record, "--measured", tower_observation.path, "--samples", 50),
-        *("--study", study, "--json"),
-    ).answer
-    assert set(answer) >= PREDICT
-    assert answer["prediction"] == str(study / "prediction.nc")
+def test_predict(walk):
+    answer = walk.answers["predict"]
+    assert answer["prediction"] == str(walk.study / "prediction.nc")
     assert answer["floors"] == ["2F", "RF"]
     assert list(answer["peak_acceleration_m_s2"]) == ["2F", "RF"]
     assert list(answer["story_stiffness_n_per_m"]) == ["1", "2"]
@@ -267,48 +207,41 @@ def test_predict(femupdate, exact, record, tower_observation):
     assert all(not_blank(Path(picture)) for picture in answer["pictures"])
 
 
-def test_predict_in_words(femupdate, exact, record, tower_observation):
-    _, study = exact
+def test_predict_in_words(femupdate, walked, record, tower_observation):
     done = femupdate(
         *("predict", "--record", record, "--measured", tower_observation.path, "--samples", 20),
-        *("--damping", "0.04", "--study", study),
+        *("--damping", "0.04", "--study", walked),
     )
     assert done.code == 0
     for words in ("damping ratio: 0.04 in all modes", "peak shear, kN", "against measured"):
         assert words in done.out
 
 
-def test_predict_the_shipped_record(femupdate, exact):
+def test_predict_the_shipped_record(femupdate, walked):
     """By its unit and channel as the file states them, cut to no length."""
-    _, study = exact
-    root = Path(__file__).parents[2]
-    shipped = root / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
+    shipped = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
     answer = femupdate(
-        "predict", "--record", shipped, "--samples", 10, "--study", study, "--json"
+        "predict", "--record", shipped, "--samples", 10, "--study", walked, "--json"
     ).answer
     assert any("90 Deg: peak 3.38 m/s², 90.0 s at 100 Hz" in note for note in answer["notes"])
 
 
-def test_render(femupdate, exact, tower_observation):
-    _, study = exact
-    answer = femupdate("render", "--study", study, "--samples", 20, "--json").answer
-    assert sorted(mode["mode"] for mode in answer["modes"]) == [1, 2]
-    assert all(not_blank(Path(mode["picture"])) for mode in answer["modes"])
-    assert all(mode["found"] == 1.0 for mode in answer["modes"])
-    text = femupdate("render", "--study", study, "--modes", 1).out
+def test_render(femupdate, walk, walked):
+    modes = walk.answers["render"]["modes"]
+    assert sorted(mode["mode"] for mode in modes) == [1, 2]
+    assert all(not_blank(Path(mode["picture"])) for mode in modes)
+    assert all(mode["found"] == 1.0 for mode in modes)
+    text = femupdate("render", "--study", walked, "--modes", 1).out
     assert "recognised in draws" in text
     assert text.count("modes.png") == 1
 
 
-def test_every_artefact_of_a_study_is_recorded_with_what_it_was_made_from(
-    femupdate, calibrated, record
-):
-    assert femupdate("predict", "--record", record, "--study", calibrated).code == 0
-    kept = json.loads((calibrated / "study.json").read_text())["artefacts"]
-    assert set(kept) == {"reduced model", "posterior", "prediction"}
+def test_every_artefact_of_a_study_is_recorded_with_what_it_was_made_from(walk):
+    kept = json.loads((walk.study / "study.json").read_text())["artefacts"]
+    assert {"reduced model", "posterior", "prediction", "surrogate", "diagnosis"} <= set(kept)
     for artefact in kept.values():
         assert artefact["version"] == __version__
-        assert (calibrated / artefact["file"]).exists()
+        assert (walk.study / artefact["file"]).exists()
         assert artefact["made_from"]["building"] == kept["reduced model"]["made_from"]["building"]
     assert kept["prediction"]["made_from"]["posterior"] == kept["posterior"]["sha256"]
 
@@ -320,59 +253,7 @@ def test_a_command_run_from_another_folder(femupdate, tmp_path, monkeypatch, tow
     assert (tmp_path / "study" / "building.toml").exists()
 
 
-@pytest.mark.slow
-def test_the_whole_work_through_the_script(femupdate, script, tmp_path, monkeypatch, tower_file):
-    """One JSON object on stdout and nothing but progress on stderr, from each command.
-
-    Two of those that draw run in processes of their own, where libraries could write as well.
-    """
-    monkeypatch.chdir(tmp_path)
-
-    def answer(*arguments, run=femupdate):
-        done = run(*arguments, "--json")
-        assert done.progress == done.err.splitlines()
-        return done.answer
-
-    made = femupdate(
-        *("simulate", "-o", "observation.csv", "--theta", "0.8,1.3", "--zeta", "0.05"),
-        *("--duration", 60, "--sampling", 50, "--band", "0.3,20"),
-        *("--building", tower_file, "--json"),
-    ).answer
-    answer("build-model", tower_file)
-    posterior = answer("calibrate", made["observation"], "--exact", *FEW, run=script)
-    assert posterior["mean"] == pytest.approx(made["truth"]["theta"], rel=0.02)
-    rows = (tmp_path / "observation.csv").read_text().splitlines()
-    base = [",".join(row.split(",")[:2]) for row in rows if not row.startswith("#")]
-    (tmp_path / "record.csv").write_text("\n".join(base))
-    predicted = answer("predict", "--record", "record.csv", "--measured", "observation.csv")
-    assert predicted["comparison"]["RF"]["relative_error"] < 0.05
-    assert len(answer("render", run=script)["modes"]) == 2
-
-
 def test_more_is_said_on_stderr_alone(script, tmp_path, tower_file):
     done = script("build-model", tower_file, "--study", tmp_path, "--json", "-v")
     assert done.answer["building"] == "tower"
     assert "loaded the building tower" in done.err
-
-
-@pytest.mark.parametrize(
-    ("words", "effort"),
-    [
-        ([], (50_000, 16)),
-        (["--thorough"], (100_000, 45)),
-        (["--thorough", "--samples", 700, "--epochs", 3], (700, 3)),
-    ],
-)
-def test_how_much_is_put_into_a_training(
-    femupdate, tmp_path, monkeypatch, tower_file, words, effort
-):
-    asked = []
-
-    def refused(study, model, samples, settings, **_):
-        asked.append((samples, settings.epochs))
-        raise SurrogateError("not now")
-
-    monkeypatch.setattr("femupdate.workflow.train.train_study", refused)
-    done = femupdate("train", "--building", tower_file, "--study", tmp_path / "study", *words)
-    assert done.complaint == "not now"
-    assert asked == [effort]

@@ -82,8 +82,6 @@ def cabin_study(cabin_built: Study, tmp_path: Path) -> Study:
 
 
 @pytest.fixture(scope="session")
-def cabin_built(tmp_path_factory: pytest.TempPathFactory, cabin_file: Path) -> Study:
+def cabin_built(built_once: Callable[..., Path], cabin_file: Path) -> Study:
     """A study of the cabin with its model and nothing else."""
-    study = Study(tmp_path_factory.mktemp("cabin") / "study")
-    open_study(study, str(cabin_file))
-    return study
+    return Study(built_once("cabin", lambda folder: open_study(Study(folder), str(cabin_file))))

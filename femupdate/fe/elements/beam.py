@@ -229,15 +229,15 @@ def _released(stiffness: Floats, mass: Floats, beams: Beams) -> tuple[Floats, Fl
             continue
         chosen = which.ravel() == number
         out, kept = np.flatnonzero(pattern), np.flatnonzero(~pattern)
-        own = stiffness[chosen][:, out[:, None], out]
-        loose = np.linalg.matrix_rank(own, hermitian=True) < len(out)
+        released = stiffness[chosen][:, out[:, None], out]
+        loose = np.linalg.matrix_rank(released, hermitian=True) < len(out)
         members = np.zeros(len(beams), dtype=bool)
         members[np.flatnonzero(chosen)[loose]] = True
         beams.refuse(members, "is released so far that it moves freely; keep one end fixed")
         shapes = np.zeros((int(chosen.sum()), 12, 12))
         shapes[:, kept, kept] = 1.0
         shapes[:, out[:, None], kept] = -np.linalg.solve(
-            own, stiffness[chosen][:, out[:, None], kept]
+            released, stiffness[chosen][:, out[:, None], kept]
         )
         for matrix in (stiffness, mass):
             matrix[chosen] = np.swapaxes(shapes, 1, 2) @ matrix[chosen] @ shapes
@@ -285,12 +285,12 @@ def _plane_matrix(upper: tuple[tuple[Floats, ...], ...]) -> Floats:
 
 def _bending_stiffness(length: Floats, flexural: Floats, ratio: Floats) -> Floats:
     """Deflection and slope at both ends, (n, 4, 4); ratio = 12 E I / (G A_s L^2)."""
-    one = np.ones_like(length)
+    ones = np.ones_like(length)
     matrix = _plane_matrix(
         (
-            (12.0 * one, 6.0 * length, -12.0 * one, 6.0 * length),
+            (12.0 * ones, 6.0 * length, -12.0 * ones, 6.0 * length),
             ((4.0 + ratio) * length**2, -6.0 * length, (2.0 - ratio) * length**2),
-            (12.0 * one, -6.0 * length),
+            (12.0 * ones, -6.0 * length),
             ((4.0 + ratio) * length**2,),
         )
     )
@@ -300,26 +300,31 @@ def _bending_stiffness(length: Floats, flexural: Floats, ratio: Floats) -> Float
 def _translational_mass(length: Floats, line_mass: Floats, ratio: Floats) -> Floats:
     """Mass of the deflection, (n, 4, 4) (Friedman and Kosmatka 1993)."""
     square = ratio**2
-    own = 70.0 * square + 147.0 * ratio + 78.0
+    push = 70.0 * square + 147.0 * ratio + 78.0
     tilt = (35.0 * square + 77.0 * ratio + 44.0) * length / 4.0
     cross = 35.0 * square + 63.0 * ratio + 27.0
     cross_tilt = (35.0 * square + 63.0 * ratio + 26.0) * length / 4.0
     slope = (7.0 * square + 14.0 * ratio + 8.0) * length**2 / 4.0
     cross_slope = (7.0 * square + 14.0 * ratio + 6.0) * length**2 / 4.0
     matrix = _plane_matrix(
-        ((own, tilt, cross, -cross_tilt), (slope, cross_tilt, -cross_slope), (own, -tilt), (slope,))
+        (
+            (push, tilt, cross, -cross_tilt),
+            (slope, cross_tilt, -cross_slope),
+            (push, -tilt),
+            (slope,),
+        )
     )
     return (line_mass * length / (210.0 * (1.0 + ratio) ** 2))[:, None, None] * matrix
 
 
 def _rotary_mass(length: Floats, line_inertia: Floats, ratio: Floats) -> Floats:
     """Mass of the rotation of the sections, (n, 4, 4) (Friedman and Kosmatka 1993)."""
-    own = 36.0 * np.ones_like(length)
+    push = 36.0 * np.ones_like(length)
     tilt = (3.0 - 15.0 * ratio) * length
     slope = (10.0 * ratio**2 + 5.0 * ratio + 4.0) * length**2
     cross_slope = (5.0 * ratio**2 - 5.0 * ratio - 1.0) * length**2
     matrix = _plane_matrix(
-        ((own, tilt, -own, tilt), (slope, -tilt, cross_slope), (own, -tilt), (slope,))
+        ((push, tilt, -push, tilt), (slope, -tilt, cross_slope), (push, -tilt), (slope,))
     )
     return (line_inertia / (30.0 * length * (1.0 + ratio) ** 2))[:, None, None] * matrix
 

@@ -105,14 +105,14 @@ class Shells(Surface):
                 yield some, ElementMatrices(stiffness, mass)
                 continue
             for k in range(len(some)):
-                own = np.flatnonzero(which == start + k)
-                yield own, ElementMatrices(stiffness[[k]], mass[[k]])
+                alike = np.flatnonzero(which == start + k)
+                yield alike, ElementMatrices(stiffness[[k]], mass[[k]])
 
     def membrane(self, points: Floats) -> Floats:
         """Stiffness in global axes of shells that do not bend, (n, 24, 24)."""
         frame = mean_planes(self.corners(points))
-        local, own = np.zeros((len(self), 24, 24)), _IN_PLANE
-        local[:, own[:, None], own] = membrane_stiffness(frame.plane, *self.elastic)
+        local, in_plane = np.zeros((len(self), 24, 24)), _IN_PLANE
+        local[:, in_plane[:, None], in_plane] = membrane_stiffness(frame.plane, *self.elastic)
         motion = to_local(frame)
         return symmetric(np.swapaxes(motion, 1, 2) @ local @ motion)
 
@@ -122,13 +122,13 @@ class Shells(Surface):
         elasticity = plane_stress(self.youngs_modulus, self.poisson_ratio)
         local = np.zeros((len(self), 4, 6, 24))
         # Curvatures are those of u = z ry, v = -z rx, which stretch the upper face where positive.
-        for forces, own, factor, strain in (
+        for forces, directions, factor, strain in (
             (slice(0, 3), _IN_PLANE, self.thickness, membrane_strain(frame.plane, *self.elastic)),
             (slice(3, 6), _OUT_OF_PLANE, self.thickness**3 / 12.0, plate_curvature(frame.plane)),
         ):
             at_gauss = (factor[:, None, None] * elasticity)[:, None] @ strain
             at_corners = np.einsum("cg,ngik->ncik", _TO_CORNERS, at_gauss)
-            local[:, :, forces, own] = at_corners
+            local[:, :, forces, directions] = at_corners
         return np.asarray(local.reshape(-1, 24, 24) @ to_local(frame), dtype=np.float64)
 
     def _stiffness(self, plane: Floats) -> Floats:

@@ -61,11 +61,11 @@ class Triangles(Surface):
         self.check(points)
         shape = _Shape.of(self.corners(points))
         stiffness = np.zeros((len(self), 18, 18))
-        for own, part in (
+        for directions, part in (
             (self.directions(0, 1, 5), _membrane(shape, *self.elastic)),
             (self.directions(2, 3, 4), _plate(shape, *self.elastic)),
         ):
-            stiffness[:, own[:, None], own] = part
+            stiffness[:, directions[:, None], directions] = part
         local = ElementMatrices(stiffness, self._mass(shape.area))
         return local.moved_by(repeated(shape.axes, 6))
 
@@ -220,8 +220,8 @@ def _plate(
 
 def _shear_flexibility(shape: _Shape, thickness: Floats, poisson_ratio: Floats) -> Floats:
     """phi = 12 D / (k G t L^2) of each side, (n, 3), in which Young's modulus cancels."""
-    own = 2.0 * thickness**2 / (SHEAR_CORRECTION * (1.0 - poisson_ratio))
-    return own[:, None] / shape.length**2
+    flexibility = 2.0 * thickness**2 / (SHEAR_CORRECTION * (1.0 - poisson_ratio))
+    return flexibility[:, None] / shape.length**2
 
 
 def _middle_rotations(shape: _Shape, thickness: Floats, poisson_ratio: Floats) -> Floats:

@@ -121,7 +121,7 @@ def _alone(file: TextFile) -> Iterator[_Packed]:
 
 def _unpacked(file: TextFile, members: Iterator[_Packed], folder: Path) -> dict[str, Path]:
     """Where every file of an archive was unpacked to, by its name, in the order of the names."""
-    found: dict[str, Path] = {}
+    paths: dict[str, Path] = {}
     size = 0
     for number, member in enumerate(members):
         parts = PurePosixPath(member.name.replace("\\", "/"))
@@ -132,9 +132,9 @@ def _unpacked(file: TextFile, members: Iterator[_Packed], folder: Path) -> dict[
             )
         size += member.size
         _check_size(file, number + 1, size)
-        found[member.name] = folder / f"{number}{parts.suffix}"
-        found[member.name].write_bytes(member.read())
-    return {name: found[name] for name in sorted(found)}
+        paths[member.name] = folder / f"{number}{parts.suffix}"
+        paths[member.name].write_bytes(member.read())
+    return {name: paths[name] for name in sorted(paths)}
 
 
 def _check_size(file: TextFile, count: int, size: int) -> None:
@@ -150,8 +150,8 @@ def _check_size(file: TextFile, count: int, size: int) -> None:
 def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
     alone = len(unpacked) == 1
     recordings = {name: _member(file, name, path, alone) for name, path in unpacked.items()}
-    found = {name: one for name, one in recordings.items() if one is not None}
-    records = {name: one for name, one in found.items() if one.table is None}
+    found = {name: recording for name, recording in recordings.items() if recording is not None}
+    records = {name: recording for name, recording in found.items() if recording.table is None}
     left_out = [name for name in unpacked if name not in (records or found)]
     if len(records or found) == 1:
         (only,) = (records or found).values()
@@ -169,7 +169,11 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
             if not found
             else f"the archive holds several tables ({', '.join(found)}); unpack it and give one"
         )
-    named = [(PurePosixPath(name).stem, c) for name, one in records.items() for c in one.channels]
+    named = [
+        (PurePosixPath(name).stem, c)
+        for name, recording in records.items()
+        for c in recording.channels
+    ]
     return Recording(file, _distinct(named), notes=_notes(left_out))
 
 

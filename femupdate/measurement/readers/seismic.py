@@ -31,11 +31,11 @@ _ALTUS = "KINEMETRICS_EVT"  # accelerographs, whose files say volts per count an
 
 
 def _format(head: str, suffix: str) -> str | None:
-    told = next((name for begins, name in _HEADS if re.match(begins, head)), None)
-    if told is None and len(head) >= _SAC_HEADER and head[_SAC_AT] in _SAC_VERSION:
+    named = next((name for begins, name in _HEADS if re.match(begins, head)), None)
+    if named is None and len(head) >= _SAC_HEADER and head[_SAC_AT] in _SAC_VERSION:
         return "SAC"
     binary = "\0" in head and not head.startswith("MS\x03")  # which is miniSEED 3
-    return told or (_SUFFIXES.get(suffix) if binary else None)
+    return named or (_SUFFIXES.get(suffix) if binary else None)
 
 
 def _recognises(head: str, suffix: str) -> bool:
@@ -73,7 +73,7 @@ def _require_whole(file: TextFile, traces: list[Any]) -> None:
     if not traces:
         raise file.error("there is no trace of numbers in the file; fetch it again from its source")
     seen: dict[str, Any] = {}
-    for trace in sorted(traces, key=lambda one: one.stats.starttime):
+    for trace in sorted(traces, key=lambda item: item.stats.starttime):
         before = seen.get(trace.id)
         if before is not None:
             gap = trace.stats.starttime - before.stats.endtime - before.stats.delta
@@ -99,9 +99,12 @@ def _together(file: TextFile, traces: list[Any]) -> tuple[list[Any], tuple[str, 
         if trace.stats.delta == cut[0].stats.delta:
             trace.data = trace.data[:shortest]
     notes = []
-    if any(trace.stats.npts != own.stats.npts for trace, own in zip(cut, traces, strict=True)):
+    if any(trace.stats.npts != whole.stats.npts for trace, whole in zip(cut, traces, strict=True)):
         notes.append(f"Cut to the time that all traces have: {start} to {end}.")
-    late = [abs(one.stats.starttime - cut[0].stats.starttime) / one.stats.delta for one in cut]
+    late = [
+        abs(cut_trace.stats.starttime - cut[0].stats.starttime) / cut_trace.stats.delta
+        for cut_trace in cut
+    ]
     if max(late) > TIMES.apart:
         notes.append(
             f"Traces begin up to {max(late):.2g} of a sample apart; resample them to one clock."

@@ -34,9 +34,11 @@ def _read(path: Path) -> Recording:
     nptdms = reading_package(file, "nptdms", "npTDMS", "TDMS files")
     try:
         groups = nptdms.TdmsFile.read(path).groups()
-        found = [(group.name, one) for group in groups for one in group.channels()]
+        channels = [(group.name, channel) for group in groups for channel in group.channels()]
         numbers = [
-            (name, one) for name, one in found if len(one) > 1 and one[:].dtype.kind in "fiu"
+            (name, channel)
+            for name, channel in channels
+            if len(channel) > 1 and channel[:].dtype.kind in "fiu"
         ]
     except Exception as error:  # a damaged file makes npTDMS raise nearly anything
         raise file.error(
@@ -49,13 +51,17 @@ def _read(path: Path) -> Recording:
             " the channels as CSV with a column of times"
         )
     several = len({name for name, *_ in timed}) > 1
-    left_out = [one.name for _, one in found if all(one is not other for _, other, _ in timed)]
+    left_out = [
+        channel.name
+        for _, channel in channels
+        if all(channel is not measured for _, measured, _ in timed)
+    ]
     notes = (f"Channels without numbers or a time step: {', '.join(left_out)}.",)
     return Recording(
         file,
         tuple(
-            _channel(f"{name}/{one.name}" if several else one.name, one, step)
-            for name, one, step in timed
+            _channel(f"{name}/{channel.name}" if several else channel.name, channel, step)
+            for name, channel, step in timed
         ),
         notes=notes if left_out else (),
     )
@@ -64,31 +70,33 @@ def _read(path: Path) -> Recording:
 def _timed(file: TextFile, numbers: list[tuple[str, Any]]) -> list[tuple[str, Any, float]]:
     """Group, channel and time step: of the waveform, else of the times in the channel's group."""
     steps = {
-        name: uniform_step(file, np.asarray(one[:], float), np.arange(len(one)) + 1, one.name)
-        for name, one in numbers
-        if TIME_NAME.match(one.name) and len(one) >= TIMES.fewest
+        name: uniform_step(
+            file, np.asarray(channel[:], float), np.arange(len(channel)) + 1, channel.name
+        )
+        for name, channel in numbers
+        if TIME_NAME.match(channel.name) and len(channel) >= TIMES.fewest
     }
-    found = []
-    for name, one in numbers:
-        step = float(one.properties.get(_STEP, 0.0))
-        if step <= 0.0 and not TIME_NAME.match(one.name):
+    timed = []
+    for name, channel in numbers:
+        step = float(channel.properties.get(_STEP, 0.0))
+        if step <= 0.0 and not TIME_NAME.match(channel.name):
             step = steps.get(name, 0.0)
         if step > 0.0:
-            found.append((name, one, step))
-    return found
+            timed.append((name, channel, step))
+    return timed
 
 
-def _channel(name: str, one: Any, step: float) -> RecordedChannel:
-    unit = next((str(one.properties[key]) for key in _UNITS if key in one.properties), "")
+def _channel(name: str, channel: Any, step: float) -> RecordedChannel:
+    unit = next((str(channel.properties[key]) for key in _UNITS if key in channel.properties), "")
     known = unit.strip() not in _NO_UNIT
     quantity = "acceleration" if is_acceleration(unit) else "unknown"
     return RecordedChannel(
         name=name,
-        values=np.asarray(one[:], dtype=np.float64),
+        values=np.asarray(channel[:], dtype=np.float64),
         time_step=step,
         unit=unit if known else None,
         quantity="force" if unit in FORCES else quantity,
-        location=str(one.properties.get("description", "")),
+        location=str(channel.properties.get("description", "")),
     )
 
 

@@ -85,28 +85,30 @@ def _read(path: Path) -> Recording:
 def _set(content: Any, number: int) -> dict[str, Any]:
     """A set; an empty one of a result (2414) that pyuff cannot follow, such as stresses."""
     if content.get_set_types()[number] != 2414:
-        found: dict[str, Any] = content.read_sets(number)
-        return found
+        dataset: dict[str, Any] = content.read_sets(number)
+        return dataset
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # where pyuff says what it leaves out
-            found = content.read_sets(number)
+            dataset = content.read_sets(number)
     except Exception:
         return {"type": 2414}
-    return found
+    return dataset
 
 
 def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> Recording:
-    si = all(one["units_code"] == _SI for one in sets if one["type"] == 164)
-    functions = [one for one in sets if one["type"] == 58]
-    histories = [one for one in functions if _is_history(one)]
+    si = all(dataset["units_code"] == _SI for dataset in sets if dataset["type"] == 164)
+    functions = [dataset for dataset in sets if dataset["type"] == 58]
+    histories = [dataset for dataset in functions if _is_history(dataset)]
     points: dict[int, tuple[float, float, float]] = {}
-    for one in sets:
-        if one["type"] in (15, 2411):
-            points |= _points(one)
+    for dataset in sets:
+        if dataset["type"] in (15, 2411):
+            points |= _points(dataset)
     recording = Recording(
         file,
-        tuple(_channel(file, one, k, si) for k, one in enumerate(histories, start=1)),
-        functions=tuple(_function(file, one, si) for one in functions if not _is_history(one)),
+        tuple(_channel(file, dataset, k, si) for k, dataset in enumerate(histories, start=1)),
+        functions=tuple(
+            _function(file, dataset, si) for dataset in functions if not _is_history(dataset)
+        ),
         modes=tuple(_modes(file, sets)),
         points=points,
         notes=_notes(types, sets),
@@ -119,42 +121,44 @@ def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> 
     return recording
 
 
-def _is_history(one: Mapping[str, Any]) -> bool:
-    general = one["func_type"] not in _KINDS
-    return one["func_type"] == _HISTORY or (general and one["abscissa_spec_data_type"] == _TIME)
+def _is_history(dataset: Mapping[str, Any]) -> bool:
+    general = dataset["func_type"] not in _KINDS
+    return dataset["func_type"] == _HISTORY or (
+        general and dataset["abscissa_spec_data_type"] == _TIME
+    )
 
 
-def _channel(file: TextFile, one: Mapping[str, Any], number: int, si: bool) -> RecordedChannel:
-    values = np.real(np.asarray(one["data"])).astype(np.float64)
-    if values.size != int(one["num_pts"]):
+def _channel(file: TextFile, dataset: Mapping[str, Any], number: int, si: bool) -> RecordedChannel:
+    values = np.real(np.asarray(dataset["data"])).astype(np.float64)
+    if values.size != int(dataset["num_pts"]):
         raise file.error(
-            f"set 58 number {number} announces {int(one['num_pts'])} values but {values.size}"
+            f"set 58 number {number} announces {int(dataset['num_pts'])} values but {values.size}"
             " follow: the file is cut off; export it again"
         )
     if values.size < 2 or not np.isfinite(values).all():
         raise file.error(f"set 58 number {number} holds no history of finite numbers")
-    label = _unit(one)
-    axis, told = _text(one["ordinate_axis_lab"]), one["ordinate_spec_data_type"]
-    general = told in _GENERAL and axis.lower() not in _QUANTITIES.values()
-    quantity = "" if general else _QUANTITIES.get(told, axis.lower())
+    label = _unit(dataset)
+    axis, code = _text(dataset["ordinate_axis_lab"]), dataset["ordinate_spec_data_type"]
+    general = code in _GENERAL and axis.lower() not in _QUANTITIES.values()
+    quantity = "" if general else _QUANTITIES.get(code, axis.lower())
     if not label and quantity == "acceleration" and si:
         label = "m/s2"  # the format's own unit, unless set 164 says otherwise
-    name = _text(one["rsp_ent_name"]) or _place(one, "rsp") or (axis if general else "")
+    name = _text(dataset["rsp_ent_name"]) or _place(dataset, "rsp") or (axis if general else "")
     return RecordedChannel(
         name=name or f"channel {number}",
         values=values,
-        time_step=_step(file, one, number),
+        time_step=_step(file, dataset, number),
         unit=label or None,
         quantity=quantity or ("acceleration" if is_acceleration(label) else "unknown"),
-        location=_place(one, "rsp"),
-        direction=_DIRECTIONS.get(one["rsp_dir"], ""),
+        location=_place(dataset, "rsp"),
+        direction=_DIRECTIONS.get(dataset["rsp_dir"], ""),
     )
 
 
-def _step(file: TextFile, one: Mapping[str, Any], number: int) -> float:
-    x = np.asarray(one["x"], dtype=np.float64)
-    even = one["abscissa_spacing"] == 1
-    step = float(one["abscissa_inc"]) if even else float((x[-1] - x[0]) / (x.size - 1))
+def _step(file: TextFile, dataset: Mapping[str, Any], number: int) -> float:
+    x = np.asarray(dataset["x"], dtype=np.float64)
+    even = dataset["abscissa_spacing"] == 1
+    step = float(dataset["abscissa_inc"]) if even else float((x[-1] - x[0]) / (x.size - 1))
     if not (np.isfinite(step) and step > 0.0):
         raise file.error(f"set 58 number {number} has a time step of {step:g}; correct it")
     if not even and np.abs(np.diff(x) / step - 1.0).max() > 0.01:
@@ -162,26 +166,26 @@ def _step(file: TextFile, one: Mapping[str, Any], number: int) -> float:
     return step
 
 
-def _function(file: TextFile, one: Mapping[str, Any], si: bool) -> RecordedFunction:
-    frequency, values = np.asarray(one["x"], dtype=np.float64), _values(one)
+def _function(file: TextFile, dataset: Mapping[str, Any], si: bool) -> RecordedFunction:
+    frequency, values = np.asarray(dataset["x"], dtype=np.float64), _values(dataset)
     if frequency.shape != values.shape:
         raise file.error(
             f"a function has {values.size} values at {frequency.size} frequencies; export it again"
         )
     return RecordedFunction(
-        kind=_KINDS.get(one["func_type"], "function"),
-        name=_text(one["rsp_ent_name"]) or _text(one["id4"]) or _text(one["id1"]),
+        kind=_KINDS.get(dataset["func_type"], "function"),
+        name=_text(dataset["rsp_ent_name"]) or _text(dataset["id4"]) or _text(dataset["id1"]),
         frequency_hz=frequency,
         values=values,
-        unit=_ratio(one, si) or None,
-        response=_place(one, "rsp"),
-        reference=_place(one, "ref"),
+        unit=_ratio(dataset, si) or None,
+        response=_place(dataset, "rsp"),
+        reference=_place(dataset, "ref"),
     )
 
 
-def _place(one: Mapping[str, Any], end: str) -> str:
+def _place(dataset: Mapping[str, Any], end: str) -> str:
     """`point 3 +X`, empty where the file does not say."""
-    node, direction = int(one[f"{end}_node"]), _DIRECTIONS.get(one[f"{end}_dir"], "")
+    node, direction = int(dataset[f"{end}_node"]), _DIRECTIONS.get(dataset[f"{end}_dir"], "")
     return f"point {node} {direction}".strip() if node else ""
 
 
@@ -191,52 +195,57 @@ def _modes(file: TextFile, sets: list[dict[str, Any]]) -> Iterator[RecordedMode]
     Raises:
         MeasurementError: a point of a mode has no components.
     """
-    for one in sets:
-        if one["type"] == 55 and _is_mode(one):
-            found = _mode(one)
-        elif one["type"] == 2414 and "data_at_node" in one and _is_mode(one) and _is_motion(one):
-            found = _result(one)
+    for dataset in sets:
+        if dataset["type"] == 55 and _is_mode(dataset):
+            mode = _mode(dataset)
+        elif (
+            dataset["type"] == 2414
+            and "data_at_node" in dataset
+            and _is_mode(dataset)
+            and _is_motion(dataset)
+        ):
+            mode = _result(dataset)
         else:
             continue
-        if len(found.shape) != len(found.sensors):
+        if len(mode.shape) != len(mode.sensors):
             raise file.error(
-                f"mode {found.name} has {len(found.shape)} components where its points have "
-                f"{len(found.sensors)}; export it again"
+                f"mode {mode.name} has {len(mode.shape)} components where its points have "
+                f"{len(mode.sensors)}; export it again"
             )
-        yield found
+        yield mode
 
 
-def _is_motion(one: Mapping[str, Any]) -> bool:
-    return one["data_characteristic"] in _VECTORS and one["result_type"] in _MOTIONS
+def _is_motion(dataset: Mapping[str, Any]) -> bool:
+    return dataset["data_characteristic"] in _VECTORS and dataset["result_type"] in _MOTIONS
 
 
-def _result(one: Mapping[str, Any]) -> RecordedMode:
+def _result(dataset: Mapping[str, Any]) -> RecordedMode:
     """A mode of set 2414, whose records 10 to 13 depend on the kind of analysis."""
-    rows = np.array(one["data_at_node"], dtype=np.float64)
-    if one["data_type"] in _COMPLEX_DATA:
+    rows = np.array(dataset["data_at_node"], dtype=np.float64)
+    if dataset["data_type"] in _COMPLEX_DATA:
         rows = rows[:, ::2] + 1j * rows[:, 1::2]
-    if one["analysis_type"] in _COMPLEX_MODES:
-        figures = _of_root(complex(one["record13_field1"], one["record13_field2"]))
+    if dataset["analysis_type"] in _COMPLEX_MODES:
+        figures = _of_root(complex(dataset["record13_field1"], dataset["record13_field2"]))
     else:
-        figures = _of_real(*(one.get(f"record12_field{k}", 0.0) for k in (2, 5)))
-    name = str(int(one.get("record10_field6", 0)) or int(one["analysis_dataset_label"]))
-    return _recorded(one, rows, _COMPONENTS[: rows.shape[1]], figures, name)
+        figures = _of_real(*(dataset.get(f"record12_field{k}", 0.0) for k in (2, 5)))
+    name = str(int(dataset.get("record10_field6", 0)) or int(dataset["analysis_dataset_label"]))
+    return _recorded(dataset, rows, _COMPONENTS[: rows.shape[1]], figures, name)
 
 
-def _is_mode(one: Mapping[str, Any]) -> bool:
-    return one["analysis_type"] in (_MODES, *_COMPLEX_MODES)
+def _is_mode(dataset: Mapping[str, Any]) -> bool:
+    return dataset["analysis_type"] in (_MODES, *_COMPLEX_MODES)
 
 
-def _mode(one: Mapping[str, Any]) -> RecordedMode:
+def _mode(dataset: Mapping[str, Any]) -> RecordedMode:
     """A mode of set 55."""
-    given = [k for k in _COMPONENTS if f"r{k}" in one]
-    rows = np.column_stack([one[f"r{k}"] for k in given])
-    name = str(int(one["mode_n"])) if "mode_n" in one else ""
-    if one["analysis_type"] == _MODES:
-        figures = _of_real(one["freq"], one["modal_damp_vis"])
+    given = [k for k in _COMPONENTS if f"r{k}" in dataset]
+    rows = np.column_stack([dataset[f"r{k}"] for k in given])
+    name = str(int(dataset["mode_n"])) if "mode_n" in dataset else ""
+    if dataset["analysis_type"] == _MODES:
+        figures = _of_real(dataset["freq"], dataset["modal_damp_vis"])
     else:
-        figures = _of_root(complex(one["eig"]))
-    return _recorded(one, rows, _COMPONENTS[: len(given)], figures, name)
+        figures = _of_root(complex(dataset["eig"]))
+    return _recorded(dataset, rows, _COMPONENTS[: len(given)], figures, name)
 
 
 def _of_real(frequency: float, viscous: float) -> tuple[float, float | None]:
@@ -250,7 +259,7 @@ def _of_root(root: complex) -> tuple[float, float | None]:
 
 
 def _recorded(
-    one: Mapping[str, Any],
+    dataset: Mapping[str, Any],
     rows: NDArray[np.inexact],
     components: Sequence[int],
     figures: tuple[float, float | None],
@@ -259,7 +268,9 @@ def _recorded(
     """A mode of shapes (nodes, components), with frequency, Hz, and damping ratio."""
     frequency, damping = figures
     sensors = [
-        f"point {int(number)} {_DIRECTIONS[k]}" for number in one["node_nums"] for k in components
+        f"point {int(number)} {_DIRECTIONS[k]}"
+        for number in dataset["node_nums"]
+        for k in components
     ]
     return RecordedMode(
         frequency_hz=frequency,
@@ -270,23 +281,28 @@ def _recorded(
     )
 
 
-def _points(one: Mapping[str, Any]) -> dict[int, tuple[float, float, float]]:
-    coordinates: Floats = np.column_stack([one["x"], one["y"], one["z"]]).astype(np.float64)
+def _points(dataset: Mapping[str, Any]) -> dict[int, tuple[float, float, float]]:
+    coordinates: Floats = np.column_stack([dataset["x"], dataset["y"], dataset["z"]]).astype(
+        np.float64
+    )
     return {
-        int(n): tuple(row) for n, row in zip(one["node_nums"], coordinates.tolist(), strict=True)
+        int(n): tuple(row)
+        for n, row in zip(dataset["node_nums"], coordinates.tolist(), strict=True)
     }
 
 
 def _notes(types: list[int], sets: list[dict[str, Any]]) -> tuple[str, ...]:
     notes = [
-        f"Model {one['model_name']} of {one['program']}." for one in sets if one["type"] == 151
+        f"Model {dataset['model_name']} of {dataset['program']}."
+        for dataset in sets
+        if dataset["type"] == 151
     ]
     notes += [
-        f"Units: {one['units_description']}, 1 m is {one['length']:g} of the file's lengths."
-        for one in sets
-        if one["type"] == 164
+        f"Units: {units['units_description']}, 1 m is {units['length']:g} of the file's lengths."
+        for units in sets
+        if units["type"] == 164
     ]
-    elements = sum(_elements(one) for one in sets if one["type"] == 2412)
+    elements = sum(_elements(dataset) for dataset in sets if dataset["type"] == 2412)
     if elements:
         notes.append(f"{elements} elements join the points.")
     unread = [str(kind) for kind in dict.fromkeys(types) if kind not in _READ]
@@ -295,30 +311,31 @@ def _notes(types: list[int], sets: list[dict[str, Any]]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _elements(one: Mapping[Any, Any]) -> int:
+def _elements(dataset: Mapping[Any, Any]) -> int:
     """Number of elements of set 2412, which pyuff groups by the number of their shape."""
-    return sum(len(group) for kind, group in one.items() if isinstance(kind, int))
+    return sum(len(group) for kind, group in dataset.items() if isinstance(kind, int))
 
 
-def _values(one: Mapping[str, Any]) -> NDArray[np.inexact]:
+def _values(dataset: Mapping[str, Any]) -> NDArray[np.inexact]:
     """Values of a function, real where its file writes zeros for all imaginary parts."""
-    values = np.asarray(one["data"])
+    values = np.asarray(dataset["data"])
     return values if np.imag(values).any() else np.real(values)
 
 
-def _unit(one: Mapping[str, Any]) -> str:
+def _unit(dataset: Mapping[str, Any]) -> str:
     # Old programs write the superscript of m/s² in an encoding that is lost on reading.
-    return _text(one["ordinate_axis_units_lab"]).replace("\ufffd", "²")
+    return _text(dataset["ordinate_axis_units_lab"]).replace("\ufffd", "²")
 
 
-def _ratio(one: Mapping[str, Any], si: bool) -> str:
+def _ratio(dataset: Mapping[str, Any], si: bool) -> str:
     """Unit of a function; of a response, that of its numerator over its denominator's."""
-    above, below = _unit(one), _text(one["orddenom_axis_units_lab"])
-    if one["func_type"] not in _RESPONSES or force_unit(above) is not None:
+    above, below = _unit(dataset), _text(dataset["orddenom_axis_units_lab"])
+    if dataset["func_type"] not in _RESPONSES or force_unit(above) is not None:
         return above
     if not above and not below and si:
         above, below = (
-            _SI_UNITS.get(one[f"{part}_spec_data_type"], "") for part in ("ordinate", "orddenom")
+            _SI_UNITS.get(dataset[f"{part}_spec_data_type"], "")
+            for part in ("ordinate", "orddenom")
         )
     if above and above == below:
         return "1"

@@ -1,6 +1,7 @@
 """Pairs of simulated states, calibrated apart and compared."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,7 +27,8 @@ from ..result import Job, Report, markdown_table
 BUILDING = "shear_4dof"
 STORY, SOFTER = 1, 0.9
 _LACKS = (("added_mass@3F", (0.1,)),)
-_MODELS = {"right": (), "lacks a tenth of a floor's mass": _LACKS}
+Effects = tuple[tuple[str, tuple[float, ...]], ...]
+MODELS: dict[str, Effects] = {"right": (), "lacks a tenth of a floor's mass": _LACKS}
 _STATES = ("before", "unchanged", "softened")
 _PARTICLES = 400
 
@@ -65,11 +67,11 @@ class Compared:
         return bool(set(self.named) - allowed)
 
 
-def run_changes(job: Job, pairs: int) -> Report:
+def run_changes(job: Job, pairs: int, models: Mapping[str, Effects] = MODELS) -> Report:
     """Simulate, calibrate and compare all pairs."""
-    job.progress.start("Comparing states", pairs * len(_MODELS) * len(_STATES))
+    job.progress.start("Comparing states", pairs * len(models) * len(_STATES))
     found = []
-    for model, effects in _MODELS.items():
+    for model, effects in models.items():
         for number, rng in enumerate(np.random.default_rng(job.seed).spawn(pairs)):
             theta = rng.uniform(0.7, 1.4, 4)
             with TemporaryDirectory() as name:
@@ -89,7 +91,7 @@ def _state(
     study: Study,
     theta: Floats,
     seed: int,
-    effects: tuple[tuple[str, tuple[float, ...]], ...],
+    effects: Effects,
 ) -> State:
     """Measure and calibrate a building; its state is the name of the posterior."""
     now = theta * np.where(np.arange(len(theta)) == STORY, SOFTER, 1.0)
@@ -124,7 +126,7 @@ def _compared(model: str, state: str, report: CompareReport) -> Compared:
 
 def _report(job: Job, found: list[Compared]) -> Report:
     rows, answer = [], {}
-    for model in _MODELS:
+    for model in dict.fromkeys(pair.model for pair in found):
         for state in _STATES[1:]:
             own = [one for one in found if (one.model, one.state) == (model, state)]
             verdicts = Counter(one.verdict for one in own)

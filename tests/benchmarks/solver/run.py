@@ -9,7 +9,7 @@ from ..result import Job, Report
 from .elements import OURS, convergence_panels, element_scores, score_markdown, score_record
 from .plot_convergence import convergence_figure
 from .score import Score
-from .speed import compare_speed, opensees_is_there, speed_markdown, speed_record
+from .speed import SpeedRow, compare_speed, opensees_is_there, speed_markdown, speed_record
 
 NAME = "solver"
 _NO_OPENSEES = (
@@ -29,13 +29,26 @@ def run_solver(job: Job, sizes: Sequence[str] = ()) -> Report:
         StudyError, ReportError: a file cannot be written.
         ModelError: an unknown size, or a program that fails.
     """
-    scores = element_scores(job.progress)
     speed = compare_speed(sizes, job.progress)
+    alone = bool(sizes) and not opensees_is_there()
+    scores = element_scores(job.progress)
+    picture = draw_convergence(scores, job.folder / "convergence.png")
+    return solver_report(job, scores, speed, _NO_OPENSEES if alone else "", [picture])
+
+
+def solver_report(
+    job: Job,
+    scores: Sequence[Score],
+    speed: Sequence[SpeedRow],
+    note: str = "",
+    pictures: Sequence[Path] = (),
+) -> Report:
+    """Write what was found."""
     parts = [score_markdown(scores)]
     if speed:
         parts.append(speed_markdown(speed))
-    if sizes and not opensees_is_there():
-        parts.append(_NO_OPENSEES)
+    if note:
+        parts.append(note)
     content = {
         "elements": [score_record(score) for score in scores],
         "speed": [speed_record(row) for row in speed],
@@ -45,7 +58,7 @@ def run_solver(job: Job, sizes: Sequence[str] = ()) -> Report:
         content,
         "\n\n".join(parts),
         packages=("openseespy", "cvxopt"),
-        pictures=[draw_convergence(scores, job.folder / "convergence.png")],
+        pictures=pictures,
         answer={**content, "elements_reached": sum(score.reached for score in scores)},
     )
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from femupdate.benchmarks.result import Job
-from femupdate.benchmarks.solver import run as solver
 from femupdate.benchmarks.solver import speed
 from femupdate.benchmarks.solver.elements import score_markdown
+from femupdate.benchmarks.solver.run import solver_report
 from femupdate.benchmarks.solver.score import ElementTest, Peer
 from femupdate.benchmarks.solver.tower import tower
 
@@ -57,10 +57,8 @@ def test_the_building_of_the_comparison():
     assert found == pytest.approx([2.5547, 3.3246, 3.6510], rel=3e-3)
 
 
-def test_results_are_written_with_machine_and_date(tmp_path, monkeypatch):
+def test_results_are_written_with_machine_and_date(tmp_path):
     scores = (score(2.0), score(1.5))
-    monkeypatch.setattr(solver, "element_scores", lambda progress: scores)
-    monkeypatch.setattr(solver, "draw_convergence", lambda scores, path: path)
     frequencies = np.arange(1.0, 21.0)
     costs = {"seconds": 3.0, "peak_memory_gb": 0.5, "steps": {}}
     run, other = (
@@ -69,8 +67,7 @@ def test_results_are_written_with_machine_and_date(tmp_path, monkeypatch):
     )
     counts = {"shells": 10, "beams": 20, "dof": 30}
     row = speed.SpeedRow(size="small", **counts, ours=run, faster=None, theirs=other)
-    monkeypatch.setattr(solver, "compare_speed", lambda sizes, progress: (row,))
-    report = solver.run_solver(Job(tmp_path, 5), ("small",))
+    report = solver_report(Job(tmp_path, 5), scores, (row,))
     found = report.content()
     assert found["seed"] == 5
     assert found["machine"]["packages"]["numpy"] == np.__version__
