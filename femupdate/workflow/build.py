@@ -11,11 +11,9 @@ from femupdate.building.files import load_building
 from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.building.schema import Building
 from femupdate.dynamics.full_modes import FullModes, mesh_modes
-from femupdate.dynamics.reduction import Reduction
 from femupdate.dynamics.thresholds import REDUCTION
-from femupdate.effects.structure import Structure, structure_of
+from femupdate.effects.structure import structure_of
 from femupdate.errors import StudyError
-from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.export_opensees import opensees_script
 from femupdate.progress import SILENT, Progress
 from femupdate.study import BUILDING_FILE, Study, atomic_path, write_text
@@ -110,21 +108,6 @@ class BuildReport:
         return [k for k in range(len(mass)) if k < _SHOWN or mass[k] >= _MOVES]
 
 
-@dataclass(frozen=True)
-class MeshedFrame:
-    """Mesh and operators of a frame."""
-
-    mesh: BuildingMesh
-    operators: AffineOperators
-
-    @staticmethod
-    def of(structure: Structure) -> "MeshedFrame":
-        """Those of a structure that is no stick."""
-        if structure.mesh is None or structure.operators is None:
-            raise AssertionError("a shear building has no mesh")
-        return MeshedFrame(structure.mesh, structure.operators)
-
-
 def build_study(
     study: Study, building: str | None = None, progress: Progress = SILENT
 ) -> BuildReport:
@@ -137,33 +120,53 @@ def build_study(
     # Without a name a study keeps its own building: the default never replaces it.
     chosen = load_building(building) if building else choose_building(study, None)
     _refuse_other(study, chosen)
-    if chosen.kind == "shear":
-        return _build_lumped(study, chosen)
     structure = structure_of(chosen)
-    parts = MeshedFrame.of(structure)
+    mesh, operators = structure.mesh, structure.operators
+    if mesh is None or operators is None:
+        model = keep_reduction(study, chosen, reduce_building(chosen, structure))
+        return BuildReport(
+            model=model,
+            modes=full_modes(model),
+            dof=model.reduced.size,
+            elements=model.reduced.parameters,
+            mass_kg=float(model.reduced.story_mass[0]),
+            checks=("Lumped masses: the reduced model is the model itself.",),
+        )
     modes = mesh_modes(structure)
     reduction = reduce_building(chosen, structure, progress)
     model = keep_reduction(study, chosen, reduction)
     keep_modes(study, model, modes)
-    write_mesh(parts, study.path("mesh.vtu"), modes)
+    write_mesh(mesh, study.path("mesh.vtu"), modes)
+    everything = operators.rigid_translation(mesh.direction)
+    mass = float(everything @ (operators.mass_full @ everything))
+    size = len(operators.free)
+    checks = (
+        f"The structure stands: lowest frequency {modes.frequency_hz[0]:.3f} Hz.",
+        f"Mass of the model {mass / 1e3:.1f} t.",
+        f"Reduced model: {reduction.reduced.model.size} shapes follow {size} degrees of freedom "
+        f"within {reduction.rms_error:.2g} rms in ln|H| at {reduction.checks} unseen sets of "
+        "stiffness factors.",
+        f"Reduced model: {reduction.worst_error:.2g} rms at the worst of them, so no more than "
+        f"that in at least {percent(reduction.share)} of the prior "
+        f"(confidence {percent(REDUCTION.confidence)}).",
+    )
     return BuildReport(
         model=model,
         modes=modes,
-        dof=len(parts.operators.free),
-        elements=parts.mesh.model.element_count,
-        mass_kg=_total_mass(parts),
-        checks=_checks(parts, reduction, modes),
+        dof=size,
+        elements=mesh.model.element_count,
+        mass_kg=mass,
+        checks=checks,
     )
 
 
-def write_mesh(parts: MeshedFrame, path: Path, modes: FullModes) -> None:
+def write_mesh(mesh: BuildingMesh, path: Path, modes: FullModes) -> None:
     """Write the mesh as VTU, with story and thickness of the cells and some mode shapes."""
     import meshio
 
-    model = parts.mesh.model
     # The last entry is for elements that no factor scales.
-    story = np.array([*(one.story + 1 for one in parts.mesh.factors), 0])
-    blocks = model.elements
+    story = np.array([*(factor.story + 1 for factor in mesh.factors), 0])
+    blocks = mesh.model.elements
     data: dict[str, list[np.ndarray]] = {"story": [story[block.group] for block in blocks]}
     for dimension, name in ((2, "thickness_m"), (1, "section_area_m2")):
         data[name] = [block.section * (block.dimension() == dimension) for block in blocks]
@@ -172,9 +175,9 @@ def write_mesh(parts: MeshedFrame, path: Path, modes: FullModes) -> None:
         f"mode_{k + 1}_{frequency:.3f}_Hz": modes.shapes[k].reshape(-1, 3)
         for k, frequency in enumerate(modes.frequency_hz[:_SHOWN])
     }
-    mesh = meshio.Mesh(model.nodes, cells, point_data=points, cell_data=data)
+    found = meshio.Mesh(mesh.model.nodes, cells, point_data=points, cell_data=data)
     with atomic_path(path) as temporary:
-        mesh.write(temporary, file_format="vtu")
+        found.write(temporary, file_format="vtu")
 
 
 def export_opensees(
@@ -215,37 +218,3 @@ def _refuse_other(study: Study, building: Building) -> None:
             f"the study {study.folder} already holds a posterior of {which}{own.name}; choose "
             f"another folder for {building.name} with --study, or delete this one"
         )
-
-
-def _build_lumped(study: Study, building: Building) -> BuildReport:
-    model = keep_reduction(study, building, reduce_building(building))
-    return BuildReport(
-        model=model,
-        modes=full_modes(model),
-        dof=model.reduced.size,
-        elements=model.reduced.parameters,
-        mass_kg=float(model.reduced.story_mass[0]),
-        checks=("Lumped masses: the reduced model is the model itself.",),
-    )
-
-
-def _total_mass(parts: MeshedFrame) -> float:
-    everything = parts.operators.rigid_translation(parts.mesh.direction)
-    return float(everything @ (parts.operators.mass_full @ everything))
-
-
-def _checks(parts: MeshedFrame, reduction: Reduction, modes: FullModes) -> tuple[str, ...]:
-    mass = _total_mass(parts)
-    stand = f"The structure stands: lowest frequency {modes.frequency_hz[0]:.3f} Hz."
-    weighs = f"Mass of the model {mass / 1e3:.1f} t."
-    follows = (
-        f"Reduced model: {reduction.reduced.model.size} shapes follow "
-        f"{len(parts.operators.free)} degrees of freedom within {reduction.rms_error:.2g} rms in "
-        f"ln|H| at {reduction.checks} unseen sets of stiffness factors."
-    )
-    certain = (
-        f"Reduced model: {reduction.worst_error:.2g} rms at the worst of them, so no more than "
-        f"that in at least {percent(reduction.share)} of the prior "
-        f"(confidence {percent(REDUCTION.confidence)})."
-    )
-    return stand, weighs, follows, certain
