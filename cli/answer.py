@@ -1,25 +1,14 @@
 """What commands print on stdout."""
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import click
 
-
-class Result(Protocol):
-    """Something that says of itself what was done."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """What --json prints."""
-        ...
-
-    def lines(self) -> Sequence[str]:
-        """What is printed without it."""
-        ...
+from femupdate.result import Result, plain
 
 
 @dataclass(frozen=True)
@@ -46,26 +35,11 @@ class Answer:
         if self.tables is not None:
             drawn["tables"] = self.tables
         if as_json:
-            content = _plain({**self.result.as_dict(), **drawn, **self.more})
+            content = {**self.result.as_dict(), **plain({**drawn, **self.more})}
             click.echo(json.dumps(content, indent=2))
             return
         click.echo("\n".join(self.result.lines()))
         print_pictures((*(self.pictures or ()), *self.files, *(self.tables or ())))
-
-
-def _plain(value: Any) -> Any:
-    """What JSON holds of a value; numbers that are not finite become null."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, Path):
-        return str(value)
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def print_pictures(pictures: tuple[Path, ...]) -> None:

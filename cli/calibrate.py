@@ -12,6 +12,7 @@ from .bars import Bars
 from .common import (
     Tables,
     building_option,
+    drawn,
     observations_argument,
     reading_options,
     study_options,
@@ -75,13 +76,8 @@ def command(
       femupdate calibrate examples/six_story_white_noise.csv --sensors RF --name roof
     """
     from femupdate import interface
-    from femupdate.workflow.result_tables import posterior_tables
 
     study = Study(study.folder, name)
     report = interface.calibrate(study, *observations, name=name, progress=bars, **asked)
-    written = tables.write(study, posterior_tables(study, report))
-    if not pictures:
-        return Answer(report, (), tables=written)
-    from femupdate.workflow.pictures_posterior import draw_posterior
-
-    return Answer(report, draw_posterior(study, report, bars), tables=written)
+    written = tables.write(study, report)
+    return Answer(report, drawn(report, study.result("pictures"), pictures, bars), tables=written)

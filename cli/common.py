@@ -3,7 +3,7 @@
 import functools
 import logging
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +12,9 @@ from typing import Any, TypeVar
 import click
 
 from femupdate.errors import FemupdateError
-from femupdate.sheets import Sheet, require_xlsx, write_sheets
+from femupdate.result import Result
 from femupdate.study import MAIN_POSTERIOR, Study, copied, locked
+from femupdate.tables import require_xlsx, write_tables
 
 from .answer import Answer
 from .bars import Bars
@@ -253,6 +254,15 @@ def columns_options(function: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
+def drawn(result: Result, folder: Path, wanted: bool, bars: Bars) -> tuple[Path, ...]:
+    """The pictures of a result, drawn into a folder where they are wanted."""
+    if not wanted:
+        return ()
+    from femupdate.report.figure import draw
+
+    return draw(result, folder, bars)
+
+
 @dataclass(frozen=True)
 class Tables:
     """Writes tables of a command into its study.
@@ -263,11 +273,9 @@ class Tables:
 
     workbook: str | None
 
-    def write(self, study: Study, sheets: Sequence[Sheet]) -> tuple[Path, ...]:
-        """Write them beside the results of the chosen posterior."""
-        from femupdate.workflow.result_tables import TABLES
-
-        return write_sheets(study.result(TABLES), sheets, self.workbook)
+    def write(self, study: Study, result: Result) -> tuple[Path, ...]:
+        """Write those of a result beside the others of the chosen posterior."""
+        return write_tables(study.result("tables"), result.tables(), self.workbook)
 
 
 def table_options(workbook: str) -> Callable[[F], F]:

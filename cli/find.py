@@ -14,6 +14,7 @@ from .common import (
     F,
     Tables,
     building_option,
+    drawn,
     observations_argument,
     reading_options,
     study_options,
@@ -89,15 +90,11 @@ def diagnose(
       femupdate diagnose hammer.csv modes.csv
     """
     from femupdate import interface
-    from femupdate.workflow.result_tables import diagnosis_tables
 
     report = interface.diagnose(study, *observations, progress=bars, **noticed, **asked)
-    more, written = {"diagnosis": report.path}, tables.write(study, diagnosis_tables(report))
-    if not pictures:
-        return Answer(report, (), more, tables=written)
-    from femupdate.workflow.pictures_discrepancy import draw_diagnosis
-
-    return Answer(report, draw_diagnosis(study, report), more, tables=written)
+    written = tables.write(study, report)
+    made = drawn(report, study.path("pictures"), pictures, bars)
+    return Answer(report, made, {"diagnosis": report.path}, tables=written)
 
 
 @click.command("repair", cls=GroupedCommand)
@@ -129,8 +126,5 @@ def repair(
     from femupdate import interface
 
     report = interface.repair(study, *observations, progress=bars, **noticed, **asked)
-    if not pictures:
-        return Answer(report, (), {"repair": report.path})
-    from femupdate.workflow.pictures_discrepancy import draw_repair
-
-    return Answer(report, draw_repair(study, report), {"repair": report.path})
+    made = drawn(report, study.path("pictures"), pictures, bars)
+    return Answer(report, made, {"repair": report.path})

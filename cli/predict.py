@@ -12,6 +12,7 @@ from .common import (
     Tables,
     channel_option,
     columns_options,
+    drawn,
     scale_option,
     study_options,
     table_options,
@@ -101,17 +102,13 @@ def command(
       femupdate predict --record run2.csv --measured run2.csv --posterior roof
     """
     from femupdate import interface
-    from femupdate.workflow.result_tables import prediction_tables
 
     oscillators = spectrum_damping if floor_spectra else None
     report = interface.predict(study, progress=bars, spectrum_damping=oscillators, **asked)
-    written = tables.write(study, prediction_tables(report))
+    written = tables.write(study, report)
     files = [study.result("member_forces.csv")] if report.members else []
-    if not pictures:
-        return Answer(report, (), files=files, tables=written)
-    from femupdate.workflow.pictures_prediction import draw_prediction
-
-    return Answer(report, draw_prediction(study, report, bars), files=files, tables=written)
+    made = drawn(report, study.result("pictures"), pictures, bars)
+    return Answer(report, made, files=files, tables=written)
 
 
 @click.command("render", cls=GroupedCommand)
@@ -157,11 +154,10 @@ def render(
     """
     from femupdate.workflow.model import open_calibrated
     from femupdate.workflow.render import render_study
-    from femupdate.workflow.result_tables import mode_tables
 
     model = open_calibrated(study, bars)
     report = render_study(
         study, model, modes, samples, wanted=wanted, animated=gif, seed=seed, progress=bars
     )
-    written = tables.write(study, mode_tables(report))
+    written = tables.write(study, report)
     return Answer(report, more={"study": study.folder}, tables=written)

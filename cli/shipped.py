@@ -55,8 +55,8 @@ def demo(study: Study, seed: int, bars: Bars) -> Answer:
     Example:
       femupdate demo --study demo
     """
-    from femupdate.workflow.demo import demo_tables, draw_demo, run_demo
+    from femupdate.workflow.demo import draw_demo, run_demo
 
     report = run_demo(study, seed, bars)
     drawn = draw_demo(study, report, bars)
-    return Answer(report, drawn, tables=Tables(None).write(study, demo_tables(study, report)))
+    return Answer(report, drawn, tables=Tables(None).write(study, report))

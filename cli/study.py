@@ -57,9 +57,9 @@ def compare(before: str, after: str, picture: Path | None, study: Study) -> Answ
     report = interface.compare(study, before, after)
     if picture is None:
         return Answer(report)
-    from femupdate.workflow.pictures_posterior import draw_comparison
+    from femupdate.report.figure import save_figure
 
-    return Answer(report, (draw_comparison(report, picture),))
+    return Answer(report, (save_figure(report.intervals(), picture),))
 
 
 @click.command("report", cls=GroupedCommand)

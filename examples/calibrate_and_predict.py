@@ -7,13 +7,12 @@ import sys
 from importlib.resources import as_file, files
 from pathlib import Path
 
+from femupdate.report.figure import draw
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.pictures_posterior import draw_posterior
-from femupdate.workflow.pictures_prediction import draw_prediction
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import RecordSource
 
@@ -37,7 +36,8 @@ def main(folder: Path) -> None:
         predicted = predict_study(study, model, RecordSource(record, scale=0.1))
     for floor, peak in zip(predicted.summary.floors, predicted.peak_acceleration.mean, strict=True):
         print(f"{floor}  peak {peak:.2f} m/s2")
-    print(*draw_posterior(study, calibrated), *draw_prediction(study, predicted), sep="\n")
+    for result in (calibrated, predicted):
+        print(*draw(result, study.result("pictures")), sep="\n")
 
 
 if __name__ == "__main__":

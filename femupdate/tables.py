@@ -1,45 +1,133 @@
-"""Tables and notes in words."""
+"""Tables, described once: for people on terminal and page, as CSV and XLSX, and as JSON."""
 
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from femupdate.errors import StudyError
+from femupdate.storage import write_bytes
+from femupdate.study import write_text
 
 # A number with its unit or interval, or nothing.
 _NUMBER = re.compile(r"((over |under )?[-+−]?[\d.]+(e[-+]?\d+)?( ?%)?( \[.*\])?|nan|-)?")
+_WIDEST = 60  # characters of a column of a workbook
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a table; each of its readers leaves it out where it has no name for it.
+
+    Attributes:
+        values: one a row, numbers or texts; of a long column that only the CSV file has, what
+            makes them.
+        head: over it for people; None where they are not shown it.
+        cells: as people read them; default the values as text.
+        csv: heading in the CSV file, with its unit.
+        key: in JSON.
+    """
+
+    values: Any
+    head: str | None = None
+    cells: Sequence[str] | None = None
+    csv: str = ""
+    key: str = ""
+
+    @property
+    def texts(self) -> Sequence[str]:
+        """What people read."""
+        return [str(value) for value in self.values] if self.cells is None else self.cells
+
+    @property
+    def plain(self) -> list[Any]:
+        """The values without arrays; a number that is none, and None, is blank."""
+        values = self.values
+        if callable(values):
+            import numpy as np
+
+            values = np.ravel(values())
+        values = values.tolist() if hasattr(values, "tolist") else values
+        return ["" if value is None or value != value else value for value in values]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table for people, on the terminal and on the page; its first column names its rows.
+    """A table whose first column names its rows.
 
     Attributes:
         name: of its CSV file, without ending.
+        columns: all of the same length.
         caption: what it shows.
-        head: of the columns.
-        rows: cells as text.
         note: how to read it.
+        key: of a list of its rows in JSON.
+        corner: heading of the first column on the terminal, where another says what it is.
+        words_last: the last column is of words, which stand to the left.
+        most: rows that the terminal shows; None for all, 0 where the page alone shows it.
     """
 
     name: str
-    caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    columns: tuple[Column, ...]
+    caption: str = ""
     note: str = ""
+    key: str = ""
+    corner: str | None = None
+    words_last: bool = False
+    most: int | None = None
     kind: str = "table"
 
-    def text(self, corner: str | None = None) -> str:
-        """For the terminal; another heading of the first column may say what it is."""
-        first, *others = self.head
-        return table((first if corner is None else corner, *others), self.rows)
+    @classmethod
+    def of(
+        cls, head: Sequence[str], rows: Iterable[Sequence[str]], *, name: str = "", **more: Any
+    ) -> "Table":
+        """A table for people alone, by its rows of cells."""
+        columns = list(zip(*rows, strict=True)) or [()] * len(head)
+        return cls(name=name, columns=tuple(map(Column, columns, head, columns)), **more)
+
+    @property
+    def _shown(self) -> list[Column]:
+        return [column for column in self.columns if column.head is not None]
+
+    @property
+    def head(self) -> tuple[str, ...]:
+        """For people."""
+        return tuple(column.head or "" for column in self._shown)
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """Cells for people."""
+        return list(zip(*(column.texts for column in self._shown), strict=True))
 
     @property
     def sides(self) -> tuple[str, ...]:
         """Class of the cells of every column: `number`, or `words`, which stand to the left."""
-        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.head)
         return tuple(
-            "number" if all(_NUMBER.fullmatch(cell) for cell in column) else "words"
-            for column in columns
+            "number" if all(map(_NUMBER.fullmatch, column.texts)) else "words"
+            for column in self._shown
         )
+
+    def text(self) -> str:
+        """For the terminal."""
+        first, *others = self.head
+        head = (first if self.corner is None else self.corner, *others)
+        return table(head, self.rows[: self.most], words_last=self.words_last)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: a list of rows by keys, or without a key of its own the columns by theirs."""
+        columns = {column.key: column.values for column in self.columns if column.key}
+        if not self.key:
+            return columns
+        return {self.key: [dict(zip(columns, row, strict=True)) for row in _rows(columns.values())]}
+
+    def sheet(self) -> tuple[list[str], list[tuple[Any, ...]]]:
+        """Head and rows for a spreadsheet, one observation a row; empty where there are none."""
+        columns = {column.csv: column.plain for column in self.columns if column.csv}
+        return list(columns), _rows(columns.values())
+
+
+def _rows(columns: Iterable[Any]) -> list[tuple[Any, ...]]:
+    return list(zip(*columns, strict=True))
 
 
 def table(
@@ -64,20 +152,6 @@ def table(
     return "\n".join(lines)
 
 
-def first_notes(notes: Sequence[str], rest: str, most: int = 6) -> list[str]:
-    """Return the first notes, a line each, and how many more there are.
-
-    Args:
-        notes: sentences, the decisive first.
-        rest: where the others are.
-        most: that are shown.
-    """
-    lines = [f"  - {note}" for note in notes[:most]]
-    if (more := len(notes) - most) > 0:
-        lines.append(f"  - {more} more {'note' if more == 1 else 'notes'}: {rest}")
-    return lines
-
-
 def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return a comma-separated table; numbers keep all their digits."""
     import csv
@@ -88,3 +162,60 @@ def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     writer.writerow(head)
     writer.writerows(rows)
     return text.getvalue()
+
+
+def write_tables(
+    folder: Path, tables: Iterable[Table], workbook: str | None = None
+) -> tuple[Path, ...]:
+    """Write every table as CSV, and all of them into one XLSX workbook where it has a name.
+
+    Raises:
+        StudyError: a file cannot be written, or XlsxWriter is not installed.
+    """
+    sheets = {one.name: one.sheet() for one in tables}
+    for name, sheet in sheets.items():
+        write_text(folder / f"{name}.csv", csv_text(*sheet))
+    paths = tuple(folder / f"{name}.csv" for name in sheets)
+    if workbook is None:
+        return paths
+    path = folder / f"{workbook}.xlsx"
+    write_bytes(path, _workbook(sheets))
+    return (path, *paths)
+
+
+def require_xlsx() -> None:
+    """Make sure that workbooks can be written, before anything is computed.
+
+    Raises:
+        StudyError: they cannot.
+    """
+    from importlib.util import find_spec
+
+    if find_spec("xlsxwriter") is None:
+        raise StudyError(
+            "--xlsx needs XlsxWriter; install it with `pip install xlsxwriter`, or use the CSV "
+            "files, which are always written"
+        )
+
+
+def _workbook(sheets: dict[str, tuple[list[str], list[tuple[Any, ...]]]]) -> bytes:
+    """All tables, with headings that stay in sight and filters; texts are never formulas."""
+    import xlsxwriter
+
+    require_xlsx()
+    content = BytesIO()
+    choices = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}
+    with xlsxwriter.Workbook(content, {**choices, "nan_inf_to_errors": True}) as book:
+        bold = book.add_format({"bold": True, "bottom": 1})
+        for name, (head, rows) in sheets.items():
+            page = book.add_worksheet(name)
+            page.write_row(0, 0, head, bold)
+            for number, row in enumerate(rows, start=1):
+                page.write_row(number, 0, row)
+            page.freeze_panes(1, 0)
+            page.autofilter(0, 0, len(rows), len(head) - 1)
+            for column, cells in enumerate(zip(head, *rows[:200], strict=True)):
+                # Numbers show about ten characters.
+                widest = max(len(cell) if isinstance(cell, str) else 10 for cell in cells)
+                page.set_column(column, column, min(widest + 2, _WIDEST))
+    return content.getvalue()

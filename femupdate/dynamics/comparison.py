@@ -56,21 +56,15 @@ def score_table(kept: Mapping[str, Mapping[str, float]]) -> Table:
         )
         for floor, own in kept.items()
     ]
-    return Table(
+    head = ("floor", "error rms", "correlation", "peak ratio", "within 2 sd", "CRPS/rms")
+    return Table.of(
+        (*head, "peak in 90 %"),
+        rows,
         name="scores",
         caption="Against floors measured in the same motion",
-        head=(
-            "floor",
-            "error rms",
-            "correlation",
-            "peak ratio",
-            "within 2 sd",
-            "CRPS/rms",
-            "peak in 90 %",
-        ),
-        rows=tuple(rows),
         note="Error rms: of the best estimate, over the rms of the measurement. CRPS/rms: score of "
         "the whole band, the lower the better. A good band holds some 95 % of the samples.",
+        corner="against measured",
     )
 
 

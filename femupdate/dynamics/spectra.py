@@ -11,7 +11,7 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.recurrence import interpolate_record, step_matrices
 from femupdate.dynamics.summary import Statistics, statistics
 from femupdate.errors import MeasurementError
-from femupdate.tables import table
+from femupdate.tables import Table
 
 _POINTS = 12  # a period: between them the peak is missed by at most 1 - cos(pi / 12), 3.4 %
 _SPECTRUM_HZ, _SPECTRUM_POINTS = (0.2, 40.0), 120
@@ -43,14 +43,14 @@ class FloorSpectra:
             "floors_m_s2": self.acceleration.by_name(floors),
         }
 
-    def table(self, floors: Sequence[str]) -> str:
+    def table(self, floors: Sequence[str]) -> Table:
         """The peak of every floor's mean spectrum, and where it lies."""
         mean = self.acceleration.mean
         rows = [
             (floor, f"{own.max():.3f}", f"{self.frequency_hz[own.argmax()]:.3g}")
             for floor, own in zip(floors, mean, strict=True)
         ]
-        return table((f"spectrum, {100.0 * self.damping:.3g} %", "peak, m/s²", "at, Hz"), rows)
+        return Table.of((f"spectrum, {100.0 * self.damping:.3g} %", "peak, m/s²", "at, Hz"), rows)
 
 
 def floor_spectra(floors: Floats, base: Floats, time_step: float, damping: float) -> FloorSpectra:

@@ -16,7 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from femupdate.arrays import Pixels
 from femupdate.errors import ReportError
+from femupdate.progress import SILENT, Progress
 from femupdate.report.style import QUIET, styled
+from femupdate.result import Result
 from femupdate.storage import atomic_path
 
 DOTS_PER_INCH = 150
@@ -193,3 +195,18 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
     with atomic_path(target, ReportError) as temporary:
         figure.savefig(temporary, format="png", dpi=DOTS_PER_INCH)
     return target
+
+
+def draw(result: Result, folder: Path, progress: Progress = SILENT) -> tuple[Path, ...]:
+    """Draw every picture of a result into a folder.
+
+    Raises:
+        ReportError: one cannot be written.
+    """
+    pictures = list(result.figures())
+    progress.start("Drawing", len(pictures))
+    paths = []
+    for picture in pictures:
+        paths.append(save_figure(picture.figure(), folder / f"{picture.name}.png"))
+        progress.advance()
+    return tuple(paths)

@@ -1,7 +1,8 @@
 """Where a model fails, and what could be missing, at a glance."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +15,9 @@ from femupdate.errors import ReportError
 from femupdate.inference.data import Cell
 from femupdate.report.figure import add_head, frequency_ticks, new_figure
 from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, styled
+from femupdate.result import Picture
 
+DISAGREE = "Where model and measurement disagree"
 _HIGHEST = 30.0  # times the noise, beyond which a colour says no more
 _CLOSE = 0.055  # of the axis: ticks nearer than this run into one another
 
@@ -85,11 +88,22 @@ class Ranked:
     leading: bool = False
 
 
+def residual_pictures(
+    name: str, models: Mapping[str, Sequence[Cell]], title: str = DISAGREE
+) -> Iterator[Picture]:
+    """The residuals of one model or several, one picture a kind of data."""
+    for kind in dict.fromkeys(cell.data for cell in next(iter(models.values()))):
+        of_kind = f", {kind}" if kind else ""
+        maps = [(f"{of}{of_kind}", ResidualMap.of(cells, kind)) for of, cells in models.items()]
+        draw = partial(residual_map, maps, title=title)
+        yield Picture("_".join([name, *kind.split()]), draw)
+
+
 @styled
 def residual_map(
     maps: Sequence[tuple[str, ResidualMap]],
     *,
-    title: str = "Where model and measurement disagree",
+    title: str = DISAGREE,
 ) -> Figure:
     """Draw the misfit of every floor in every band, one panel a model.
 

@@ -1,6 +1,6 @@
 """What a simulation is asked for, and what comes of it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.record import GroundMotion
+from femupdate.result import Item, Note, Result
 from femupdate.simulation.sensors import SensorPoints
 
 
@@ -122,7 +123,7 @@ class Simulation:
 
 
 @dataclass(frozen=True)
-class WrittenSimulation:
+class WrittenSimulation(Result):
     """The files of a synthetic observation.
 
     Attributes:
@@ -135,12 +136,9 @@ class WrittenSimulation:
     truth_file: Path
     truth: SimulationTruth
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        files = {"observation": self.observation, "truth_file": self.truth_file}
-        return {**files, "truth": self.truth.as_dict()}
-
-    def lines(self) -> tuple[str, ...]:
-        """Files and stiffness factors, for people."""
+    def items(self) -> Iterator[Item]:
+        """Files and stiffness factors."""
         factors = ", ".join(f"{value:.3f}" for value in self.truth.theta)
-        return str(self.observation), str(self.truth_file), f"  stiffness factors {factors}"
+        yield Note(str(self.observation), {"observation": self.observation})
+        yield Note(str(self.truth_file), {"truth_file": self.truth_file})
+        yield Note(f"  stiffness factors {factors}", {"truth": self.truth.as_dict()})

@@ -1,8 +1,8 @@
 """build-model: mesh, checks, modes and the reduced model of a building."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,8 +16,9 @@ from femupdate.effects.structure import structure_of
 from femupdate.errors import StudyError
 from femupdate.fe.export_opensees import opensees_script
 from femupdate.progress import SILENT, Progress
+from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import BUILDING_FILE, Study, atomic_path, write_text
-from femupdate.tables import table
+from femupdate.tables import Column, Table
 from femupdate.units import percent
 from femupdate.workflow.model import StudyModel, choose_building, keep_reduction, reduce_building
 from femupdate.workflow.modes import full_modes, keep_modes
@@ -28,7 +29,7 @@ _MOVES = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
-class BuildReport:
+class BuildReport(Result):
     """What was built.
 
     Attributes:
@@ -57,50 +58,37 @@ class BuildReport:
         """Share of the mass that each of them moves in the direction of the base motion."""
         return self.modes.effective_mass[:_SHOWN, "xy".index(direction_of(self.model.building))]
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        return {
-            "building": self.model.building.name,
+    def items(self) -> Iterator[Item]:
+        """Sizes, modes and checks."""
+        building, modes, told = self.model.building, self.modes, self._told()
+        content = {
+            "building": building.name,
             "frequencies_hz": self.frequencies_hz,
             "effective_mass": self.effective_mass,
-            "modes": [
-                {
-                    "mode": k + 1,
-                    "frequency_hz": self.modes.frequency_hz[k],
-                    "direction": self.modes.direction[k],
-                    "effective_mass_x": self.modes.effective_mass[k, 0],
-                    "effective_mass_y": self.modes.effective_mass[k, 1],
-                }
-                for k in self._told()
-            ],
-            "dof": self.dof,
-            "elements": self.elements,
             "mass_kg": self.mass_kg,
             "reduced_size": self.model.reduced.size,
             "reduction_error": self.model.reduction_error,
-            "checks": self.checks,
         }
-
-    def lines(self) -> tuple[str, ...]:
-        """Sizes, modes and checks, for people."""
-        building = self.model.building
-        modes = self.modes
-        rows = [
-            (
-                str(k + 1),
-                f"{modes.frequency_hz[k]:.3f}",
-                modes.direction[k],
-                *(percent(share, 1) for share in modes.effective_mass[k]),
-            )
-            for k in self._told()
-        ]
-        head = ("mode", "Hz", "direction", "effective mass X", "effective mass Y")
-        return (
-            building.title or building.name,
-            f"  {self.dof} degrees of freedom, {self.elements} elements",
-            table(head, rows),
-            *(f"  - {check}" for check in self.checks),
+        yield Note(building.title or building.name, content)
+        sizes = f"{self.dof} degrees of freedom, {self.elements} elements"
+        yield Note(f"  {sizes}", {"dof": self.dof, "elements": self.elements})
+        frequency = modes.frequency_hz[told]
+        columns = (
+            Column([k + 1 for k in told], "mode", key="mode"),
+            Column(frequency, "Hz", [f"{value:.3f}" for value in frequency], key="frequency_hz"),
+            Column([modes.direction[k] for k in told], "direction", key="direction"),
+            *(
+                Column(
+                    shares,
+                    f"effective mass {axis.upper()}",
+                    [percent(share, 1) for share in shares],
+                    key=f"effective_mass_{axis}",
+                )
+                for axis, shares in zip("xy", modes.effective_mass[told].T, strict=True)
+            ),
         )
+        yield Table(name="modes", key="modes", columns=columns)
+        yield Notes(self.checks, key="checks")
 
     def _told(self) -> list[int]:
         """The lowest modes, and those above them that move much."""

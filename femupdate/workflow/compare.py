@@ -1,10 +1,10 @@
 """compare: which stories changed between two posteriors, as before and after an event."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,9 +16,13 @@ from femupdate.inference.change import Changes, changes
 from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.inference.thresholds import CHANGE
 from femupdate.report.scale import plus_minus, with_unit
+from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import BUILDING_FILE, Study
-from femupdate.tables import table
+from femupdate.tables import Column, Table
 from femupdate.workflow.summary import kept_summary
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +47,7 @@ class State:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompareReport:
+class CompareReport(Result):
     """What changed from one state to the other.
 
     Attributes:
@@ -116,46 +120,62 @@ class CompareReport:
         ]
         return f"The stiffness of {', that of '.join(parts)}."
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        found, draws = self.changes, self.draws
-        columns = zip(
-            self.names,
-            self.titles,
-            *(d.mean(axis=0).tolist() for d in draws),
-            np.expm1(found.size).tolist(),
-            (np.exp(found.size) * found.size_sd).tolist(),
-            found.probability.tolist(),
-            np.expm1(found.visible).tolist(),
-            strict=True,
-        )
-        keys = ("parameter", "of", "before", "after", "change", "change_sd", "probability")
-        return {
-            "before": self.before.name,
-            "after": self.after.name,
-            "verdict": self.verdict,
-            "sentence": self.sentence(),
-            "probability_of_no_change": found.none,
-            "probability_of_all_alike": found.alike,
-            "changes": [dict(zip((*keys, "visible_from"), row, strict=True)) for row in columns],
-            "notes": self.notes,
-        }
-
-    def lines(self) -> tuple[str, ...]:
-        """The verdict, a table and notes, for people."""
+    def items(self) -> Iterator[Item]:
+        """The verdict, every factor, and notes."""
         found, (before, after) = self.changes, self.draws
-        rows = [
-            (
-                title,
-                plus_minus(before[:, k].mean(), before[:, k].std()),
-                plus_minus(after[:, k].mean(), after[:, k].std()),
-                _change(found.size[k], found.size_sd[k]),
-                _share(found.probability[k]),
-            )
-            for k, title in enumerate(self.titles)
-        ]
-        head = ("factor of", "before", "after", "change, if any", "probability")
-        return (self.sentence(), table(head, rows), *(f"  - {note}" for note in self.notes))
+        yield Note(
+            self.sentence(),
+            {
+                "before": self.before.name,
+                "after": self.after.name,
+                "verdict": self.verdict,
+                "sentence": self.sentence(),
+                "probability_of_no_change": found.none,
+                "probability_of_all_alike": found.alike,
+            },
+        )
+        sizes = zip(found.size, found.size_sd, strict=True)
+        columns = (
+            Column(self.names, key="parameter"),
+            Column(self.titles, "factor of", key="of"),
+            *(
+                Column(
+                    draws.mean(axis=0),
+                    name,
+                    [plus_minus(own.mean(), own.std()) for own in draws.T],
+                    key=name,
+                )
+                for name, draws in (("before", before), ("after", after))
+            ),
+            Column(
+                np.expm1(found.size),
+                "change, if any",
+                [_change(size, sd) for size, sd in sizes],
+                key="change",
+            ),
+            Column(np.exp(found.size) * found.size_sd, key="change_sd"),
+            Column(
+                found.probability,
+                "probability",
+                [_share(value) for value in found.probability],
+                key="probability",
+            ),
+            Column(np.expm1(found.visible), key="visible_from"),
+        )
+        yield Table(name="changes", key="changes", columns=columns)
+        yield Notes(self.notes, key="notes")
+
+    def intervals(self) -> "Figure":
+        """The intervals of all factors before and after."""
+        from femupdate.report.plot_intervals import theta_intervals
+        from femupdate.report.plot_posterior import SampleSet
+
+        return theta_intervals(
+            self.titles,
+            [SampleSet(*case) for case in zip(("Before", "After"), self.draws, strict=True)],
+            self.before.posterior.of("stiffness").bounds,
+            title="Stiffness factors before and after",
+        )
 
 
 def find_state(text: str, study: Study) -> State:

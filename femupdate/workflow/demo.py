@@ -2,30 +2,28 @@
 
 import json
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any
 
 from femupdate.building.parameters import factor_titles
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import plus_minus
-from femupdate.sheets import Sheet
+from femupdate.result import Item, Note, Result
 from femupdate.study import Study
-from femupdate.tables import table
+from femupdate.tables import Column, Table
 from femupdate.workflow.build import BuildReport, build_study
 from femupdate.workflow.calibrate import CalibrationReport, calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import DEFAULT_BUILDING
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.pictures_modes import draw_model
-from femupdate.workflow.pictures_posterior import draw_cases, draw_posterior
-from femupdate.workflow.pictures_prediction import draw_prediction
 from femupdate.workflow.predict import PredictionReport, predict_study
 from femupdate.workflow.prediction_inputs import RecordSource
 from femupdate.workflow.prediction_quantities import quantity_tables
 from femupdate.workflow.render import RenderReport, render_study
-from femupdate.workflow.result_tables import mode_tables, posterior_tables, prediction_tables
+from femupdate.workflow.summary import short_name
 
 _OBSERVATION = "six_story_white_noise.csv"
 _TRUTH = "six_story_white_noise.truth.json"
@@ -37,7 +35,7 @@ _ROOF = "roof"
 
 
 @dataclass(frozen=True, kw_only=True)
-class DemoReport:
+class DemoReport(Result):
     """All that the demo made.
 
     Attributes:
@@ -60,38 +58,48 @@ class DemoReport:
     rendered: RenderReport
     seconds: float
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
+    def items(self) -> Iterator[Item]:
+        """Both posteriors beside the truth, the prediction, and tables of all."""
         posterior, roof = self.all_floors.posterior, self.roof_alone.posterior
-        return {
-            "study": self.folder,
-            "posterior": self.all_floors.path,
-            "prediction": self.predicted.path,
-            "parameters": posterior.names,
-            "truth": self.truth,
-            "mean": posterior.samples.mean(axis=0),
-            "sd": posterior.samples.std(axis=0),
-            "roof_alone_mean": roof.samples.mean(axis=0),
-            "roof_alone_sd": roof.samples.std(axis=0),
-            "seconds": self.seconds,
-        }
-
-    def lines(self) -> tuple[str, ...]:
-        """Both posteriors beside the truth, and the prediction, for people."""
-        cases = [case.posterior.samples.T for case in (self.all_floors, self.roof_alone)]
-        names = factor_titles(self.built.model.building).values()
-        rows = [
-            (name, f"{true:.2f}", *(plus_minus(own.mean(), own.std()) for own in both))
-            for name, true, *both in zip(names, self.truth, *cases, strict=True)
-        ]
-        peaks = quantity_tables([self.predicted.quantities["acceleration"]])
-        return (
+        yield Note(
             "\nStiffness factors, mean ± sd (the observation is synthetic, so truth is known)",
-            table(("", "truth", "all six floors", "roof alone"), rows),
-            "\nFloors under a tenth of the Ridgecrest record, mean and 5 to 95 % in brackets",
-            *(one.text() for one in peaks),
-            f"\nDone in {self.seconds:.0f} s. Everything is in {self.folder}; pictures and tables:",
+            {
+                "study": self.folder,
+                "posterior": self.all_floors.path,
+                "prediction": self.predicted.path,
+            },
         )
+        names = factor_titles(self.built.model.building).values()
+        count = len(names)
+        columns = [
+            Column(list(names), ""),
+            Column(posterior.names, key="parameters"),
+            Column(self.truth, "truth", [f"{true:.2f}" for true in self.truth], key="truth"),
+        ]
+        for head, key, draws in (
+            ("all six floors", "", posterior.samples),
+            ("roof alone", "roof_alone_", roof.samples),
+        ):
+            mean, sd = draws.mean(axis=0), draws.std(axis=0)
+            cells = [plus_minus(*pair) for pair in zip(mean, sd, strict=True)]
+            columns += [
+                Column(mean, head, cells[:count], key=f"{key}mean"),
+                Column(sd, key=f"{key}sd"),
+            ]
+        yield Table(name="factors", columns=tuple(columns))
+        yield Note(
+            "\nFloors under a tenth of the Ridgecrest record, mean and 5 to 95 % in brackets"
+        )
+        yield from quantity_tables([self.predicted.quantities["acceleration"]])
+        yield Note(
+            f"\nDone in {self.seconds:.0f} s. Everything is in {self.folder}; pictures and tables:",
+            {"seconds": self.seconds},
+        )
+
+    def tables(self) -> tuple[Table, ...]:
+        """Those of the posterior from all floors, of the prediction and of the modes."""
+        made = (self.all_floors, self.predicted, self.rendered)
+        return tuple(table for result in made for table in result.tables())
 
 
 def run_demo(study: Study, seed: int = 0, progress: Progress = SILENT) -> DemoReport:
@@ -127,22 +135,24 @@ def run_demo(study: Study, seed: int = 0, progress: Progress = SILENT) -> DemoRe
     )
 
 
-def demo_tables(study: Study, report: DemoReport) -> tuple[Sheet, ...]:
-    """The tables of the posterior from all floors, of the prediction and of the modes."""
-    return (
-        *posterior_tables(study, report.all_floors),
-        *prediction_tables(report.predicted),
-        *mode_tables(report.rendered),
-    )
-
-
 def draw_demo(study: Study, report: DemoReport, progress: Progress = SILENT) -> tuple[Path, ...]:
     """Draw model, posteriors and prediction; the modes are drawn already."""
+    from femupdate.report.figure import draw, save_figure
+    from femupdate.report.plot_posterior import SampleSet, posterior_pairs
+
     cases = {"roof alone": report.roof_alone, "all six floors": report.all_floors}
+    first = report.roof_alone.posterior
+    pairs = posterior_pairs(
+        [SampleSet(name, case.posterior.samples) for name, case in cases.items()],
+        [short_name(name) for name in first.names],
+        first.bounds,
+        report.truth,
+    )
+    folder = study.path("pictures")
     return (
         *draw_model(study, report.built.model, report.built.modes, progress),
-        draw_cases(study, cases, report.truth),
-        *draw_posterior(study, report.all_floors, progress),
-        *draw_prediction(study, report.predicted, progress),
+        save_figure(pairs, folder / "posterior_cases.png"),
+        *draw(report.all_floors, folder, progress),
+        *draw(report.predicted, folder, progress),
         *report.rendered.pictures,
     )

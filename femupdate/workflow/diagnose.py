@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 
-from femupdate.discrepancy.diagnose import PARTLY, Diagnosis, Finding
+from femupdate.discrepancy.diagnose import PARTLY, Diagnosis, Finding, mass_in_words
 from femupdate.discrepancy.finder_model import FinderModel, finder_structure, plain_structure
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.pairs import with_pair
@@ -20,13 +20,14 @@ from femupdate.discrepancy.search import prepared, sought
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.dynamics.reduced_terms import ReducedStructure
 from femupdate.effects.registry import CATALOGUE
-from femupdate.inference.data import Data
+from femupdate.inference.data import Cell, Data
 from femupdate.inference.frf_data import FrfData
 from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import with_unit
+from femupdate.result import Item, Note, Notes, Picture, Result
 from femupdate.study import Study, write_text
-from femupdate.tables import first_notes, table
+from femupdate.tables import Column, Table
 from femupdate.units import percent
 from femupdate.workflow.effects import finder_basis
 from femupdate.workflow.finder_data import read_given
@@ -35,11 +36,11 @@ from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
 
-_SHOWN = 6  # rows of the table of effects
+_SHOWN, _RANKED = 6, 8  # effects in the table and the picture
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DiagnosisReport:
+class DiagnosisReport(Result):
     """A diagnosis and what was made of it.
 
     Attributes:
@@ -74,55 +75,149 @@ class DiagnosisReport:
         """What the user should know, the decisive first."""
         return (*self.limits, *self.would_decide, *self.screen)
 
-    def as_dict(self) -> dict[str, Any]:
-        """What the JSON file and `--json` hold."""
-        found = self.diagnosis
-        return {
-            "verdict": found.verdict,
-            "sentence": found.sentence,
-            "effects": [_finding(one) for one in found.findings],
-            "together": [
-                {"name": one.placed.effect.name, "place": one.placed.place}
-                | {"size": one.size, "size_sd": one.size_sd}
-                for one in found.pair
-            ],
-            "remaining": found.left.as_dict(),
-            "cannot_be_seen": list(found.unobservable),
-            "cannot_be_told_from_the_first": list(found.twins),
-            "would_decide": list(self.would_decide),
-            "where": [
-                {
-                    "floor": cell.floor,
-                    "band_hz": list(cell.band_hz),
-                    "excess": cell.excess,
-                    "data": cell.data,
-                }
-                for cell in found.residuals
-                if cell.p_value < 1e-3
-            ],
-            "chi2": found.base.chi2,
-            "independent_points": self.problem.effective,
-            "p_value": found.p_value,
-            "theta": found.base.theta()[0].tolist(),
-            "screen": [*self.limits, *self.screen],
-            "seconds": self.seconds,
-        }
-
-    def lines(self) -> tuple[str, ...]:
-        """The verdict, the leading effects in a table, and notes, for people."""
+    def items(self) -> Iterator[Item]:
+        """The verdict, the leading effects, notes and tables."""
         found, points = self.diagnosis, self.problem.effective
-        lines = [
+        yield Note(
             f"Verdict: {found.verdict}. {found.sentence}",
+            {"verdict": found.verdict, "sentence": found.sentence},
+        )
+        yield Note(
             f"  residuals {found.base.chi2:.0f} over {points:.0f} independent points "
             f"by the noise alone; {self.seconds:.1f} s",
-        ]
-        if found.findings:
-            head = ("effect", "log evidence", "on other data", "size", "absorbed by theta")
-            lines.append(table(head, [_row(one) for one in found.findings[:_SHOWN]]))
+            {
+                "chi2": found.base.chi2,
+                "independent_points": points,
+                "p_value": found.p_value,
+                "theta": found.base.theta()[0],
+                "seconds": self.seconds,
+            },
+        )
+        yield _effects(found.findings)
+        told = ""
         if found.unobservable:
-            lines.append(f"  cannot be seen with these sensors: {', '.join(found.unobservable)}")
-        lines += first_notes(self.notes, f"{self.path.name} in the study")
-        return (*lines, f"  {self.path}")
+            told = f"  cannot be seen with these sensors: {', '.join(found.unobservable)}"
+        yield Note(told, {"cannot_be_seen": found.unobservable})
+        yield Notes(self.notes, f"{self.path.name} in the study")
+        where = [cell for cell in found.residuals if cell.p_value < 1e-3]
+        keys = ("floor", "band_hz", "excess", "data")
+        yield Note(
+            f"  {self.path}",
+            {
+                "together": [
+                    {"name": one.placed.effect.name, "place": one.placed.place}
+                    | {"size": one.size, "size_sd": one.size_sd}
+                    for one in found.pair
+                ],
+                "remaining": found.left.as_dict(),
+                "cannot_be_told_from_the_first": found.twins,
+                "would_decide": self.would_decide,
+                "where": [{key: getattr(cell, key) for key in keys} for cell in where],
+                "screen": [*self.limits, *self.screen],
+            },
+        )
+        yield _residuals(found.residuals)
+
+    def figures(self) -> Iterator[Picture]:
+        """The maps of residuals and, where anything was fitted, the ranking."""
+        from femupdate.report.plot_diagnosis import Ranked, ranking, residual_pictures
+
+        found = self.diagnosis
+        yield from residual_pictures("residual_map", {"Model as it is": found.residuals})
+        named = found.verdict in ("named", "partly", "indistinguishable")
+        shown = [
+            Ranked(
+                finding.placed.in_words,
+                finding.evidence.log_evidence,
+                shown_size(finding),
+                number == 0 and named,
+            )
+            for number, finding in enumerate(found.findings[:_RANKED])
+        ]
+        if shown:
+            needed = self.settings.over_none
+            yield Picture("effect_ranking", lambda: ranking(shown, needed, found.sentence))
+
+
+def _effects(found: Sequence[Finding]) -> Table:
+    """The effects that were fitted, the strongest first."""
+    first = [next(iter(finding.placed.effect.parameters), None) for finding in found]
+    sized = [
+        finding if parameter else None for finding, parameter in zip(found, first, strict=True)
+    ]
+    certified = [finding.tested and finding.tested.certified for finding in found]
+    other = [finding.tested and finding.tested.log_e_value for finding in found]
+    mass = [finding.mass for finding in found]
+    evidence = [finding.evidence.log_evidence for finding in found]
+    absorbed = [finding.score.absorbed for finding in found]
+    gained = [
+        f"{finding.evidence.log_evidence:.1f}"
+        + (f" ± {finding.evidence.error:.2g}" if finding.evidence.effective else "")
+        for finding in found
+    ]
+    places = [finding.placed.place for finding in found]
+    units = [parameter.unit if parameter else "" for parameter in first]
+    columns = (
+        Column([finding.placed.label for finding in found], "effect"),
+        Column([finding.placed.effect.name for finding in found], key="name"),
+        Column([finding.placed.effect.title for finding in found], csv="effect"),
+        Column(places, csv="place", key="place"),
+        Column([finding.in_words for finding in found], csv="in_words"),
+        Column([finding.placed.in_words for finding in found], key="in_words"),
+        Column(
+            evidence, "log evidence", gained, "log_evidence_over_none", "log_evidence_over_none"
+        ),
+        Column(
+            other,
+            "on other data",
+            [_on_other_data(finding) for finding in found],
+            "log_evidence_on_other_data",
+            "log_evidence_on_other_data",
+        ),
+        Column(certified, csv="certified", key="certified"),
+        Column(
+            [finding.changes.frequency for finding in found],
+            csv="change_of_frequency",
+            key="changes_of_frequency",
+        ),
+        Column(
+            [finding.changes.response for finding in found],
+            csv="change_of_response",
+            key="changes_of_response",
+        ),
+        Column([shown_size(finding) for finding in found], "size"),
+        Column([size_in_words(finding) for finding in found], key="size_in_words"),
+        Column([finding and finding.size for finding in sized], csv="size"),
+        Column([finding and finding.size_sd for finding in sized], csv="size_sd"),
+        Column([finding.size for finding in found], key="size"),
+        Column([finding.size_sd for finding in found], key="size_sd"),
+        Column(units, csv="unit", key="unit"),
+        Column([parameter and parameter.text for parameter in first], csv="meaning_of_size"),
+        Column(mass, key="added_mass_kg"),
+        Column([None if kg is None else 1e-3 * kg for kg in mass], csv="added_mass_t"),
+        Column(
+            absorbed,
+            "absorbed by theta",
+            [percent(share) for share in absorbed],
+            "hidden_by_stiffness_factors",
+            "absorbed_by_theta",
+        ),
+        Column([finding.placed.effect.sentence for finding in found], key="explains"),
+    )
+    return Table(name="effects", columns=columns, key="effects", most=_SHOWN)
+
+
+def _residuals(cells: Sequence[Cell]) -> Table:
+    columns = {
+        "floor": [cell.floor for cell in cells],
+        "from_hz": [cell.band_hz[0] for cell in cells],
+        "to_hz": [cell.band_hz[1] for cell in cells],
+        "excess": [cell.excess for cell in cells],
+        "p_value": [cell.p_value for cell in cells],
+        "data": [cell.data for cell in cells],
+    }
+    own = tuple(Column(values, csv=key) for key, values in columns.items())
+    return Table(name="residual_map", columns=own)
 
 
 def diagnose_study(
@@ -194,7 +289,7 @@ def keep_found(
     **others: ObservationSource | None,
 ) -> None:
     """Write what was found as JSON and record it, with the files that options name beside."""
-    write_text(path, json.dumps(content, indent=2, default=float) + "\n")
+    write_text(path, json.dumps(content, indent=2) + "\n")
     given = {option: one for option, one in others.items() if one is not None}
     hashes = {option: one.made_from()["observation"] for option, one in given.items()}
     beside = {option: str(one.path) for option, one in given.items()}
@@ -260,22 +355,21 @@ def _screen(measured: Measured, found: Diagnosis) -> tuple[str, ...]:
     return screen_channels(measured.base, found.base.system, found.base.theta()[0])
 
 
-def _row(one: Finding) -> tuple[str, ...]:
-    """What the table says of an effect."""
-    error = f" ± {one.evidence.error:.2g}" if one.evidence.effective else ""
-    return (
-        one.placed.label,
-        f"{one.evidence.log_evidence:.1f}{error}",
-        _on_other_data(one),
-        shown_size(one),
-        percent(one.score.absorbed),
-    )
-
-
 def shown_size(one: Finding) -> str:
     """Size of an effect with its spread and unit; nothing of one that is there or not."""
     first = next(iter(one.placed.effect.parameters), None)
     return "" if first is None else with_unit(*first.as_read(one.size, one.size_sd))
+
+
+def size_in_words(one: Finding) -> str:
+    """The same with what it means: "15.17 ± 0.49 % (share of the floor's mass, 3.09 t)"."""
+    first = next(iter(one.placed.effect.parameters), None)
+    meant = (
+        "" if first is None else first.text,
+        "" if one.mass is None else mass_in_words(one.mass),
+    )
+    more = ", ".join(part for part in meant if part)
+    return f"{shown_size(one)} ({more})" if more else shown_size(one)
 
 
 def _on_other_data(one: Finding) -> str:
@@ -283,22 +377,3 @@ def _on_other_data(one: Finding) -> str:
     if one.tested is None:
         return "-"
     return f"{one.tested.log_e_value:.1f} ({'holds' if one.tested.certified else 'too little'})"
-
-
-def _finding(one: Finding) -> dict[str, Any]:
-    effect = one.placed.effect
-    return {
-        "name": effect.name,
-        "place": one.placed.place,
-        "log_evidence_on_other_data": None if one.tested is None else one.tested.log_e_value,
-        "certified": None if one.tested is None else one.tested.certified,
-        "changes_of_frequency": one.changes.frequency,
-        "changes_of_response": one.changes.response,
-        "log_evidence_over_none": one.evidence.log_evidence,
-        "size": one.size,
-        "size_sd": one.size_sd,
-        "unit": effect.parameters[0].unit if effect.parameters else "",
-        "added_mass_kg": one.mass,
-        "absorbed_by_theta": one.score.absorbed,
-        "explains": effect.sentence,
-    }

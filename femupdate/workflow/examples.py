@@ -5,15 +5,15 @@ from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any
 
+from femupdate.result import Item, Note, Result
 from femupdate.storage import atomic_path
 
 _LEFT_OUT = ("__init__.py", "__pycache__")
 
 
 @dataclass(frozen=True)
-class CopiedExamples:
+class CopiedExamples(Result):
     """Example files in a folder.
 
     Attributes:
@@ -26,14 +26,12 @@ class CopiedExamples:
     copied: tuple[Path, ...]
     kept: tuple[Path, ...]
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        return {"folder": self.folder, "copied": self.copied, "kept": self.kept}
-
-    def lines(self) -> tuple[str, ...]:
-        """The files, for people."""
+    def items(self) -> Iterator[Item]:
+        """The files."""
+        yield Note(f"Examples in {self.folder}:", {"folder": self.folder})
+        yield Note("\n".join(f"  {path}" for path in self.copied), {"copied": self.copied})
         there = (f"  {path} was there already and stays as it is" for path in self.kept)
-        return (f"Examples in {self.folder}:", *(f"  {path}" for path in self.copied), *there)
+        yield Note("\n".join(there), {"kept": self.kept})
 
 
 def copy_examples(folder: Path) -> CopiedExamples:

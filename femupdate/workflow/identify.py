@@ -1,9 +1,8 @@
 """identify: modes of a record of floors alone, as the table that `calibrate` reads."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,13 +18,14 @@ from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import AMBIENT
 from femupdate.measurement.write import write_modes
 from femupdate.report.scale import with_unit
-from femupdate.tables import table
+from femupdate.result import Item, Note, Notes, Result
+from femupdate.tables import Column, Table
 
 _LARGEST = 1e9  # of any unit, that a channel may hold
 
 
 @dataclass(frozen=True)
-class Identified:
+class Identified(Result):
     """Modes of a record, written.
 
     Attributes:
@@ -40,39 +40,30 @@ class Identified:
     output: Path
     findings: tuple[str, ...]
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        names = ("name", "frequency_hz", "frequency_sd_hz", "damping", "damping_sd", "shape")
-        return {
-            "output": self.output,
-            "modes": [{name: getattr(one, name) for name in names} for one in self.ambient.modes],
-            "band_hz": self.ambient.band_hz,
-            "notes": self.ambient.notes,
-            "findings": self.findings,
-            "next": self.next,
-        }
-
-    @property
-    def next(self) -> str:
-        """The command to run next."""
-        return f"femupdate calibrate {self.output}"
-
-    def lines(self) -> tuple[str, ...]:
+    def items(self) -> Iterator[Item]:
         """Every mode, what was left out, and the next command."""
-        rows = [
-            (
-                one.name,
-                with_unit(one.frequency_hz, one.frequency_sd_hz or 0.0, "Hz"),
-                with_unit(100.0 * (one.damping or 0.0), 100.0 * (one.damping_sd or 0.0), "%"),
-            )
-            for one in self.ambient.modes
+        names = ("name", "frequency_hz", "frequency_sd_hz", "damping", "damping_sd", "shape")
+        modes, notes = self.ambient.modes, self.ambient.notes
+        yield Note(f"Modes of {self.source}, to {self.output}:", {"output": self.output})
+        values = {name: [getattr(one, name) for one in modes] for name in names}
+        told = {
+            "frequency_hz": [
+                with_unit(one.frequency_hz, one.frequency_sd_hz or 0.0, "Hz") for one in modes
+            ],
+            "damping": [
+                with_unit(100.0 * (one.damping or 0.0), 100.0 * (one.damping_sd or 0.0), "%")
+                for one in modes
+            ],
+        }
+        heads = {"name": "mode", "frequency_hz": "frequency", "damping": "damping ratio"}
+        columns = [
+            Column(values[name], heads.get(name), told.get(name), key=name) for name in names
         ]
-        return (
-            f"Modes of {self.source}, to {self.output}:",
-            table(("mode", "frequency", "damping ratio"), rows),
-            *(f"  - {note}" for note in (*self.ambient.notes, *self.findings)),
-            f"Next: {self.next}",
-        )
+        yield Table(name="modes", key="modes", columns=tuple(columns))
+        yield Notes((*notes, *self.findings))
+        content = {"band_hz": self.ambient.band_hz, "notes": notes, "findings": self.findings}
+        following = f"femupdate calibrate {self.output}"
+        yield Note(f"Next: {following}", {**content, "next": following})
 
 
 def identify(

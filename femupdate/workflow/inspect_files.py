@@ -1,18 +1,18 @@
 """inspect: what is in measured files, in words and as one picture."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.inspection import InspectedChannel, Inspection, inspect_file
+from femupdate.measurement.inspection import Inspection, inspect_file
 from femupdate.measurement.mapping_file import write_mapping
-from femupdate.tables import table
+from femupdate.result import Item, Note, Notes, Result
+from femupdate.tables import Table
 
 
 @dataclass(frozen=True)
-class InspectedFiles:
+class InspectedFiles(Result):
     """What is in some measured files.
 
     Attributes:
@@ -23,13 +23,12 @@ class InspectedFiles:
     files: tuple[Inspection, ...]
     refused: tuple[str, ...] = ()
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        return {"files": [one.as_dict() for one in self.files], "refused": self.refused}
-
-    def lines(self) -> tuple[str, ...]:
+    def items(self) -> Iterator[Item]:
         """Every file in words, then the command to run next on it."""
-        return tuple(line for one in self.files for line in _lines(one))
+        files = [one.as_dict() for one in self.files]
+        yield Note(content={"files": files, "refused": self.refused})
+        for one in self.files:
+            yield from _items(one)
 
 
 def inspect_files(
@@ -75,29 +74,27 @@ def draw_inspection(one: Inspection, path: Path) -> Path:
     return save_figure(inspected(one), path)
 
 
-def _lines(one: Inspection) -> list[str]:
-    found = [f"{one.path}: {one.summary}"]
-    if one.channels:
+def _items(file: Inspection) -> Iterator[Item]:
+    yield Note(f"{file.path}: {file.summary}")
+    if file.channels:
         head = ("channel", "direction", "quantity", "rate", "samples", "length", "peak")
-        found.append(table(head, [_row(each) for each in one.channels]))
-    found += [f"  {text}" for text in (*one.function_texts, *one.mode_texts)]
-    found += [f"  - {note}" for note in (*one.recording.notes, *one.rotation)]
-    found.append("What looks wrong:" if one.all_findings else "Nothing looks wrong.")
-    found += [f"  - {finding}" for finding in one.all_findings]
-    found.append(f"Next: {one.step.command or one.step.advice}")
-    if one.step.command and one.step.advice:
-        found.append(f"  {one.step.advice}")
-    return found
-
-
-def _row(each: InspectedChannel) -> tuple[str, ...]:
-    one = each.channel
-    return (
-        f"{each.number} {each.place}",
-        each.direction_text,
-        one.quantity,
-        f"{1.0 / one.time_step:g} Hz",
-        str(one.values.size),
-        f"{each.duration_s:.4g} s",
-        each.peak_text,
-    )
+        rows = [
+            (
+                f"{each.number} {each.place}",
+                each.direction_text,
+                each.channel.quantity,
+                f"{1.0 / each.channel.time_step:g} Hz",
+                str(each.channel.values.size),
+                f"{each.duration_s:.4g} s",
+                each.peak_text,
+            )
+            for each in file.channels
+        ]
+        yield Table.of(head, rows)
+    yield from (Note(f"  {text}") for text in (*file.function_texts, *file.mode_texts))
+    yield Notes((*file.recording.notes, *file.rotation))
+    yield Note("What looks wrong:" if file.all_findings else "Nothing looks wrong.")
+    yield Notes(file.all_findings)
+    yield Note(f"Next: {file.step.command or file.step.advice}")
+    if file.step.command and file.step.advice:
+        yield Note(f"  {file.step.advice}")

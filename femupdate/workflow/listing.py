@@ -2,14 +2,15 @@
 
 import inspect
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from femupdate.building.shipped import building_text, shipped_buildings
 from femupdate.effects.effect import Effect
 from femupdate.effects.registry import CATALOGUE
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.registry import readers
+from femupdate.result import Item, Note, Result
 from femupdate.units import capital
 
 
@@ -31,7 +32,7 @@ class ShippedBuilding:
 
 
 @dataclass(frozen=True)
-class Listing:
+class Listing(Result):
     """What comes with femupdate.
 
     Attributes:
@@ -44,38 +45,32 @@ class Listing:
     effects: tuple[Effect, ...]
     formats: tuple[Reader, ...]
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        return {
-            "buildings": [vars(one) for one in self.buildings],
-            "effects": [
-                {
-                    "name": one.name,
-                    "title": one.title,
-                    "places": _places(one),
-                    "parameters": [
-                        {"name": p.name, "unit": p.unit, "meaning": p.text} for p in one.parameters
-                    ],
-                    "explains": one.sentence,
-                }
-                for one in self.effects
-            ],
-            "formats": [{"name": one.name, "reads": one.reads} for one in self.formats],
-        }
-
-    def lines(self) -> tuple[str, ...]:
-        """Three tables, for people."""
-        width = 2 + max(len(one.name) for one in self.formats)
-        return (
+    def items(self) -> Iterator[Item]:
+        """Three lists."""
+        width = 2 + max(len(entry.name) for entry in self.formats)
+        yield Note(
             "Buildings (build-model NAME, or --building NAME)",
-            *(f"  {b.name:<24}{b.stories:>2} stories  {b.title}" for b in self.buildings),
-            "",
-            "Effects (simulate --effect NAME@PLACE=SIZE)",
-            *(line for one in self.effects for line in _effect_lines(one)),
-            "",
-            "Formats of measured files",
-            *(f"  {one.name:<{width}}{one.reads}" for one in self.formats),
+            {"buildings": [vars(entry) for entry in self.buildings]},
         )
+        for b in self.buildings:
+            yield Note(f"  {b.name:<24}{b.stories:>2} stories  {b.title}")
+        effects = [
+            {
+                "name": entry.name,
+                "title": entry.title,
+                "places": _places(entry),
+                "parameters": [
+                    {"name": p.name, "unit": p.unit, "meaning": p.text} for p in entry.parameters
+                ],
+                "explains": entry.sentence,
+            }
+            for entry in self.effects
+        ]
+        yield Note("\nEffects (simulate --effect NAME@PLACE=SIZE)", {"effects": effects})
+        yield from (Note(line) for entry in self.effects for line in _effect_lines(entry))
+        formats = [{"name": entry.name, "reads": entry.reads} for entry in self.formats]
+        yield Note("\nFormats of measured files", {"formats": formats})
+        yield from (Note(f"  {entry.name:<{width}}{entry.reads}") for entry in self.formats)
 
 
 def list_all() -> Listing:

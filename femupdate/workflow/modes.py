@@ -21,7 +21,7 @@ from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
 from femupdate.storage import read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
-from femupdate.tables import Table
+from femupdate.tables import Column, Table
 from femupdate.units import ordinal, percent
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import direction_of
@@ -71,41 +71,55 @@ class StudyMode:
         return str(self.number or f"at {self.tracked.frequency_mean:.1f} Hz")
 
 
-def mode_table(modes: Sequence[StudyMode]) -> Table:
-    """Frequencies, directions, masses and influence of modes of the posterior."""
+def mode_table(modes: Sequence[StudyMode], pictures: Sequence[Path] = ()) -> Table:
+    """Frequencies, directions, masses and influence of modes of the posterior.
+
+    Args:
+        pictures: of every mode, where they are drawn.
+    """
     note = "Modes have the numbers of the full model with all factors 1."
-    if any(one.influence is not None for one in modes):
+    if any(mode.influence is not None for mode in modes):
         note = (
             "Influence: by how many times their noise the fit would miss the measured ln|H| "
             "without the mode. Unless they were asked for by number, the modes that matter most "
             f"to the data come first. {note}"
         )
-    rows = [
-        (
-            str(one.number or "-"),
-            f"{one.tracked.frequency_mean:.3f}",
-            f"{one.tracked.frequency_sd:.2g}",
-            one.direction,
-            percent(one.effective_mass, 1),
-            "-" if one.influence is None else f"{one.influence:.3g}",
-            percent(one.tracked.found),
-        )
-        for one in modes
+    mean, sd = ([getattr(m.tracked, f"frequency_{of}") for m in modes] for of in ("mean", "sd"))
+    share, found = [m.effective_mass for m in modes], [m.tracked.found for m in modes]
+    influence = [m.influence for m in modes]
+    told = ["-" if value is None else f"{value:.3g}" for value in influence]
+    numbers = [m.number for m in modes]
+    hertz = [f"{value:.3f}" for value in mean]
+    columns = [
+        Column(numbers, "mode", [str(value or "-") for value in numbers], "mode", "mode"),
+        Column(mean, "frequency, Hz", hertz, "frequency_hz", "frequency_hz"),
+        Column(sd, "sd, Hz", [f"{v:.2g}" for v in sd], "frequency_sd_hz", "frequency_sd"),
+        Column([m.direction for m in modes], "direction", None, "direction", "direction"),
+        Column(
+            share,
+            "effective mass",
+            [percent(value, 1) for value in share],
+            "effective_mass_share",
+            "effective_mass",
+        ),
+        Column(influence, "influence", told),
+        Column(
+            found,
+            "recognised in draws",
+            [percent(value) for value in found],
+            "share_of_draws_recognised",
+            "found",
+        ),
+        Column(influence, csv="influence", key="influence"),
+        Column([m.rank for m in modes], csv="influence_rank", key="influence_rank"),
+        *([Column(pictures, key="picture")] if pictures else []),
     ]
     return Table(
         name="modes",
         caption="Modes that the base motion excites, at the posterior",
-        head=(
-            "mode",
-            "frequency, Hz",
-            "sd, Hz",
-            "direction",
-            "effective mass",
-            "influence",
-            "recognised in draws",
-        ),
-        rows=tuple(rows),
+        columns=tuple(columns),
         note=note,
+        key="modes",
     )
 
 

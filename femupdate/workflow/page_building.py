@@ -59,7 +59,7 @@ def _stories(page: PageStudy) -> Table:
         )
         for k, (name, floor) in enumerate(zip(building.story_names, building.floors, strict=True))
     ]
-    return Table(
+    return Table.of(
         name="stories",
         caption="Stories, from the bottom",
         head=("story", "floor above", "height, m", title),

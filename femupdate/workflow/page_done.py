@@ -9,7 +9,7 @@ from femupdate.report.page import Block, Remarks, Section, Text
 from femupdate.study import BUILDING_FILE, Artefact, Study, file_hash
 from femupdate.tables import Table
 from femupdate.workflow.page_parts import PageStudy, searched
-from femupdate.workflow.status import CURRENT, Item, files_beside_of, sources_of
+from femupdate.workflow.status import CURRENT, Holding, files_beside_of, sources_of
 from femupdate.workflow.summary import kept_summary
 
 _SHORT = 16  # figures of a hash that are shown
@@ -18,9 +18,9 @@ _SHORT = 16  # figures of a hash that are shown
 def done_section(page: PageStudy) -> Section:
     """Steps with version, time and files."""
     blocks: list[Block] = []
-    rows = tuple(_row(page.study, item) for item in page.status.items)
+    rows = tuple(_row(page.study, item) for item in page.status.holds)
     blocks.append(
-        Table(
+        Table.of(
             name="what_was_done",
             caption="Steps, in the order in which they were made",
             head=("result", "by", "version", "time (UTC)", "state", "file", "SHA-256"),
@@ -30,13 +30,13 @@ def done_section(page: PageStudy) -> Section:
     )
     building = (BUILDING_FILE, file_hash(page.study.path(BUILDING_FILE))[:_SHORT])
     used: dict[tuple[str, str], list[str]] = {building: ["the building, as the study keeps it"]}
-    for item in page.status.items:
+    for item in page.status.holds:
         for key in _sources(page.study.artefacts()[item.name], item.sources):
             used.setdefault(key, []).append(item.name)
     for key, name in _of_repair(page):
         used.setdefault(key, []).append(name)
     blocks.append(
-        Table(
+        Table.of(
             name="files_used",
             caption="Files that were used",
             head=("file", "for", "SHA-256 when used"),
@@ -48,15 +48,15 @@ def done_section(page: PageStudy) -> Section:
 
 def bad_items(page: PageStudy) -> tuple[str, ...]:
     """What is stale, damaged or missing, in sentences."""
-    return tuple(_bad(item) for item in page.status.items if item.state != CURRENT)
+    return tuple(_bad(item) for item in page.status.holds if item.state != CURRENT)
 
 
-def _bad(item: Item) -> str:
+def _bad(item: Holding) -> str:
     reason = f": {item.reason}" if item.reason else ""
     return f"The {item.name} is {item.state}{reason}. What this page shows of it does not hold."
 
 
-def _row(study: Study, item: Item) -> tuple[str, ...]:
+def _row(study: Study, item: Holding) -> tuple[str, ...]:
     digest = study.artefacts()[item.name].sha256[:_SHORT]
     command = f"femupdate {item.command}"
     time = item.created.replace("T", " ")[:16]

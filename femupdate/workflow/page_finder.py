@@ -95,7 +95,7 @@ def _effects(effects: list[dict[str, Any]]) -> Table:
         )
         for one in effects
     )
-    return Table(
+    return Table.of(
         name="effects",
         caption="Effects",
         head=("effect", "size", "on other data", "hidden by the stiffness factors"),
@@ -131,7 +131,7 @@ def _where(cells: list[dict[str, Any]]) -> Table:
         )
         for cell in sorted(cells, key=lambda cell: -float(cell["excess"]))
     )
-    return Table(
+    return Table.of(
         name="where",
         caption="Where the model as it was and the data disagree by more than noise",
         head=("floor", "band, Hz", "residual over noise (rms)"),

@@ -39,7 +39,7 @@ def data_section(page: PageStudy) -> Section:
     rows = tuple(_floor_row(seen, row) for row in range(len(seen.floors)))
     blocks: list[Block] = [
         Text((lead,)),
-        Table(
+        Table.of(
             name="data_quality",
             caption="Quality of the data by floor",
             head=("floor", "points used", "of", "median noise of ln|H|", "median coherence"),
@@ -172,7 +172,7 @@ def _table(page: PageStudy, posterior: Posterior) -> Table:
     zeta = posterior.zeta_samples
     if zeta is not None:
         rows.append(("damping ratio", "zeta", *figures(zeta), ""))
-    return Table(
+    return Table.of(
         name="posterior",
         caption="Parameters",
         head=("of", "parameter", "mean", "sd", "5 %", "95 %", "prior"),

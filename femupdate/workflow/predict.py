@@ -1,10 +1,9 @@
 """predict: what the calibrated building does in another earthquake."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -26,9 +25,12 @@ from femupdate.inference.posterior import Posterior
 from femupdate.inference.thresholds import EVENT
 from femupdate.measurement.record import GroundMotion
 from femupdate.progress import SILENT, Progress
+from femupdate.report.curves import Curve, history_curves, spectrum_curves
+from femupdate.report.scale import Scale
+from femupdate.result import Item, Note, Notes, Picture, Result
 from femupdate.seeds import spawn
 from femupdate.study import Study, file_hash
-from femupdate.tables import first_notes
+from femupdate.tables import Table
 from femupdate.units import percent
 from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
 from femupdate.workflow.mesh_error import open_system
@@ -46,11 +48,14 @@ from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSourc
 from femupdate.workflow.prediction_quantities import (
     ALONE,
     PEAKS,
-    TIDY,
     Quantity,
-    member_lines,
+    floor_table,
+    force_scales,
+    in_unit,
+    member_tables,
     quantities,
     quantity_tables,
+    tidy_table,
 )
 from femupdate.workflow.summary import kept_posterior
 
@@ -59,7 +64,7 @@ _EXAMPLES = 100
 
 
 @dataclass(frozen=True, kw_only=True)
-class PredictionReport:
+class PredictionReport(Result):
     """What was predicted.
 
         >>> import femupdate
@@ -111,49 +116,131 @@ class PredictionReport:
         """With measured floors, where there are any."""
         return None if self.measured is None else compare(self.summary, self.alone, self.measured)
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        floors, comparison, spectra = self.summary.floors, self.comparison, self.floor_spectra
-        stories = [str(k) for k in range(1, len(self.story_stiffness.mean) + 1)]
-        content: dict[str, Any] = {
-            "prediction": self.path,
-            "floors": floors,
-            "peak_acceleration_m_s2": self.peak_acceleration.by_name(floors),
-            "peak_acceleration_of_parameters_m_s2": statistics(
-                self.alone.peak_acceleration
-            ).by_name(floors),
-            "story_stiffness_n_per_m": self.story_stiffness.by_name(stories),
-            "peaks": [
-                dict(zip(TIDY, row, strict=True))
-                for one in self.quantities.values()
-                for row in one.tidy()
-            ],
-            "damping": self.damping,
-            "notes": self.notes,
-            "seconds": self.seconds,
+    def items(self) -> Iterator[Item]:
+        """Peaks, stiffnesses and what else was asked for, notes and tables."""
+        summary, alone, spectra = self.summary, self.alone, self.floor_spectra
+        floors = summary.floors
+        peaks = {
+            "peak_acceleration_m_s2": self.peak_acceleration,
+            "peak_acceleration_of_parameters_m_s2": statistics(alone.peak_acceleration),
         }
-        if comparison is not None:
-            content["comparison"] = comparison.as_dict()
+        stories = [str(k) for k in range(1, len(self.story_stiffness.mean) + 1)]
+        yield Note(
+            f"Prediction from {len(summary)} posterior draws, {self.seconds:.1f} s",
+            {
+                "floors": floors,
+                **{key: own.by_name(floors) for key, own in peaks.items()},
+                "story_stiffness_n_per_m": self.story_stiffness.by_name(stories),
+                "seconds": self.seconds,
+            },
+        )
+        yield Note(f"  damping ratio: {self.damping}", {"damping": self.damping})
+        found = self.quantities.values()
+        yield from quantity_tables(found)
+        yield Note("  mean, and 5 to 95 % in brackets")
+        yield from member_tables(self.members)
         if self.members:
-            content["member_forces"] = [member.as_dict() for member in self.members]
+            forces = [member.as_dict() for member in self.members]
+            yield Note(content={"member_forces": forces})
         if spectra is not None:
-            content["floor_spectra"] = spectra.as_dict(floors)
-        return content
-
-    def lines(self) -> tuple[str, ...]:
-        """Peaks, stiffnesses and what else was asked for in tables, and notes, for people."""
-        lines = [
-            f"Prediction from {len(self.summary)} posterior draws, {self.seconds:.1f} s",
-            f"  damping ratio: {self.damping}",
-            *(one.text() for one in quantity_tables(self.quantities.values())),
-            "  mean, and 5 to 95 % in brackets",
-        ]
-        lines += member_lines(self.members)
-        if self.floor_spectra is not None:
-            lines.append(self.floor_spectra.table(self.summary.floors))
+            yield Note(content={"floor_spectra": spectra.as_dict(floors)})
+            yield spectra.table(floors)
         if self.comparison is not None:
-            lines.append(score_table(self.comparison.as_dict()).text("against measured"))
-        return (*lines, *first_notes(self.notes, "--json has them"), f"  {self.path}")
+            figures = self.comparison.as_dict()
+            yield Note(content={"comparison": figures})
+            yield score_table(figures)
+        yield Notes(self.notes, "--json has them", key="notes")
+        yield Note(f"  {self.path}", {"prediction": self.path})
+        yield tidy_table("peaks", found, key="peaks")
+        yield tidy_table("predicted_peaks", found, self.members)
+        if spectra is not None:
+            yield _spectra_table(spectra, floors)
+        histories = {
+            "acceleration_mean_m_s2": lambda: _short(summary.acceleration_mean),
+            "acceleration_sd_m_s2": lambda: _short(summary.acceleration_sd),
+            "parameters_mean_m_s2": lambda: _short(alone.acceleration_mean),
+            "parameters_sd_m_s2": lambda: _short(alone.acceleration_sd),
+        }
+        yield floor_table("floor_histories", floors, "time_s", _short(summary.time), histories)
+
+    def figures(self) -> Iterator[Picture]:
+        """Histories and stories; floor spectra and members where they were asked for."""
+        from femupdate.report.plot_curves import (
+            floor_history_bands,
+            floor_spectra_bands,
+            member_force_bands,
+        )
+        from femupdate.report.plot_drift import story_shear_drift
+
+        summary, motion, spectra = self.summary, self.motion, self.floor_spectra
+        title = f"Floor acceleration, mean ± 2 sd: {motion.title} (peak {motion.peak:.2f} m/s²)"
+        curves = history_curves(
+            summary.time,
+            summary.floors,
+            summary.acceleration_mean,
+            summary.acceleration_sd,
+            alone=(self.alone.acceleration_mean, self.alone.acceleration_sd),
+            measured=self.measured,
+        )
+        yield Picture("floor_histories", lambda: floor_history_bands(curves, title=title))
+        yield Picture(
+            "story_shear_drift",
+            lambda: story_shear_drift(
+                summary.examples.story_shear,
+                summary.examples.story_drift,
+                summary.story_stiffness,
+                self.quantities["drift"].places,
+            ),
+        )
+        if spectra is not None:
+            own, damping = spectra.acceleration, f"{100.0 * spectra.damping:.3g} % damping"
+            lines = spectrum_curves(
+                spectra.frequency_hz, summary.floors, own.mean, own.sd, spectra.base
+            )
+            over = f"Floor spectra at {damping}, mean ± 2 sd: {motion.title}"
+            yield Picture("floor_spectra", lambda: floor_spectra_bands(lines, title=over))
+        if self.members:
+            scales = force_scales(self.members)
+            rows = [
+                (f"{one.member.kind} {one.member.name}", force_curves(summary.time, one, scales))
+                for one in self.members
+            ]
+            above = f"Forces of members, mean ± 2 sd: {motion.title}"
+            yield Picture(
+                "member_forces", lambda: member_force_bands(rows, title=above, note=ALONE)
+            )
+
+
+def force_curves(time: Floats, one: MemberForces, scales: tuple[Scale, Scale]) -> tuple[Curve, ...]:
+    """Histories (n,) of a member's largest normal force, shear and moment, in units of tables."""
+    curves = []
+    for first in "NVM":
+        kind = [k for k, name in enumerate(one.member.forces) if name[0] == first]
+        k = max(kind, key=lambda k: float(one.peak.mean[k]))
+        name, unit, factor = in_unit(one.member.forces[k], scales)
+        own = history_curves(time, [name], one.mean[[k]] / factor, one.sd[[k]] / factor)
+        curves += [replace(curve, up=f"{name}, {unit}") for curve in own]
+    return tuple(curves)
+
+
+def _spectra_table(found: FloorSpectra, floors: Sequence[str]) -> Table:
+    """Response spectra of the ground and of every floor."""
+    own, base = found.acceleration, found.base
+    columns = {
+        "damping_ratio": lambda: np.full((len(floors) + 1, len(base)), found.damping),
+        "acceleration_mean_m_s2": lambda: np.vstack([base, own.mean]),
+        "acceleration_sd_m_s2": lambda: np.vstack([0.0 * base, own.sd]),
+        "acceleration_q05_m_s2": lambda: np.vstack([base, own.q05]),
+        "acceleration_q95_m_s2": lambda: np.vstack([base, own.q95]),
+    }
+    return floor_table(
+        "floor_spectra", ("base", *floors), "frequency_hz", found.frequency_hz, columns
+    )
+
+
+def _short(values: Floats) -> Floats:
+    """Six significant figures: histories are long."""
+    return np.array([float(f"{value:.6g}") for value in np.ravel(values)])
 
 
 def predict_study(

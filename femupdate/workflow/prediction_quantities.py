@@ -1,22 +1,23 @@
 """What a prediction gives an engineer: peaks, drifts, base shear, stiffness, forces of members."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.building.schema import Building
 from femupdate.dynamics.member_histories import MemberForces
 from femupdate.dynamics.summary import Statistics, statistics
 from femupdate.report.scale import Scale, force_scale, interval_text
-from femupdate.tables import Table, table
+from femupdate.result import Note
+from femupdate.tables import Column, Table
 from femupdate.units import STANDARD_GRAVITY, capital
 
 _BENCH_TOP = 100.0  # N; the largest shear of models that weigh some kilograms
-TIDY = ("quantity", "unit", "place", "mean", "sd", "q05", "q95")
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +41,12 @@ class Quantity:
         """(n,) over the draws."""
         return statistics(self.values)
 
-    def tidy(self) -> tuple[tuple[object, ...], ...]:
-        """Rows of a tidy table, see `TIDY`."""
+    def tidy(self) -> Iterator[tuple[Any, ...]]:
+        """Rows of a tidy table, see `tidy_table`."""
         own = self.statistics
         columns = (own.mean, own.sd, own.q05, own.q95)
-        rows = zip(self.places, *(column.tolist() for column in columns), strict=True)
-        return tuple((self.name, self.unit, *row) for row in rows)
+        for place, *row in zip(self.places, *(one.tolist() for one in columns), strict=True):
+            yield (self.name, self.unit, place, *row)
 
     @property
     def heading(self) -> str:
@@ -65,15 +66,56 @@ def quantity_tables(found: Iterable[Quantity]) -> list[Table]:
     for one in found:
         groups.setdefault(one.places, []).append(one)
     return [
-        Table(
+        Table.of(
+            ("", *(one.heading for one in group)),
+            list(zip(places, *(one.cells() for one in group), strict=True)),
             name="_".join(group[0].name.split()),
             caption=capital(", ".join(one.name for one in group)),
-            head=("", *(one.heading for one in group)),
-            rows=tuple(zip(places, *(one.cells() for one in group), strict=True)),
             note="Mean, and 5 to 95 % in brackets.",
         )
         for places, group in groups.items()
     ]
+
+
+def tidy_table(
+    name: str, found: Iterable[Quantity], members: Sequence[MemberForces] = (), key: str = ""
+) -> Table:
+    """Quantities and forces of members, one figure at one place a row.
+
+    Args:
+        key: of the quantities in JSON, which are then not in the CSV file.
+    """
+    rows = [row for one in found for row in one.tidy()]
+    rows += [
+        (f"largest {quantity}", unit, place_of(number, one), *values)
+        for number, one in enumerate(members, 1)
+        for quantity, unit, *values in _peaks(one, force_scales(members))
+    ]
+    names = ("quantity", "unit", "place", "mean", "sd", "q05", "q95")
+    kept = zip(names, list(zip(*rows, strict=True)) or [()] * len(names), strict=True)
+    columns = [Column(values, key=own) if key else Column(values, csv=own) for own, values in kept]
+    return Table(name=name, columns=tuple(columns), key=key)
+
+
+def floor_table(
+    name: str,
+    floors: Sequence[str],
+    axis: str,
+    points: ArrayLike,
+    columns: Mapping[str, Callable[[], Any]],
+) -> Table:
+    """A CSV table with a row for every floor and point of an axis.
+
+    Args:
+        columns: what makes (f, n) values, by their heading.
+    """
+    count = np.size(points)
+    made: dict[str, Callable[[], Any]] = {
+        "floor": lambda: np.repeat(np.array(floors), count),
+        axis: lambda: np.tile(points, len(floors)),
+        **columns,
+    }
+    return Table(name=name, columns=tuple(Column(own, csv=key) for key, own in made.items()))
 
 
 def heights_of(building: Building) -> Floats | None:
@@ -145,24 +187,18 @@ def _is_moment(force: str) -> bool:
     return force[0] in "TM"
 
 
-def member_lines(members: Sequence[MemberForces]) -> Iterator[str]:
-    """A table of every member; members are numbered."""
+def member_tables(members: Sequence[MemberForces]) -> Iterator[Note | Table]:
+    """The largest forces of every member; members are numbered."""
     scales = force_scales(members)
     for number, one in enumerate(members, 1):
-        yield f"{place_of(number, one)}: largest forces"
-        rows = [
-            (f"{quantity}, {unit}", interval_text(*values))
-            for quantity, unit, *values in _peaks(one, scales)
-        ]
-        yield table(("", ""), rows).partition("\n")[2]
-
-
-def member_rows(members: Sequence[MemberForces]) -> Iterator[tuple[Any, ...]]:
-    """Rows of a tidy table, as `TIDY` says."""
-    scales = force_scales(members)
-    for number, one in enumerate(members, 1):
-        for quantity, unit, *values in _peaks(one, scales):
-            yield (f"largest {quantity}", unit, place_of(number, one), *values)
+        yield Note(f"{place_of(number, one)}: largest forces")
+        yield Table.of(
+            ("", ""),
+            [
+                (f"{quantity}, {unit}", interval_text(*values))
+                for quantity, unit, *values in _peaks(one, scales)
+            ],
+        )
 
 
 def place_of(number: int, one: MemberForces) -> str:

@@ -1,12 +1,12 @@
 """render: the posterior's mode shapes, off screen."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from femupdate.errors import StudyError
 from femupdate.progress import SILENT, Progress
+from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import Study
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes
@@ -14,7 +14,7 @@ from femupdate.workflow.summary import kept_posterior
 
 
 @dataclass(frozen=True)
-class RenderReport:
+class RenderReport(Result):
     """Modes of the posterior, those that matter most to the data first.
 
     Attributes:
@@ -29,45 +29,23 @@ class RenderReport:
     animations: tuple[Path, ...] = ()
     at_one: tuple[Path, ...] = ()
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        return {
-            "modes": [
-                {
-                    "mode": mode.number,
-                    "direction": mode.direction,
-                    "effective_mass": mode.effective_mass,
-                    "frequency_hz": mode.tracked.frequency_mean,
-                    "frequency_sd": mode.tracked.frequency_sd,
-                    "found": mode.tracked.found,
-                    "influence": mode.influence,
-                    "influence_rank": mode.rank,
-                    "picture": picture,
-                }
-                for mode, picture in zip(self.modes, self.pictures, strict=True)
-            ],
-            "animations": self.animations,
-            "at_factors_1": self.at_one,
-        }
-
-    def lines(self) -> tuple[str, ...]:
-        """A table and the pictures, for people."""
-        told = mode_table(self.modes)
-        tables = (told.text(), f"  - {told.note}") if self.modes else ()
-        notes = (
-            ("  - The base motion does not excite these modes, so no data changed them:",)
-            if self.at_one
-            else ()
+    def items(self) -> Iterator[Item]:
+        """A table and the pictures."""
+        modes = mode_table(self.modes, self.pictures)
+        if self.modes:
+            yield modes
+            yield Notes((modes.note,))
+        else:
+            yield Note(content={"modes": []})
+        for path in dict.fromkeys(self.pictures):
+            yield Note(f"  {path}")
+        yield Note(
+            "\n".join(f"  {path}" for path in self.animations), {"animations": self.animations}
         )
-        animated = (f"  {path}" for path in self.animations)
-        pictures = (f"  {picture}" for picture in dict.fromkeys(self.pictures))
-        return (
-            *tables,
-            *pictures,
-            *animated,
-            *notes,
-            *(f"  {picture}" for picture in self.at_one),
-        )
+        if self.at_one:
+            yield Note("  - The base motion does not excite these modes, so no data changed them:")
+        told = "\n".join(f"  {path}" for path in self.at_one)
+        yield Note(told, {"at_factors_1": self.at_one})
 
 
 def render_study(

@@ -1,6 +1,7 @@
 """repair: add what is missing to the model, and show the gap before and after."""
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,14 +19,19 @@ from femupdate.discrepancy.held_out import Held, KeptOut, hold
 from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair, mend
+from femupdate.discrepancy.residual_map import residual_cells
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
+from femupdate.effects.drawn_building import DrawnBuilding
+from femupdate.inference.frf_data import FrfData
 from femupdate.inference.maxima import found_from
 from femupdate.measurement.histories import Histories
 from femupdate.progress import SILENT, Progress
+from femupdate.report.curves import Curve
 from femupdate.report.scale import plus_minus
+from femupdate.result import Item, Note, Picture, Result
 from femupdate.seeds import Seed
 from femupdate.study import BUILDING_FILE, Study
-from femupdate.tables import table
+from femupdate.tables import Column, Table
 from femupdate.workflow.about_maxima import FROM_FIT, Target, sampled_about_maxima
 from femupdate.workflow.calibrate_effects import with_fitted
 from femupdate.workflow.calibrate_settings import Sampled
@@ -38,7 +44,7 @@ from femupdate.workflow.second_record import level_between
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class RepairReport:
+class RepairReport(Result):
     """What was added and what it did.
 
     Attributes:
@@ -70,68 +76,114 @@ class RepairReport:
         """File of the repaired building; None where nothing was added."""
         return None if self.study is None else self.study.path(BUILDING_FILE)
 
-    def as_dict(self) -> dict[str, Any]:
-        """What the JSON file and `--json` hold."""
-        done, held = self.repair, self.held
-        halves = (None, None) if self.in_turn is None else map(_number, self.in_turn)
-        return {
-            "verdict": done.verdict,
-            "sentence": done.last.sentence,
-            "refused": [one.placed.label for one in done.refused],
-            "rounds": [
-                {
-                    "effect": one.finding.placed.effect.name,
-                    "place": one.finding.placed.place,
-                    "size": one.finding.size,
-                    "size_sd": one.finding.size_sd,
-                    "log_evidence_over_none": one.finding.evidence.log_evidence,
-                    "chi2_before": one.chi2_before,
-                    "chi2_after": one.chi2_after,
-                    "settled_by": one.finding.placed.effect.settled_by,
-                }
-                for one in done.rounds
-            ],
-            "chi2_before": done.before.chi2,
-            "chi2_after": done.after.chi2,
-            "independent_points": self.problem.effective,
-            "remaining": {**done.left.as_dict(), "sentence": self._left},
-            "theta_before": self.theta_before.mean(axis=0).tolist(),
-            "theta_after": self.theta_after.mean(axis=0).tolist(),
-            "theta_sd_before": self.theta_before.std(axis=0).tolist(),
-            "theta_sd_after": self.theta_after.std(axis=0).tolist(),
-            **{
-                f"holdout_{key}_{when}": _number(getattr(held, f"{name}_{when}", None))
-                for key, name in (("error", "error"), ("own_error", "own"), ("chi2", "chi2"))
-                for when in ("before", "after")
-            },
-            **dict(zip(("halves_chi2_before", "halves_chi2_after"), halves, strict=True)),
-            "building": None if self.building_path is None else str(self.building_path),
-            "study": None if self.study is None else str(self.study.folder),
-            "seconds": self.seconds,
-        }
-
-    def lines(self) -> tuple[str, ...]:
-        """What was added, what it did to the model and to data kept out, for people."""
-        done, held = self.repair, self.held
-        lines = [self._round(number) for number in range(len(done.rounds))]
-        if not done.rounds:
-            lines.append(f"Nothing was added ({done.last.verdict}). {done.last.sentence}")
-        else:
-            lines.append(f"  what is left: {self._left}")
-        if done.refused:
-            names = "; ".join(one.in_words for one in done.refused)
-            lines.append(f"  not added, for data kept out are predicted worse with it: {names}")
-        titles = factor_titles(self.problem.reduced.structure.building).values()
-        rows = [
-            (title, *(plus_minus(own.mean(), own.std()) for own in both))
-            for title, *both in zip(titles, self.theta_before.T, self.theta_after.T, strict=False)
+    def items(self) -> Iterator[Item]:
+        """What was added, what it did to the model and to data kept out."""
+        done, held, points = self.repair, self.held, self.problem.effective
+        rounds = [
+            {
+                "effect": added.finding.placed.effect.name,
+                "place": added.finding.placed.place,
+                "in_words": added.finding.placed.in_words,
+                "size": added.finding.size,
+                "size_sd": added.finding.size_sd,
+                "log_evidence_over_none": added.finding.evidence.log_evidence,
+                "chi2_before": added.chi2_before,
+                "chi2_after": added.chi2_after,
+                "settled_by": added.finding.placed.effect.settled_by,
+            }
+            for added in done.rounds
         ]
-        lines.append(table(("factor of", "before", "after"), rows))
+        yield Note(content={"verdict": done.verdict, "sentence": done.last.sentence})
+        yield from (Note(self._round(number)) for number in range(len(rounds)))
+        left = {"rounds": rounds, "remaining": {**done.left.as_dict(), "sentence": self._left}}
+        if rounds:
+            yield Note(f"  what is left: {self._left}", left)
+        else:
+            yield Note(f"Nothing was added ({done.last.verdict}). {done.last.sentence}", left)
+        told = ""
+        if done.refused:
+            names = "; ".join(added.in_words for added in done.refused)
+            told = f"  not added, for data kept out are predicted worse with it: {names}"
+        yield Note(told, {"refused": [added.placed.label for added in done.refused]})
+        yield self._factors()
         kept_out = self._in_turn() if held is None else held.lines()
-        lines += [f"  {line}" for line in kept_out]
-        if self.building_path is not None:
-            lines.append(f"  repaired building {self.building_path}")
-        return (*lines, f"  {self.path}")
+        yield Note("\n".join(f"  {line}" for line in kept_out), self._kept_out())
+        path, folder = self.building_path, None if self.study is None else self.study.folder
+        told = "" if path is None else f"  repaired building {path}"
+        yield Note(told, {"building": path, "study": folder})
+        yield Note(f"  {self.path}", {"seconds": self.seconds, "independent_points": points})
+
+    def _kept_out(self) -> dict[str, Any]:
+        """How both models meet the data, and data kept out, for JSON."""
+        halves = self.in_turn or (None, None)
+        held = {
+            f"holdout_{key}_{when}": getattr(self.held, f"{name}_{when}", None)
+            for key, name in (("error", "error"), ("own_error", "own"), ("chi2", "chi2"))
+            for when in ("before", "after")
+        }
+        own = {"chi2_before": self.repair.before.chi2, "chi2_after": self.repair.after.chi2}
+        return {**own, **held, "halves_chi2_before": halves[0], "halves_chi2_after": halves[1]}
+
+    def _factors(self) -> Table:
+        """Stiffness factors before and after."""
+        both = {"before": self.theta_before, "after": self.theta_after}
+        titles = factor_titles(self.problem.reduced.structure.building).values()
+        count = self.theta_before.shape[1]
+        columns = [Column(list(titles)[:count], "factor of")]
+        for when, draws in both.items():
+            cells = [plus_minus(own.mean(), own.std()) for own in draws.T]
+            columns += [
+                Column(draws.mean(axis=0), when, cells[:count], key=f"theta_{when}"),
+                Column(draws.std(axis=0), key=f"theta_sd_{when}"),
+            ]
+        return Table(name="factors", columns=tuple(columns))
+
+    def figures(self) -> Iterator[Picture]:
+        """Maps of residuals before and after, and the picture that tells the whole story."""
+        from femupdate.report.plot_diagnosis import ResidualMap, residual_pictures
+        from femupdate.report.plot_repair import gap_story, repair_headline
+
+        done = self.repair
+        added = [one.finding.placed for one in done.rounds]
+        cells = {"Before": residual_cells(self.problem, done.before)}
+        if added:
+            cells["After"] = residual_cells(self.problem, done.after)
+        yield from residual_pictures("gap_residuals", cells, repair_headline(added))
+        yield Picture(
+            "gap_before_after",
+            lambda: gap_story(
+                [ResidualMap.of(own, cells["Before"][0].data) for own in cells.values()],
+                DrawnBuilding(self.problem.reduced.structure),
+                added,
+                self._curves(),
+                tuple(factor_titles(self.building).values()),
+                [self.theta_before, self.theta_after][: len(cells)],
+                self.held,
+            ),
+        )
+
+    def _curves(self) -> tuple[Curve, ...]:
+        """The first record's FRFs, the top floor first, measured and as the models give them."""
+        done = self.repair
+        data = next((one for one in self.problem.data if isinstance(one, FrfData)), None)
+        if data is None:
+            return ()
+        first = slice(data.blocks[0].points)
+        measured = np.where(data.valid.numpy(), data.log_frf.numpy(), np.nan)[:, first]
+        before = _log_frf(data, done.before)
+        after = _log_frf(data, done.after) if done.rounds else None
+        return tuple(
+            Curve(
+                title=name,
+                across="frequency, Hz",
+                up=f"{name}, ln|H|",
+                x=data.frequency_hz.numpy()[first],
+                mean=before[row],
+                measured=measured[row],
+                beside=None if after is None else after[row],
+            )
+            for row, name in reversed(list(enumerate(data.names)))
+        )
 
     @property
     def _left(self) -> str:
@@ -162,9 +214,8 @@ class RepairReport:
         )
 
 
-def _number(value: float | None) -> float | None:
-    """JSON knows no NaN."""
-    return None if value is None or np.isnan(value) else value
+def _log_frf(data: FrfData, fitted: Fit) -> Floats:
+    return np.asarray(data.drawn(fitted.system, *fitted.split).abs().log().numpy())
 
 
 def repair_study(

@@ -1,10 +1,10 @@
 """report: everything that a study says, on one page to hand on."""
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from femupdate import __version__
 from femupdate.building.schema import Building
@@ -12,6 +12,7 @@ from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior
 from femupdate.progress import SILENT, Progress
 from femupdate.report.page import Page, Section, write_page
+from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.workflow.model import open_study
 from femupdate.workflow.page_building import building_section
@@ -39,7 +40,7 @@ _SECTIONS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReportReport:
+class ReportReport(Result):
     """The page that was written.
 
     Attributes:
@@ -56,24 +57,15 @@ class ReportReport:
     stale: tuple[str, ...]
     seconds: float
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        return {
-            "report": self.path,
-            "bytes": self.size,
-            "sections": self.sections,
-            "stale": self.stale,
-            "seconds": self.seconds,
-        }
-
-    def lines(self) -> tuple[str, ...]:
-        """For people."""
-        return (
+    def items(self) -> Iterator[Item]:
+        """What the page holds, and where it is."""
+        yield Note(
             f"Report of {len(self.sections)} sections, {self.size / 1e6:.1f} MB, "
             f"{self.seconds:.1f} s",
-            *(f"  - {one}" for one in self.stale),
-            f"  {self.path}",
+            {"bytes": self.size, "sections": self.sections, "seconds": self.seconds},
         )
+        yield Notes(self.stale, key="stale")
+        yield Note(f"  {self.path}", {"report": self.path})
 
 
 def report_study(
@@ -116,7 +108,7 @@ def report_study(
         path=written,
         size=written.stat().st_size,
         sections=tuple(section.title for section in sections if section.blocks),
-        stale=tuple(f"{one.name}: {one.state}" for one in status.items if one.state == STALE),
+        stale=tuple(f"{one.name}: {one.state}" for one in status.holds if one.state == STALE),
         seconds=time.monotonic() - started,
     )
 

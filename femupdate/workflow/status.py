@@ -1,7 +1,7 @@
 """status: what a study holds, what is stale, and what to do next. Reads only, and fast."""
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib.resources import files
@@ -12,6 +12,7 @@ from femupdate.building.document import without_effects
 from femupdate.building.files import load_building, mechanics_hash
 from femupdate.building.schema import Building
 from femupdate.building.shipped import shipped_buildings
+from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import (
     BESIDE,
     BUILDING_FILE,
@@ -23,7 +24,7 @@ from femupdate.study import (
     file_hash,
     owner_of,
 )
-from femupdate.tables import table
+from femupdate.tables import Table
 from femupdate.units import capital
 from femupdate.workflow.summary import kept_summary
 from femupdate.workflow.surrogates import unserved
@@ -35,7 +36,7 @@ _REPAIRED_POSTERIOR = (MAIN_POSTERIOR, "repair", REPAIRED)  # its name, command 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Item:
+class Holding:
     """One thing that a study holds.
 
     Attributes:
@@ -62,13 +63,13 @@ class Item:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StatusReport:
+class StatusReport(Result):
     """What a study holds.
 
     Attributes:
         folder: of the study.
         building: name and title; None where there is none yet.
-        items: in the order in which they were made.
+        holds: things, in the order in which they were made.
         unfinished: computations that can be resumed, in sentences.
         warnings: what the posterior says of itself.
         studies: folders of studies inside this one.
@@ -77,7 +78,7 @@ class StatusReport:
 
     folder: Path
     building: str | None
-    items: tuple[Item, ...]
+    holds: tuple[Holding, ...]
     unfinished: tuple[str, ...]
     warnings: tuple[str, ...]
     studies: tuple[Path, ...]
@@ -85,37 +86,37 @@ class StatusReport:
 
     def state(self, name: str) -> str | None:
         """State of an item; None where the study has none of the name."""
-        return next((item.state for item in self.items if item.name == name), None)
+        return next((item.state for item in self.holds if item.name == name), None)
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        return {
-            "study": self.folder,
-            "building": self.building,
-            "items": [asdict(item) for item in self.items],
-            "unfinished": self.unfinished,
-            "warnings": self.warnings,
-            "studies": self.studies,
-            "next": [{"command": command, "because": reason} for command, reason in self.next],
-        }
-
-    def lines(self) -> tuple[str, ...]:
-        """A table, warnings and the next commands, for people."""
-        lines = [f"Study {self.folder}: {self.building or 'no building yet'}"]
-        if self.items:
-            rows = [
-                (one.name, f"{one.state}{': ' if one.reason else ''}{one.reason}", one.created)
-                for one in self.items
+    def items(self) -> Iterator[Item]:
+        """What it holds in a table, warnings and the next commands."""
+        yield Note(
+            f"Study {self.folder}: {self.building or 'no building yet'}",
+            {
+                "study": self.folder,
+                "building": self.building,
+                "items": [asdict(thing) for thing in self.holds],
+                "unfinished": self.unfinished,
+                "warnings": self.warnings,
+                "studies": self.studies,
+                "next": [{"command": command, "because": reason} for command, reason in self.next],
+            },
+        )
+        if self.holds:
+            states = [
+                f"{thing.state}{': ' if thing.reason else ''}{thing.reason}" for thing in self.holds
             ]
-            width = max(len(row[1]) for row in rows)
-            rows = [(name, state.ljust(width), made) for name, state, made in rows]
-            lines.append(table(("holds", "state".ljust(width), "made (UTC)"), rows))
-        lines += [f"  - {sentence}" for sentence in (*self.unfinished, *self.warnings)]
-        lines += [f"  also a study: {folder}" for folder in self.studies]
+            width = max(map(len, states))
+            rows = [
+                (thing.name, state.ljust(width), thing.created)
+                for thing, state in zip(self.holds, states, strict=True)
+            ]
+            yield Table.of(("holds", "state".ljust(width), "made (UTC)"), rows)
+        yield Notes((*self.unfinished, *self.warnings))
+        yield from (Note(f"  also a study: {folder}") for folder in self.studies)
         if self.next:
-            lines.append("Next")
-            lines += [f"  {command}\n      {reason}" for command, reason in self.next]
-        return tuple(lines)
+            yield Note("Next")
+        yield from (Note(f"  {command}\n      {reason}") for command, reason in self.next)
 
 
 def study_status(study: Study) -> StatusReport:
@@ -147,7 +148,7 @@ class _Look:
         return StatusReport(
             folder=self.study.folder,
             building=None if known is None else f"{known.name} ({known.title or known.name})",
-            items=self.items,
+            holds=self.holds,
             unfinished=self._unfinished(),
             warnings=self._warnings(),
             studies=self._studies(),
@@ -155,14 +156,14 @@ class _Look:
         )
 
     @cached_property
-    def items(self) -> tuple[Item, ...]:
+    def holds(self) -> tuple[Holding, ...]:
         """All that is recorded, in the order in which it was made."""
         made = sorted(self.artefacts.items(), key=lambda pair: pair[1].created)
         return tuple(self._item(name, artefact) for name, artefact in made)
 
-    def _item(self, name: str, artefact: Artefact) -> Item:
+    def _item(self, name: str, artefact: Artefact) -> Holding:
         state, reason = self._state(name, artefact)
-        return Item(
+        return Holding(
             name=name,
             file=artefact.file,
             state=state,
@@ -259,7 +260,7 @@ class _Look:
                 self._say(item.again, item),
                 f"The {item.name} is {item.state}. {_sentence(item.reason)}",
             )
-            for item in self.items
+            for item in self.holds
             if item.state != CURRENT
         ]
         if again:
@@ -305,7 +306,7 @@ class _Look:
             return False
         return mechanics_hash(load_building(name)) == self.hashes[0]
 
-    def _say(self, command: str, item: Item | None = None) -> str:
+    def _say(self, command: str, item: Holding | None = None) -> str:
         where = self.study.folder
         # A repair is asked of the study of the building as it was, and writes into one inside it.
         if item is not None and (item.name, item.command, where.name) == _REPAIRED_POSTERIOR:

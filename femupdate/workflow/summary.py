@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats
 from femupdate.building.parameters import factor_ranges, factor_titles
 from femupdate.building.schema import Building
 from femupdate.effects.effect import Parameter, Placed
@@ -16,6 +17,7 @@ from femupdate.errors import StudyError
 from femupdate.inference.identifiability import Identifiability, identifiability
 from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.study import Study
+from femupdate.tables import Column, Table
 
 SUMMARY = "posterior_summary.json"
 
@@ -112,3 +114,51 @@ def effect_title(name: str) -> str:
     text = "" if own is None else f": {own.text or own.name}"
     unit = "" if own is None or own.unit == "1" else f" ({own.unit})"
     return f"{Placed(effect, place).in_words}{text}{unit}"
+
+
+def short_name(name: str) -> str:
+    """A name that stands below a panel: θ1, or an effect and which of its parameters."""
+    effect, _, rest = name.partition("@")
+    if not rest:
+        return name.replace("theta_", "θ")
+    place, _, parameter = rest.rpartition(".")
+    return f"{effect.replace('_', ' ')}, {place}" + (f": {parameter}" if parameter else "")
+
+
+def parameter_table(building: Building, posterior: Posterior) -> Table:
+    """Every parameter with its posterior and its prior, the damping ratio last."""
+    titles, names = parameter_titles(building, posterior.names), posterior.names
+    priors = [f"{low:.3g} to {high:.3g}" for low, high in posterior.bounds]
+    draws = posterior.samples.T
+    if posterior.zeta_samples is not None:
+        draws, names = np.vstack([draws, posterior.zeta_samples]), (*names, "zeta")
+        priors.append("")
+    sd = draws.std(axis=1)
+    q05, median, q95 = np.quantile(draws, [0.05, 0.5, 0.95], axis=1)
+    # With two figures of the standard deviation.
+    decimals = [
+        4 if not spread > 0.0 else int(np.clip(1 - np.floor(np.log10(spread)), 0, 8))
+        for spread in sd
+    ]
+
+    def column(values: Floats, key: str, head: str | None = None) -> Column:
+        cells = [f"{value:.{count}f}" for value, count in zip(values, decimals, strict=True)]
+        return Column(values, head, cells, csv=key)
+
+    of = [titles.get(name, "damping ratio") for name in names]
+    return Table(
+        name="posterior",
+        caption="Parameters",
+        columns=(
+            Column(of, "of"),
+            Column(names, "parameter", csv="parameter"),
+            Column(of, csv="of"),
+            column(draws.mean(axis=1), "mean", "mean"),
+            column(sd, "sd", "sd"),
+            column(q05, "q05", "5 %"),
+            column(median, "median"),
+            column(q95, "q95", "95 %"),
+            Column(priors, "prior"),
+        ),
+        most=0,
+    )

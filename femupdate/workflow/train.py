@@ -2,6 +2,7 @@
 
 import shutil
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from femupdate import __version__
 from femupdate.errors import StudyError, SurrogateError
 from femupdate.progress import SILENT, Progress
+from femupdate.result import Item, Note, Result
 from femupdate.seeds import DATA_SET, stream
 from femupdate.study import BUILDING_FILE, Study, file_hash
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
@@ -48,7 +50,7 @@ THOROUGH = Effort(100_000, 45)
 
 
 @dataclass(frozen=True)
-class TrainReport:
+class TrainReport(Result):
     """What was trained, or found.
 
     Attributes:
@@ -64,29 +66,29 @@ class TrainReport:
     dataset_seconds: float
     training_seconds: float
 
-    def as_dict(self) -> dict[str, Any]:
-        """What `--json` holds."""
-        return {
-            "surrogate": self.path,
-            "trained": self.trained,
-            "dataset_seconds": self.dataset_seconds,
-            "training_seconds": self.training_seconds,
-            "metrics": dict(self.surrogate.info.metrics),
-        }
-
-    def lines(self) -> tuple[str, ...]:
-        """How it went, for people."""
-        if not self.trained:
-            return (
-                f"A trained surrogate fits this building: {self.path}. Use --fresh to train again.",
-            )
+    def items(self) -> Iterator[Item]:
+        """How it went."""
         metrics = self.surrogate.info.metrics
-        return (
+        yield Note(
+            content={
+                "surrogate": self.path,
+                "trained": self.trained,
+                "dataset_seconds": self.dataset_seconds,
+                "training_seconds": self.training_seconds,
+                "metrics": metrics,
+            }
+        )
+        if not self.trained:
+            yield Note(
+                f"A trained surrogate fits this building: {self.path}. Use --fresh to train again."
+            )
+            return
+        yield Note(
             f"Data set {self.dataset_seconds:.0f} s, training {self.training_seconds:.0f} s, "
             f"best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}, validation loss "
-            f"{metrics['validation_loss']:.1f}",
-            f"  {self.path}",
+            f"{metrics['validation_loss']:.1f}"
         )
+        yield Note(f"  {self.path}")
 
 
 def check_samples(samples: int, settings: TrainingSettings) -> None:

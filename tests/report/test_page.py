@@ -33,7 +33,9 @@ def nasty_page():
     """Every place that a text can come to holds markup."""
     one = Interval(name=NASTY, mean=np.ones(1), low=np.zeros(1), high=np.full(1, 2.0))
     figure = interval_figure([NASTY], [one], NASTY)
-    table = Table(name=NASTY, caption=NASTY, head=(NASTY, "b"), rows=((NASTY, NASTY),), note=NASTY)
+    table = Table.of(
+        name=NASTY, caption=NASTY, head=(NASTY, "b"), rows=((NASTY, NASTY),), note=NASTY
+    )
     chart = Chart(name=NASTY, caption=NASTY, panels=((NASTY, figure), ("other", figure)))
     blocks = (Text((NASTY,)), Remarks((NASTY,), warning=True), table, chart)
     return Page(title=NASTY, subtitle=NASTY, made=NASTY, sections=(Section("s", NASTY, blocks),))
@@ -66,7 +68,7 @@ def test_numbers_are_short_and_missing_ones_null():
 
 def test_columns_of_words_stand_to_the_left():
     rows = (("2F", "0.83 [0.63, 1.05]", "story 2", "12 %"), ("RF", "-1.2e-3", "2026-01-01", ""))
-    table = Table(name="t", caption="c", head=("floor", "peak", "of", "share"), rows=rows)
+    table = Table.of(("floor", "peak", "of", "share"), rows)
     assert table.sides == ("words", "number", "words", "number")
 
 

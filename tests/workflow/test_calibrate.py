@@ -15,6 +15,7 @@ from femupdate.inference.decoded_chains import in_groups
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
 from femupdate.measurement.observation import on_all_floors
+from femupdate.report.figure import draw
 from femupdate.simulation.simulate import (
     SimulationSettings,
     simulate_observation,
@@ -29,7 +30,6 @@ from femupdate.workflow.calibrate_notes import elsewhere_warnings, reduction_war
 from femupdate.workflow.calibrate_settings import FEW, CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, observation_of
-from femupdate.workflow.pictures_posterior import draw_posterior
 from femupdate.workflow.surrogates import require_surrogate
 from femupdate.workflow.train import train_study
 
@@ -327,7 +327,7 @@ def test_a_second_observation_replaces_the_first(
 def test_pictures_of_a_posterior(tmp_path, tower_model, frf_table):
     """Also of floors that were not measured."""
     report = calibrated(Study(tmp_path), tower_model, frf_table[0], sensors=("RF",))
-    pictures = draw_posterior(Study(tmp_path), report)
+    pictures = draw(report, tmp_path / "pictures")
     names = [path.name for path in pictures]
     assert names == ["frf_fit.png", "posterior.png", "stiffness_factors.png"]
     for path in pictures:

@@ -7,7 +7,7 @@ from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.posterior import DrawnBy, Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.measurement.observation import Observation
-from femupdate.tables import first_notes
+from femupdate.result import Notes
 from femupdate.workflow.calibrate_draws import Fitting
 from femupdate.workflow.calibrate_notes import (
     decoder_warnings,
@@ -94,6 +94,6 @@ def test_a_posterior_not_to_be_trusted_says_so():
 
 def test_six_notes_are_shown_and_the_rest_counted():
     notes = [f"note {k}" for k in range(8)]
-    assert first_notes(notes[:6], "elsewhere") == [f"  - {one}" for one in notes[:6]]
-    assert first_notes(notes[:7], "elsewhere")[-1] == "  - 1 more note: elsewhere"
-    assert first_notes(notes, "elsewhere")[-1] == "  - 2 more notes: elsewhere"
+    assert Notes(notes[:6], "elsewhere").lines() == [f"  - {one}" for one in notes[:6]]
+    assert Notes(notes[:7], "elsewhere").lines()[-1] == "  - 1 more note: elsewhere"
+    assert Notes(notes, "elsewhere").lines()[-1] == "  - 2 more notes: elsewhere"

@@ -92,8 +92,8 @@ def test_every_picture_shows_something(shown):
 
 
 def test_the_demo_writes_the_tables_of_its_steps(shown):
-    report, study, _ = shown
-    names = {sheet.name for sheet in demo.demo_tables(study, report)}
+    report, _, _ = shown
+    names = {sheet.name for sheet in report.tables()}
     assert {"posterior", "frf_fit", "predicted_peaks", "floor_histories", "modes"} <= names
 
 

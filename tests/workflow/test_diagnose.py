@@ -20,11 +20,11 @@ from femupdate.building.files import load_building
 from femupdate.discrepancy import search
 from femupdate.discrepancy.diagnose import STANDS_IN, diagnose
 from femupdate.discrepancy.thresholds import DiagnosisSettings
+from femupdate.report.figure import draw
 from femupdate.study import Study
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.pictures_discrepancy import draw_diagnosis
 from femupdate.workflow.repair import repair_study
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
@@ -384,7 +384,7 @@ def test_six_notes_of_a_diagnosis_are_printed_the_decisive_first(heavier):
 
 
 def test_pictures_of_a_diagnosis(heavier, tmp_path):
-    pictures = draw_diagnosis(Study(tmp_path), heavier)
+    pictures = draw(heavier, tmp_path / "pictures")
     assert [path.name for path in pictures] == ["residual_map.png", "effect_ranking.png"]
     for path in pictures:
         assert path.stat().st_size > 5000

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from femupdate.errors import InferenceError
+from femupdate.report.figure import draw
 from femupdate.study import Study
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.pictures_discrepancy import draw_diagnosis, draw_repair
 from femupdate.workflow.repair import repair_study
 
 FLOORS, THETA = ("2F", "3F", "4F", "RF"), np.array([0.7, 1.3, 0.9, 1.1])
@@ -126,7 +126,7 @@ def test_nothing_is_found_where_nothing_is_missing(study, diagnosed, tmp_path, w
     report = diagnosed(write(tmp_path / "seen.csv", PLAIN, 5))
     assert report.diagnosis.verdict == "none"
     assert report.diagnosis.p_value > 0.01
-    assert all(path.exists() for path in draw_diagnosis(study, report))
+    assert all(path.exists() for path in draw(report, study.path("pictures")))
 
 
 def test_what_modes_cannot_show_is_told(diagnosed, tmp_path):
@@ -171,7 +171,7 @@ def test_repair_adds_what_was_hidden(study, tmp_path, write):
     assert after < before
     assert "added_mass" in report.building_path.read_text()
     assert json.loads(report.path.read_text())["verdict"] == "repaired"
-    assert all(path.exists() for path in draw_repair(study, report))
+    assert all(path.exists() for path in draw(report, study.path("pictures")))
     # The repaired building is diagnosed by the same data: nothing is left.
     again = diagnose_study(report.study, open_study(report.study), ObservationSource(path))
     assert again.diagnosis.verdict == "none"

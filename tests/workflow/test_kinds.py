@@ -8,13 +8,13 @@ import pytest
 
 from femupdate.building.files import load_building
 from femupdate.errors import InferenceError, MeasurementError
+from femupdate.report.figure import draw
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study, check_calibration
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.kinds import measured_of
 from femupdate.workflow.model import choose_building, open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.pictures_posterior import draw_posterior
 
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
 GRID = 0.2 * np.arange(1, 61)
@@ -85,7 +85,7 @@ def test_frequencies_alone(calibrate, tmp_path):
     study, report = calibrate(path)
     assert report.check.names == ("frequencies",)
     assert "from frequencies of f.csv" in report.lines()[0]
-    assert all(path.exists() for path in draw_posterior(study, report))
+    assert all(path.exists() for path in draw(report, study.path("pictures")))
     assert json.loads(study.path("posterior_summary.json").read_text())["floors"] == []
 
 

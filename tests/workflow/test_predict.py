@@ -11,12 +11,12 @@ from scipy.signal import StateSpace, lsim
 from femupdate.errors import BuildingError, MeasurementError, StudyError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
+from femupdate.report.figure import draw
 from femupdate.report.scale import plus_minus
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.pictures_prediction import draw_prediction
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 
@@ -339,7 +339,7 @@ def test_the_file_of_a_prediction(tower, tower_model, record, wave):
 
 def test_pictures_of_both_kinds(tower, tower_model, base, tower_observation):
     report = predicted(tower, tower_model, base, measured=tower_observation.path)
-    pictures = draw_prediction(tower, report)
+    pictures = draw(report, tower.path("pictures"))
     assert [path.name for path in pictures] == ["floor_histories.png", "story_shear_drift.png"]
     for path in pictures:
         assert imread(path)[..., :3].std() > 0.01
@@ -357,7 +357,7 @@ def test_floor_spectra_and_their_pictures(tower, tower_model, record):
     np.testing.assert_allclose(spectra.acceleration.mean[:, -1], peaks, rtol=0.15)
     assert (spectra.acceleration.mean[:, 0] < 0.3 * peaks).all()
     assert spectra.acceleration.mean[1].max() > 1.5 * spectra.base.max()
-    assert draw_prediction(tower, report)[-1].name == "floor_spectra.png"
+    assert draw(report, tower.path("pictures"))[-1].name == "floor_spectra.png"
     with xr.open_datatree(report.path, engine="h5netcdf") as tree:
         kept = tree["predictions"]["floor_spectrum_mean"]
         np.testing.assert_array_equal(kept.values, spectra.acceleration.mean)

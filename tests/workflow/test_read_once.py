@@ -76,5 +76,5 @@ def test_a_posterior_of_a_file_that_has_changed_meanwhile_is_stale(path, tower_f
     path.write_text("another\n", encoding="utf-8")
     settings = CalibrationSettings(particles=200, exact=True)
     calibrate_study(study, open_study(study, str(tower_file)), source, settings)
-    (posterior,) = (one for one in study_status(study).items if one.name == "posterior")
+    (posterior,) = (one for one in study_status(study).holds if one.name == "posterior")
     assert (posterior.state, posterior.reason) == ("stale", "the file run.csv changed since")

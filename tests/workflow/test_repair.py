@@ -19,12 +19,12 @@ from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
+from femupdate.report.figure import draw
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.pictures_discrepancy import draw_repair
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 from femupdate.workflow.render import render_study
@@ -431,7 +431,7 @@ def test_data_of_another_building_leave_nothing_behind(home, tmp_path):
 
 
 def test_pictures_of_a_repair(repaired, tmp_path):
-    pictures = draw_repair(Study(tmp_path), repaired[0])
+    pictures = draw(repaired[0], tmp_path / "pictures")
     assert [path.name for path in pictures] == ["gap_residuals.png", "gap_before_after.png"]
     for path in pictures:
         assert path.stat().st_size > 5000
@@ -464,7 +464,7 @@ def test_what_comes_after_a_repair_is_said(repaired, home):
     from femupdate.workflow.status import study_status
 
     found = study_status(Study(repaired[0].path.parent))
-    again = next(one.again for one in found.items if one.name == "repair")
+    again = next(one.again for one in found.holds if one.name == "repair")
     assert again.startswith("repair ")
     assert f"--holdout {home / 'kept.csv'}" in again
     kept = (home / "kept.csv").read_bytes()

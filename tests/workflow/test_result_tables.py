@@ -14,15 +14,15 @@ from femupdate.dynamics.member_histories import Member, MemberForces
 from femupdate.dynamics.summary import Statistics
 from femupdate.inference.posterior import load_posterior
 from femupdate.report.scale import interval_text
-from femupdate.workflow.pictures_prediction import force_curves
+from femupdate.result import Result
+from femupdate.workflow.predict import force_curves
 from femupdate.workflow.prediction_quantities import (
-    TIDY,
     Quantity,
     force_scales,
-    member_lines,
-    member_rows,
+    member_tables,
     quantities,
     quantity_tables,
+    tidy_table,
 )
 from femupdate.workflow.summary import effect_title
 
@@ -121,7 +121,7 @@ def members():
 
 
 def test_largest_forces_of_members_have_one_unit_each(members):
-    rows = list(member_rows(members))
+    head, rows = tidy_table("peaks", [], members).sheet()
     assert [row[:3] for row in rows] == [
         ("largest N", "kN", "wall 1, X2:S1"),
         ("largest V", "kN", "wall 1, X2:S1"),
@@ -129,7 +129,7 @@ def test_largest_forces_of_members_have_one_unit_each(members):
         ("largest N start", "kN", "beam 2, (1, 0, 2.7) to (1.2, 0, 2.7) m"),
     ]
     assert rows[1][3:] == pytest.approx((32.32, 0.3232, 31.6736, 32.9664))
-    assert len(rows[0]) == len(TIDY)
+    assert len(rows[0]) == len(head)
 
 
 def test_pictures_of_members_have_the_units_of_the_tables(members):
@@ -141,8 +141,18 @@ def test_pictures_of_members_have_the_units_of_the_tables(members):
     assert [np.ptp(one.mean) for one in curves] == pytest.approx([11.0, 64.6, 81.9], rel=0.01)
 
 
+class Members(Result):
+    """Forces of members alone."""
+
+    def __init__(self, members):
+        self.members = members
+
+    def items(self):
+        return member_tables(self.members)
+
+
 def test_largest_forces_of_members_are_told_without_exponents(members):
-    text = "\n".join(member_lines(members))
+    text = "\n".join(Members(members).lines())
     assert "wall 1, X2:S1: largest forces\n" in text
     assert "  V, kN    32.32 [31.67, 32.97]\n" in text
     assert "e+0" not in text

@@ -12,7 +12,7 @@ from femupdate.workflow.status import study_status
 def look(calibrated):
     """A function that says the state of each item, and the study."""
     study = Study(calibrated)
-    return study, lambda: {item.name: item.state for item in study_status(study).items}
+    return study, lambda: {item.name: item.state for item in study_status(study).holds}
 
 
 def test_a_calibrated_study_is_current_and_a_prediction_comes_next(look):
@@ -31,7 +31,7 @@ def test_another_building_makes_everything_stale(look):
     text = path.read_text(encoding="utf-8")
     write_text(path, text.replace("3 t", "3.5 t").replace("3000 kg", "3500 kg"))
     assert set(states().values()) == {"stale"}
-    posterior = study_status(study).items[-1]
+    posterior = study_status(study).holds[-1]
     assert posterior.reason == "the building changed since"
 
 
@@ -44,7 +44,7 @@ def test_an_edited_measurement_makes_its_posterior_stale(look, tmp_path):
     write_text(study.path("study.json"), json.dumps(entries))
     assert states()["posterior"] == "stale"
     report = study_status(study)
-    assert report.items[-1].reason == "the file my run.csv changed since"
+    assert report.holds[-1].reason == "the file my run.csv changed since"
     assert report.next[0][0].startswith(f"femupdate calibrate '{copy}' --study")
 
 
@@ -68,7 +68,7 @@ def test_a_command_is_told_as_it_was_called(look, tower_observation, words, agai
         if words[0] != "build-model" or name == "reduced model":
             artefact["settings"]["words"] = words
     write_text(study.path("study.json"), json.dumps(entries))
-    found = {item.name: item.again for item in study_status(study).items}
+    found = {item.name: item.again for item in study_status(study).holds}
     model, posterior = again
     assert found["reduced model"] == model
     assert found["posterior"] == posterior.format(tower_observation.path)
@@ -114,7 +114,7 @@ def test_interrupted_work_and_inner_studies_are_named(look):
 
 def test_an_empty_folder_asks_for_a_building(tmp_path):
     report = study_status(Study(tmp_path / "nothing"))
-    assert (report.building, report.items) == (None, ())
+    assert (report.building, report.holds) == (None, ())
     assert "build-model NAME" in report.next[0][0]
     assert not (tmp_path / "nothing").exists()
 

@@ -8,13 +8,13 @@ from femupdate.building.files import load_building
 from femupdate.dynamics.history import floor_histories
 from femupdate.errors import SurrogateError
 from femupdate.measurement.record import GroundMotion
+from femupdate.report.figure import draw
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study, check_calibration
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.pictures_posterior import draw_posterior
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 from femupdate.workflow.surrogates import unserved
@@ -83,7 +83,7 @@ def test_a_building_with_effects_is_calibrated_by_its_data(calibrated):
     mean, sd = posterior.samples.mean(axis=0), posterior.samples.std(axis=0)
     assert (np.abs(mean - np.array([*THETA, *SIZES])) < 4.0 * sd).all()
     assert report.misfit == pytest.approx(1.0, abs=0.2)
-    pictures = draw_posterior(study, report)
+    pictures = draw(report, study.result("pictures"))
     assert {path.name for path in pictures} >= {"frf_fit.png", "posterior.png"}
 
 

@@ -1,0 +1,127 @@
+"""What a command has found, described once; terminal, JSON and CSV read its items."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from femupdate.tables import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MOST_NOTES = 6  # that the terminal shows
+
+
+@dataclass(frozen=True)
+class Note:
+    """A line for people, figures for programs, or both.
+
+    Attributes:
+        text: as it stands on the terminal; empty for programs alone.
+        content: figures by their keys in JSON.
+    """
+
+    text: str = ""
+    content: Mapping[str, Any] = field(default_factory=dict)
+
+    def lines(self) -> list[str]:
+        """For the terminal."""
+        return [self.text] if self.text else []
+
+
+@dataclass(frozen=True)
+class Notes:
+    """Sentences that the user should know, the decisive first.
+
+    Attributes:
+        sentences: all of them.
+        rest: where those are that the terminal leaves out; it shows all where this is empty.
+        key: in JSON.
+    """
+
+    sentences: tuple[str, ...]
+    rest: str = ""
+    key: str = ""
+
+    @property
+    def content(self) -> Mapping[str, Any]:
+        """For JSON."""
+        return {self.key: self.sentences} if self.key else {}
+
+    def lines(self) -> list[str]:
+        """For the terminal."""
+        most = _MOST_NOTES if self.rest else len(self.sentences)
+        shown = [f"  - {sentence}" for sentence in self.sentences[:most]]
+        if (more := len(self.sentences) - most) > 0:
+            shown.append(f"  - {more} more {'note' if more == 1 else 'notes'}: {self.rest}")
+        return shown
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure, made when it is drawn.
+
+    Attributes:
+        name: of its file, without ending.
+        figure: makes it.
+    """
+
+    name: str
+    figure: "Callable[[], Figure]"
+
+
+Item = Note | Notes | Table
+
+
+class Result:
+    """Something found, which says of itself what it is by its items."""
+
+    def items(self) -> Iterable[Item]:
+        """Everything that there is to tell, in the order in which people read it."""
+        raise NotImplementedError
+
+    def figures(self) -> Iterable[Picture]:
+        """What can be drawn of it; what draws is imported here, for it is slow to import."""
+        return ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """For programs: what `--json` holds."""
+        content: dict[str, Any] = {}
+        for item in self.items():
+            if isinstance(item, Table):
+                content.update(item.as_dict())
+            else:
+                content.update(item.content)
+        return dict(plain(content))
+
+    def lines(self) -> tuple[str, ...]:
+        """For people, on the terminal."""
+        told: list[str] = []
+        for item in self.items():
+            if isinstance(item, Table):
+                told += [item.text()] if item.rows[: item.most] else []
+            else:
+                told += item.lines()
+        return tuple(told)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Those for spreadsheets."""
+        found = [item for item in self.items() if isinstance(item, Table)]
+        return tuple(one for one in found if any(column.csv for column in one.columns))
+
+
+def plain(value: Any) -> Any:
+    """What JSON holds of a value; numbers that are not finite become null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
