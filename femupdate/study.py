@@ -455,7 +455,7 @@ _OWNER = ".lock-owner.json"
 _WRITTEN = ("", "pictures", "tables")
 _INNER = (
     *(f"{study}{inner}" for study in ("", "repaired/", "posteriors/*/") for inner in _WRITTEN),
-    *("dataset/*", "sampling", "posteriors/*/sampling"),
+    "dataset/*",
 )
 
 

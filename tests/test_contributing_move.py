@@ -64,4 +64,5 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_draws(page):
     whole = sampler().run(200, 3)
     state = sampler().step(sampler().step(sampler().init(200, 3)))
     assert state.tuning[0] != page[0]["CrankNicolson"]().first_step
-    assert torch.equal(sampler().run(200, 0, state=state).theta, whole.theta)
+    end = sampler().reach(state)
+    assert torch.equal(PRIOR.from_normal(end.points.xi), whole.theta)

@@ -1,13 +1,9 @@
 """Streams of random numbers that share nothing."""
 
-import json
-
 import numpy as np
 import torch
 
-from femupdate.progress import Silent
 from femupdate.seeds import spawn, stream, torch_generator
-from femupdate.workflow.sampling import BRIDGE, FIRST, ChainRunner
 
 
 def numbers(seed):
@@ -40,12 +36,6 @@ def test_spawning_again_gives_the_same_streams():
 def test_an_integer_seeds_as_torch_does():
     expected = torch.rand(3, generator=torch.Generator().manual_seed(5))
     assert numbers(5) == tuple(expected.tolist())
-
-
-def test_stages_and_runs_of_a_calibration_have_streams_of_their_own(tmp_path):
-    run = ChainRunner(400, 4, 11, Silent(), tmp_path, json.dumps(1))
-    streams = [one for stage in (FIRST, BRIDGE) for one in spawn(run.stage(stage), run.chains)]
-    assert len({numbers(one) for one in streams}) == 2 * run.chains
 
 
 def test_a_stream_of_a_number_is_one_of_those_spawned():

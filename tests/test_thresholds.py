@@ -9,18 +9,10 @@ from femupdate.discrepancy import thresholds as finder
 from femupdate.dynamics import thresholds as model
 from femupdate.inference import thresholds as sampler
 from femupdate.inference.event_scatter import DEFAULT
-from femupdate.inference.hamiltonian import Hamiltonian
-from femupdate.inference.importance import ImportanceSettings
 from femupdate.inference.model_error import MODEL_ERROR
-from femupdate.inference.moves import MixtureIndependence
-from femupdate.inference.smc import SmcSettings
 from femupdate.measurement import thresholds as data
 
 SETTINGS = (
-    SmcSettings(),
-    MixtureIndependence(),
-    Hamiltonian(),
-    ImportanceSettings(),
     MODEL_ERROR,
     DEFAULT,
 )

@@ -15,9 +15,13 @@ from torch import Tensor
 from femupdate.discrepancy.fit import Fit, densities, raw_residuals
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import EVIDENCE
-from femupdate.inference.importance import LogTarget, weighted_draws
+from femupdate.inference.importance import (
+    LogTarget,
+    StudentMixture,
+    students,
+    weighted_draws,
+)
 from femupdate.inference.joint_error import summed
-from femupdate.inference.mixture import GaussianMixture, StudentMixture
 from femupdate.seeds import Seed, torch_generator
 
 _AT_ONCE = 128  # points at a time: a thousand, with all their residuals, take a GB
@@ -126,5 +130,6 @@ def log_target(problem: Problem, fitted: Fit) -> LogTarget:
 
 def student_about(fitted: Fit, widen: float, freedom: int) -> StudentMixture:
     """A multivariate t about a model's most probable parameters, with their covariance widened."""
-    root = torch.linalg.cholesky(widen * fitted.within_limits())
-    return StudentMixture(GaussianMixture(root.new_zeros(1), fitted.z[None], root[None]), freedom)
+    covariance = fitted.within_limits()[None]
+    nothing = covariance.new_zeros(1)
+    return students(fitted.z[None], covariance, nothing, widen=widen, freedom=freedom)

@@ -1,8 +1,8 @@
-"""From good particles to nearly independent draws and a precise evidence, by importance sampling.
+"""Importance sampling: proposals about maxima or about particles, fitted to their own draws.
 
-A Gaussian mixture with Student tails covers the posterior so well that most of its draws count;
-their weights repair what the mixture has wrong (adaptive importance sampling: Cappe et al. 2008,
-Stat. Comput. 18, 447; about a maximum: Geweke 1989, Econometrica 57, 1317).
+A mixture of Students covers a posterior so well that most of its draws count; their weights repair
+what it has wrong (adaptive importance sampling: Cappe et al. 2008, Stat. Comput. 18, 447; about
+maxima: Geweke 1989, Econometrica 57, 1317).
 """
 
 import math
@@ -13,11 +13,10 @@ import torch
 from torch import Tensor
 
 from femupdate.errors import InferenceError
-from femupdate.inference.mixture import StudentMixture, fit_mixture
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.sampler_run import SamplerRun
 from femupdate.inference.tempering import (
     LogLikelihood,
+    SamplerRun,
     effective_sample_size,
     next_increment,
     systematic_rows,
@@ -25,39 +24,223 @@ from femupdate.inference.tempering import (
 from femupdate.inference.thresholds import DRAWS
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, spawn, torch_generator
-from femupdate.thresholds import entry
 
 LogTarget = Callable[[Tensor], tuple[Tensor, Tensor]]
 """Log prior density (n,) and log likelihood (n,) of points (n, d); minus infinity for impossible
 ones."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ImportanceSettings:
-    """How the proposal of importance draws is fitted."""
+@dataclass(frozen=True)
+class GaussianMixture:
+    """A mixture of k Gaussians in p dimensions.
 
-    components: int = entry(12, "Students", "of the proposal, at most")
-    rounds: int = entry(8, "rounds", "of fitting, at most")
-    enough: float = entry(0.5, "share", "of effective draws that ends them")
-    tempered_share: float = entry(
-        0.4,
-        "share",
-        "of the draws that every fit uses at least; weights are tempered, so that no mode is lost",
-        "Koblents and Miguez (2015), Stat. Comput. 25, 407",
-    )
-    widen: float = entry(1.2, "factor", "on the covariances, so that tails are covered")
-    freedom: int = entry(8, "degrees", "of freedom of the Student tails")
-    distinct: int = entry(
-        DRAWS.distinct, "draws", "distinct, that a Student needs, for every coordinate and weight"
-    )
-    least_draws: int = entry(200, "draws", "of a round of fitting, at least")
-    draws_per_coordinate: int = entry(
-        100, "draws", "of a round for every coordinate: they must tell all covariances"
+    Attributes:
+        log_weight: (k,).
+        mean: (k, p).
+        cholesky: (k, p, p) lower factors of the covariances.
+    """
+
+    log_weight: Tensor
+    mean: Tensor
+    cholesky: Tensor
+
+    def scaled(self, x: Tensor) -> Tensor:
+        """Offsets of x (n, p) from every mean in units of its covariance, (k, p, n)."""
+        difference = (x[None] - self.mean[:, None]).transpose(1, 2)
+        return torch.linalg.solve_triangular(self.cholesky, difference, upper=False)
+
+    def widened(self, factor: float) -> "GaussianMixture":
+        """The same with all covariances multiplied."""
+        return GaussianMixture(self.log_weight, self.mean, math.sqrt(factor) * self.cholesky)
+
+    def component_log_density(self, x: Tensor) -> Tensor:
+        """Log of weight times density, (n, k), for x (n, p)."""
+        scaled = self.scaled(x)
+        log_determinant = self.cholesky.diagonal(dim1=1, dim2=2).log().sum(-1)
+        constant = -0.5 * x.shape[1] * math.log(2.0 * math.pi)
+        log_density = constant - log_determinant[:, None] - 0.5 * (scaled**2).sum(1)
+        return (self.log_weight[:, None] + log_density).T
+
+    def log_density(self, x: Tensor) -> Tensor:
+        """Log density (n,) of x (n, p)."""
+        return torch.logsumexp(self.component_log_density(x), dim=1)
+
+    def sample(self, count: int, generator: torch.Generator) -> Tensor:
+        """Draw (count, p)."""
+        component = torch.multinomial(
+            self.log_weight.exp(), count, replacement=True, generator=generator
+        )
+        noise = torch.randn(
+            count,
+            self.mean.shape[1],
+            1,
+            generator=generator,
+            dtype=self.mean.dtype,
+            device=self.mean.device,
+        )
+        return self.mean[component] + (self.cholesky[component] @ noise)[..., 0]
+
+
+@dataclass(frozen=True)
+class StudentMixture:
+    """A Gaussian mixture with each Gaussian made a multivariate Student's t.
+
+    Its tails reach beyond the points that it was fitted to: as a proposal it does not lag behind a
+    distribution that moves, and importance weights stay bounded wherever the target is lighter.
+
+    Attributes:
+        gaussian: the mixture; its covariances are the scale matrices.
+        freedom: degrees of freedom.
+    """
+
+    gaussian: GaussianMixture
+    freedom: int = 8
+
+    def sample(self, count: int, generator: torch.Generator) -> Tensor:
+        """Draw (count, p)."""
+        mixture = self.gaussian
+        component = torch.multinomial(
+            mixture.log_weight.exp(), count, replacement=True, generator=generator
+        )
+        size = mixture.mean.shape[1]
+        normal = torch.randn(
+            count,
+            size + self.freedom,
+            generator=generator,
+            dtype=mixture.mean.dtype,
+            device=mixture.mean.device,
+        )
+        stretch = (self.freedom / normal[:, size:].square().sum(1)).sqrt()
+        offset = (mixture.cholesky[component] @ normal[:, :size, None])[..., 0]
+        return mixture.mean[component] + offset * stretch[:, None]
+
+    def log_density(self, x: Tensor) -> Tensor:
+        """Log density (n,) of x (n, p) (Kotz & Nadarajah 2004, eq. 1.1)."""
+        mixture, freedom, size = self.gaussian, self.freedom, x.shape[1]
+        log_determinant = mixture.cholesky.diagonal(dim1=1, dim2=2).log().sum(-1)
+        constant = (
+            math.lgamma(0.5 * (freedom + size))
+            - math.lgamma(0.5 * freedom)
+            - 0.5 * size * math.log(freedom * math.pi)
+        )
+        squares = (mixture.scaled(x) ** 2).sum(1)
+        tail = -0.5 * (freedom + size) * torch.log1p(squares / freedom)
+        joint = (mixture.log_weight + constant - log_determinant)[:, None] + tail
+        return torch.logsumexp(joint, dim=0)
+
+
+def fit_mixture(
+    x: Tensor, components: int, generator: torch.Generator, iterations: int = 40
+) -> GaussianMixture:
+    """Fit a mixture to x (n, p) by expectation-maximisation (Dempster, Laird & Rubin 1977).
+
+    Starts from k-means++ seeds (Arthur & Vassilvitskii 2007). Covariances get a ridge of 1e-6 of
+    the pooled variance, so that a component on a few particles stays invertible.
+    """
+    centre, scale = x.mean(dim=0), x.std(dim=0).clamp_min(1e-12)
+    standard = (x - centre) / scale
+    moments = _Moments(standard)
+    seeds = standard[_spread_seeds(standard, components, generator)]
+    nearest = torch.cdist(standard, seeds).argmin(1)
+    mixture = moments.maximise(torch.nn.functional.one_hot(nearest, components).to(x))
+    previous = -math.inf
+    for _ in range(iterations):
+        joint = moments.joint_log_density(mixture)
+        total = torch.logsumexp(joint, dim=1, keepdim=True)
+        mixture = moments.maximise((joint - total).exp_())
+        gain = float(total.mean()) - previous
+        previous = float(total.mean())
+        if abs(gain) < 1e-3:
+            break
+    return GaussianMixture(
+        mixture.log_weight, centre + scale * mixture.mean, scale[:, None] * mixture.cholesky
     )
 
-    def round_of(self, coordinates: int) -> int:
-        """Draws of a round of fitting."""
-        return max(self.least_draws, self.draws_per_coordinate * coordinates)
+
+class _Moments:
+    """Standardised points with their products, so that both steps are one matrix product.
+
+    Args:
+        x: (n, p) of mean zero and variance one; the squares then lose no more than ten of the
+            sixteen digits to cancellation in the narrowest component that the ridge admits.
+    """
+
+    def __init__(self, x: Tensor) -> None:
+        self.size = x.shape[1]
+        self._lower = torch.tril_indices(self.size, self.size, device=x.device)
+        products = x[:, self._lower[0]] * x[:, self._lower[1]]
+        self._features = torch.cat([torch.ones_like(x[:, :1]), x, products], dim=1)
+
+    def maximise(self, responsibility: Tensor) -> GaussianMixture:
+        """Weights, means and covariances from responsibilities (n, k)."""
+        sums = responsibility.T @ self._features  # (k, 1 + p + p (p + 1) / 2)
+        mass = sums[:, 0].clamp_min(1e-9)  # of a component that has lost all particles
+        mean = sums[:, 1 : 1 + self.size] / mass[:, None]
+        square = self._symmetric(sums[:, 1 + self.size :] / mass[:, None])
+        covariance = square - mean[:, :, None] * mean[:, None]
+        ridge = 1e-6 * torch.eye(self.size, dtype=mean.dtype, device=mean.device)
+        factor = torch.linalg.cholesky(covariance + ridge)
+        return GaussianMixture((mass / mass.sum()).log(), mean, factor)
+
+    def joint_log_density(self, mixture: GaussianMixture) -> Tensor:
+        """Log of weight times density of every point, (n, k)."""
+        precision = torch.cholesky_inverse(mixture.cholesky)
+        linear = (precision @ mixture.mean[:, :, None])[..., 0]
+        log_determinant = mixture.cholesky.diagonal(dim1=1, dim2=2).log().sum(-1)
+        constant = (
+            mixture.log_weight
+            - log_determinant
+            - 0.5 * (linear * mixture.mean).sum(-1)
+            - 0.5 * self.size * math.log(2.0 * math.pi)
+        )
+        row, column = self._lower
+        # Products off the diagonal stand for two elements of the precision.
+        count = torch.where(row == column, 0.5, 1.0).to(precision)
+        quadratic = -count * precision[:, row, column]
+        return self._features @ torch.cat([constant[:, None], linear, quadratic], dim=1).T
+
+    def _symmetric(self, lower: Tensor) -> Tensor:
+        """(k, p (p + 1) / 2) to (k, p, p)."""
+        full = lower.new_empty(len(lower), self.size, self.size)
+        row, column = self._lower
+        full[:, row, column] = lower
+        full[:, column, row] = lower
+        return full
+
+
+def _spread_seeds(x: Tensor, count: int, generator: torch.Generator) -> Tensor:
+    """Indices of `count` rows, each drawn with odds that go with its squared distance."""
+    chosen = [int(torch.randint(len(x), (1,), generator=generator, device=x.device))]
+    nearest = ((x - x[chosen[0]]) ** 2).sum(1)
+    for _ in range(count - 1):
+        chosen.append(int(torch.multinomial(nearest + 1e-12, 1, generator=generator)))
+        nearest = torch.minimum(nearest, ((x - x[chosen[-1]]) ** 2).sum(1))
+    return torch.tensor(chosen, device=x.device)
+
+
+def students(
+    mean: Tensor, covariance: Tensor, log_mass: Tensor, *, widen: float = 1.2, freedom: int = 8
+) -> StudentMixture:
+    """Students about k points (k, p), of these covariances (k, p, p) and log masses (k,).
+
+    Every one has a hundredth of the weight at least: a curvature may understate its mass.
+
+    Raises:
+        InferenceError: a covariance is not positive definite.
+    """
+    weight = log_mass.softmax(0).clamp_min(0.01)
+    root, failed = torch.linalg.cholesky_ex(widen * covariance)
+    if bool((failed > 0).any()) or not bool(root.isfinite().all()):
+        raise InferenceError("the curvature at a maximum has no inverse; use particles")
+    return StudentMixture(GaussianMixture((weight / weight.sum()).log(), mean, root), freedom)
+
+
+def students_of(points: Tensor, generator: torch.Generator) -> StudentMixture:
+    """Students fitted to points (n, d), fewer where few of them are distinct."""
+    distinct = len(torch.unique(points[:, 0]))
+    most = max(1, distinct // (DRAWS.distinct * (points.shape[1] + 1)))
+    fitted = fit_mixture(points, min(12, most), generator, iterations=100)
+    return StudentMixture(fitted.widened(1.2), 8)
 
 
 @dataclass(frozen=True)
@@ -96,8 +279,7 @@ class WeightedDraws:
     @property
     def log_evidence_error(self) -> float:
         """Standard error of `log_evidence`, by the delta method."""
-        count = len(self.log_weight)
-        return math.sqrt(max(0.0, 1.0 / self.effective - 1.0 / count))
+        return math.sqrt(max(0.0, 1.0 / self.effective - 1.0 / len(self.log_weight)))
 
     def resampled(self, count: int, seed: Seed) -> SamplerRun:
         """So many equally weighted draws.
@@ -120,19 +302,6 @@ class WeightedDraws:
             effective_share=self.effective_share,
         )
 
-    def independent(self, seed: Seed) -> tuple[Tensor, Tensor]:
-        """Draws kept by rejection, each once: independent, but for the weight that is taken as
-        the largest possible, the largest seen."""
-        generator = torch_generator(seed, self.points.device)
-        uniform = torch.rand(
-            len(self.log_weight),
-            generator=generator,
-            dtype=torch.float64,
-            device=self.points.device,
-        )
-        kept = uniform.log() < self.log_weight - self.log_weight.max()
-        return self.points[kept], self.log_likelihood[kept]
-
 
 class Counted:
     """A likelihood that counts its evaluations and tells of them as they are made.
@@ -143,12 +312,7 @@ class Counted:
         rows: evaluated before it advances.
     """
 
-    def __init__(
-        self,
-        target: LogLikelihood,
-        progress: Progress = SILENT,
-        rows: int = 256,
-    ) -> None:
+    def __init__(self, target: LogLikelihood, progress: Progress = SILENT, rows: int = 256) -> None:
         self._target, self._progress, self._rows = target, progress, rows
         self.count = 0
 
@@ -173,85 +337,70 @@ def weighted_draws(
     return WeightedDraws(points, value, log_weight, count)
 
 
-def sampled(
-    target: LogTarget,
+def importance_sample(
+    prior: Parameters,
+    log_likelihood: LogLikelihood,
     proposal: StudentMixture,
     count: int,
     seed: Seed,
-    settings: ImportanceSettings | None = None,
+    *,
+    least_round: int = 200,
 ) -> WeightedDraws:
-    """`count` weighted draws, after rounds in which the proposal is fitted to its own draws.
+    """`count` weighted parameters, after rounds in which the proposal is fitted to its own draws.
 
-    Modes that the first proposal does not reach are missed.
+    Fits use tempered weights, so that no mode is lost (Koblents & Miguez 2015, Stat. Comput. 25,
+    407). Modes that the first proposal does not reach are missed.
+
+    Args:
+        prior: of the parameters.
+        log_likelihood: of them.
+        proposal: in the prior's standard normal coordinates.
+        count: draws.
+        seed: of everything random.
+        least_round: draws of a round of fitting, at least; a hundred for every parameter.
 
     Raises:
         InferenceError: no draw has a finite likelihood.
     """
-    settings = settings or ImportanceSettings()
     generator = torch_generator(seed, proposal.gaussian.mean.device)
-    size, spent = settings.round_of(proposal.gaussian.mean.shape[1]), 0
-    for _ in range(settings.rounds):
-        tried = _possible(weighted_draws(target, proposal, size, generator))
+    size, spent = max(least_round, 100 * prior.size), 0
+    constant = 0.5 * prior.size * math.log(2.0 * math.pi)
+
+    def target(xi: Tensor) -> tuple[Tensor, Tensor]:
+        return prior.log_density_normal(xi) - constant, log_likelihood(prior.from_normal(xi))
+
+    def possible(draws: WeightedDraws) -> WeightedDraws:
+        if draws.effective == 0.0:
+            raise InferenceError(
+                "no draw around the particles has a finite likelihood; use more particles"
+            )
+        return draws
+
+    for _ in range(8):
+        tried = possible(weighted_draws(target, proposal, size, generator))
         spent += size
-        power = next_increment(tried.log_weight, 1.0, settings.tempered_share)
+        power = next_increment(tried.log_weight, 1.0, 0.4)
         weight = torch.softmax(power * tried.log_weight, 0)
-        proposal = fitted_proposal(
-            tried.points[systematic_rows(weight, generator)], settings, generator
-        )
-        if tried.effective > settings.enough * size:
+        proposal = students_of(tried.points[systematic_rows(weight, generator)], generator)
+        if tried.effective > 0.5 * size:
             break
-    found = _possible(weighted_draws(target, proposal, count, generator))
-    return replace(found, evaluations=spent + count)
+    found = possible(weighted_draws(target, proposal, count, generator))
+    return replace(found, points=prior.from_normal(found.points), evaluations=spent + count)
 
 
-def importance_draws(
-    prior: Parameters,
-    log_likelihood: LogLikelihood,
-    particles: Tensor,
-    count: int,
-    seed: Seed,
-    settings: ImportanceSettings | None = None,
+def draws_about_particles(
+    prior: Parameters, log_likelihood: LogLikelihood, particles: Tensor, count: int, seed: Seed
 ) -> WeightedDraws:
-    """Draw `count` weighted parameter vectors around particles (n, p) of every posterior mode.
+    """`count` weighted parameters around particles (n, p) of every posterior mode.
 
     Modes that hold no particle are missed: the particles must come from a sampler that finds them.
 
     Raises:
         InferenceError: no draw has a finite likelihood.
     """
-    settings = settings or ImportanceSettings()
-    least = max(len(particles), settings.round_of(prior.size))
-    settings = replace(settings, least_draws=least)
     fitting, drawing = spawn(seed, 2)
     xi = prior.to_normal(particles).clamp(-DRAWS.edge, DRAWS.edge)
-    proposal = fitted_proposal(xi, settings, torch_generator(fitting, xi.device))
-    found = sampled(normal_target(prior, log_likelihood), proposal, count, drawing, settings)
-    return replace(found, points=prior.from_normal(found.points))
-
-
-def normal_target(prior: Parameters, log_likelihood: LogLikelihood) -> LogTarget:
-    """A likelihood of parameters as a target in the prior's standard normal coordinates."""
-    constant = 0.5 * prior.size * math.log(2.0 * math.pi)
-
-    def target(xi: Tensor) -> tuple[Tensor, Tensor]:
-        return prior.log_density_normal(xi) - constant, log_likelihood(prior.from_normal(xi))
-
-    return target
-
-
-def fitted_proposal(
-    points: Tensor, settings: ImportanceSettings, generator: torch.Generator
-) -> StudentMixture:
-    """A mixture fitted to points (n, d), of fewer components where few of them are distinct."""
-    distinct = len(torch.unique(points[:, 0]))
-    most = max(1, distinct // (settings.distinct * (points.shape[1] + 1)))
-    fitted = fit_mixture(points, min(settings.components, most), generator, iterations=100)
-    return StudentMixture(fitted.widened(settings.widen), settings.freedom)
-
-
-def _possible(draws: WeightedDraws) -> WeightedDraws:
-    if draws.effective == 0.0:
-        raise InferenceError(
-            "no draw around the particles has a finite likelihood; use more particles"
-        )
-    return draws
+    proposal = students_of(xi, torch_generator(fitting, xi.device))
+    return importance_sample(
+        prior, log_likelihood, proposal, count, drawing, least_round=len(particles)
+    )

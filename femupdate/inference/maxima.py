@@ -7,19 +7,12 @@ proposal that fits (Laplace's method; Geweke 1989, Econometrica 57, 1317).
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import torch
 from torch import Tensor
 
 from femupdate.errors import InferenceError
-from femupdate.inference.importance import (
-    ImportanceSettings,
-    WeightedDraws,
-    normal_target,
-    sampled,
-)
-from femupdate.inference.mixture import GaussianMixture, StudentMixture
+from femupdate.inference.importance import WeightedDraws, importance_sample, students
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.tempering import LogLikelihood
 from femupdate.inference.thresholds import DRAWS, MAXIMA
@@ -80,23 +73,12 @@ def draws_about(
         seed: of everything random.
         least: share of the draws that must be effective.
     """
-    settings = ImportanceSettings()
-    target = normal_target(prior, log_likelihood)
+    factor, failed = torch.linalg.cholesky_ex(found.precision)
+    covariance = torch.cholesky_inverse(factor)
+    covariance[failed > 0] = torch.nan
     try:
-        drawn = sampled(target, student_about(found, settings), count, seed, settings)
+        proposal = students(found.z.double().cpu(), covariance, found.log_mass)
+        drawn = importance_sample(prior, log_likelihood, proposal, count, seed)
     except InferenceError:
         return None
-    if drawn.effective < least * count:
-        return None
-    return replace(drawn, points=prior.from_normal(drawn.points))
-
-
-def student_about(found: Descent, settings: ImportanceSettings) -> StudentMixture:
-    """Students about maxima (s, d) with the curvature there, by their masses."""
-    weight = found.log_mass.softmax(0).clamp_min(MAXIMA.lightest)
-    factor, failed = torch.linalg.cholesky_ex(found.precision)
-    root, uncertain = torch.linalg.cholesky_ex(torch.cholesky_inverse(factor))
-    if bool((failed > 0).any() | (uncertain > 0).any()) or not bool(root.isfinite().all()):
-        raise InferenceError("the curvature at a maximum has no inverse; use particles")
-    gaussian = GaussianMixture((weight / weight.sum()).log(), found.z.double().cpu(), root)
-    return StudentMixture(gaussian.widened(settings.widen), settings.freedom)
+    return drawn if drawn.effective >= least * count else None

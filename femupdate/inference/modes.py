@@ -12,7 +12,7 @@ from itertools import combinations
 import torch
 from torch import Tensor
 
-from femupdate.inference.mixture import GaussianMixture, fit_mixture
+from femupdate.inference.importance import GaussianMixture, fit_mixture
 from femupdate.inference.thresholds import DRAWS, MODES
 from femupdate.seeds import torch_generator
 

@@ -1,8 +1,8 @@
 """A likelihood raised to powers: particles, their tempered density, weights and resampling."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import torch
 from torch import Tensor
@@ -13,9 +13,6 @@ from femupdate.inference.thresholds import DRAWS
 LogLikelihood = Callable[[Tensor], Tensor]
 """Log likelihood (n,) of parameters (n, p)."""
 
-Slopes = Literal["none", "base", "both"]
-"""Of which log likelihoods the derivatives are taken."""
-
 
 @dataclass(frozen=True)
 class Points:
@@ -23,133 +20,132 @@ class Points:
 
     Attributes:
         xi: (n, d).
-        base: (n,) log likelihood that the tempering starts from (zero for the prior alone).
-        target: (n,) log likelihood that it goes to.
-        base_slope, target_slope: (n, d) by xi; None where no move asks for them.
+        log_likelihood: (n,), minus infinity where a particle is impossible.
+        slope: (n, d) of it by xi; None where no move asks for it.
     """
 
     xi: Tensor
-    base: Tensor
-    target: Tensor
-    base_slope: Tensor | None = None
-    target_slope: Tensor | None = None
+    log_likelihood: Tensor
+    slope: Tensor | None = None
 
     def rows(self, rows: Tensor) -> "Points":
         """Some of the particles."""
-        return self._with(lambda part, _: part[rows], self)
+        slope = None if self.slope is None else self.slope[rows]
+        return Points(self.xi[rows], self.log_likelihood[rows], slope)
 
     def where(self, take: Tensor, other: "Points") -> "Points":
         """Particles of `other` where `take` (n,), own ones elsewhere."""
-
-        def chosen(mine: Tensor, theirs: Tensor) -> Tensor:
-            return torch.where(take[:, None] if mine.ndim == 2 else take, theirs, mine)
-
-        return self._with(chosen, other)
-
-    def gain(self) -> Tensor:
-        """(n,) target less base, minus infinity where either says impossible."""
-        possible = torch.isfinite(self.target) & torch.isfinite(self.base)
-        return torch.where(possible, self.target - self.base, -torch.inf)
-
-    def _with(self, change: Callable[[Tensor, Tensor], Tensor], other: "Points") -> "Points":
-        def slope(mine: Tensor | None, theirs: Tensor | None) -> Tensor | None:
-            return None if mine is None or theirs is None else change(mine, theirs)
-
+        slope = None
+        if self.slope is not None and other.slope is not None:
+            slope = torch.where(take[:, None], other.slope, self.slope)
         return Points(
-            change(self.xi, other.xi),
-            change(self.base, other.base),
-            change(self.target, other.target),
-            slope(self.base_slope, other.base_slope),
-            slope(self.target_slope, other.target_slope),
+            torch.where(take[:, None], other.xi, self.xi),
+            torch.where(take, other.log_likelihood, self.log_likelihood),
+            slope,
         )
 
 
 class Tempered:
-    """Prior x base^(1 - beta) x target^beta, a density of standard normal coordinates.
+    """Prior x likelihood^beta, a density of standard normal coordinates.
 
     Args:
         prior: of the parameters.
-        target: log likelihood.
-        base: log likelihood at power zero; None for the prior alone.
-        beta: power of the target.
+        log_likelihood: of the parameters.
+        beta: power of the likelihood.
         rows: likelihoods whose derivatives are taken at a time.
 
     Attributes:
-        evaluations: of the target so far.
+        evaluations: of the likelihood so far.
         invalid: how many of them gave no finite number; all count as impossible.
     """
 
     def __init__(
-        self,
-        prior: Parameters,
-        target: LogLikelihood,
-        base: LogLikelihood | None = None,
-        beta: float = 0.0,
-        rows: int = 128,
+        self, prior: Parameters, log_likelihood: LogLikelihood, beta: float = 0.0, rows: int = 128
     ) -> None:
-        self.prior, self.target, self.base = prior, target, base
-        self.beta, self.rows = beta, rows
+        self.prior, self.beta, self.rows = prior, beta, rows
+        self._log_likelihood = log_likelihood
         self.evaluations = self.invalid = 0
 
     def parameters(self, xi: Tensor) -> Tensor:
         """(n, p) of coordinates (n, d)."""
         return self.prior.from_normal(xi.clamp(-DRAWS.edge, DRAWS.edge))
 
-    def at(self, xi: Tensor, slopes: Slopes = "none") -> Points:
-        """Likelihoods at coordinates (n, d); that of the base is left out at the whole power."""
-        zero = torch.zeros_like(xi)
-        base, base_slope = zero[:, 0], zero
-        if self.base is not None and self.beta < 1.0:
-            base, base_slope = self._asked(self.base, xi, slopes != "none")
-        target, target_slope = self._judged(xi, slopes == "both")
-        if slopes == "none":
-            return Points(xi, base, target)
-        return Points(xi, base, target, base_slope, target_slope if slopes == "both" else None)
-
-    def value(self, xi: Tensor) -> Tensor:
-        """Log likelihood (n,) of the target alone."""
-        return self._judged(xi, slopes=False)[0]
+    def at(self, xi: Tensor, slopes: bool = False) -> Points:
+        """Likelihoods at coordinates (n, d), and their slopes (zero where there is no number)."""
+        self.evaluations += len(xi)
+        if not slopes:
+            value = self._log_likelihood(self.parameters(xi)).to(torch.float64)
+            wrong = torch.isnan(value) | torch.isposinf(value)
+            points = Points(xi, torch.where(wrong, -torch.inf, value))
+        else:
+            parts = []
+            for some in xi.split(self.rows):
+                free = some.clamp(-DRAWS.edge, DRAWS.edge).detach().requires_grad_()
+                value = self._log_likelihood(self.prior.from_normal(free)).to(torch.float64)
+                (slope,) = torch.autograd.grad(value.sum(), free)
+                parts.append((value.detach(), slope))
+            value, slope = (torch.cat(each) for each in zip(*parts, strict=True))
+            finite = torch.isfinite(value) & torch.isfinite(slope).all(dim=1)
+            value = torch.where(finite, value, -torch.inf)
+            points = Points(xi, value, torch.where(finite[:, None], slope, 0.0))
+        self.invalid += int(torch.isneginf(points.log_likelihood).sum())
+        return points
 
     def log_density(self, points: Points) -> Tensor:
         """(n,), up to a constant."""
-        return self.prior.log_density_normal(points.xi) + self.log_likelihood(points)
-
-    def log_likelihood(self, points: Points) -> Tensor:
-        """(n,) of base and target by their powers."""
-        if self.beta < 1.0:
-            return points.base + self.beta * points.gain()
-        return points.target
+        return self.prior.log_density_normal(points.xi) + self.beta * points.log_likelihood
 
     def slope(self, points: Points) -> Tensor:
-        """(n, d) of the log density, for points with slopes of both likelihoods."""
-        assert points.base_slope is not None
-        assert points.target_slope is not None
-        likelihood = (1.0 - self.beta) * points.base_slope + self.beta * points.target_slope
-        return likelihood - points.xi
+        """(n, d) of the log density, for points with slopes."""
+        assert points.slope is not None
+        return self.beta * points.slope - points.xi
 
-    def _judged(self, xi: Tensor, slopes: bool) -> tuple[Tensor, Tensor]:
-        target, slope = self._asked(self.target, xi, slopes)
-        self.evaluations += len(xi)
-        self.invalid += int(torch.isneginf(target).sum())
-        return target, slope
 
-    def _asked(
-        self, log_likelihood: LogLikelihood, xi: Tensor, slopes: bool
-    ) -> tuple[Tensor, Tensor]:
-        """Values (n,), minus infinity where there is no number, and slopes (n, d), zero there."""
-        if not slopes:
-            value = log_likelihood(self.parameters(xi)).to(torch.float64)
-            wrong = torch.isnan(value) | torch.isposinf(value)
-            return torch.where(wrong, -torch.inf, value), torch.zeros_like(xi)
-        parts = []
-        for rows in xi.split(self.rows):
-            free = rows.clamp(-DRAWS.edge, DRAWS.edge).detach().requires_grad_()
-            value = log_likelihood(self.prior.from_normal(free)).to(torch.float64)
-            (slope,) = torch.autograd.grad(value.sum(), free)
-            parts.append((value.detach(), slope))
-        value, slope = (torch.cat(each) for each in zip(*parts, strict=True))
-        finite = torch.isfinite(value) & torch.isfinite(slope).all(dim=1)
-        return torch.where(finite, value, -torch.inf), torch.where(finite[:, None], slope, 0.0)
+@dataclass(frozen=True)
+class Level:
+    """What happened at one tempering level.
+
+    Attributes:
+        beta: power reached.
+        ess: effective sample size of all particles before they were resampled.
+        acceptance: mean, of each kind of move in their order; NaN where none was made.
+        unique: share of the particles that are different.
+    """
+
+    beta: float
+    ess: float
+    acceptance: tuple[float, ...]
+    unique: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SamplerRun:
+    """Equally weighted draws of prior times likelihood.
+
+    Attributes:
+        theta: (n, p) parameters.
+        log_likelihood: (n,).
+        log_evidence: log of the mean likelihood under the prior.
+        evaluations: of the likelihood, all in all.
+        log_evidence_error: its standard error by weights; NaN where the draws had none.
+        effective: effective sample size of weighted draws that these were chosen from; zero
+            likewise.
+        effective_share: of those; zero likewise.
+        levels: of tempering; none likewise.
+        invalid: evaluations that gave no finite number; all count as impossible.
+        acceptance: mean share of moves accepted while draws were kept; NaN where none were.
+    """
+
+    theta: Tensor
+    log_likelihood: Tensor
+    log_evidence: float
+    evaluations: int
+    log_evidence_error: float = math.nan
+    effective: float = 0.0
+    effective_share: float = 0.0
+    levels: tuple[Level, ...] = ()
+    invalid: int = 0
+    acceptance: float = math.nan
 
 
 def effective_sample_size(log_weight: Tensor) -> float:

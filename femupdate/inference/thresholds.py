@@ -27,13 +27,6 @@ class DrawThresholds:
     distinct: int = entry(
         25, "draws", "distinct, that a Gaussian needs, for every coordinate and its weight"
     )
-    parted: float = entry(
-        0.25, "share", "distinct, of particles, below which a level takes all its moves"
-    )
-    ridge: float = entry(1e-6, "of the variance", "of all points, added to every covariance")
-    small_gain: float = entry(
-        1e-3, "nats a point", "of the mean log density, below which the fit of Gaussians ends"
-    )
     agreeing: float = entry(
         1.05,
         "r-hat",
@@ -70,12 +63,6 @@ class MaximaThresholds:
     small_gain: float = entry(0.02, "nats", "gain of a step below which the search ends")
     nats: float = entry(14.0, "nats", "by which a maximum that counts may be the lighter one")
     most: int = entry(16, "maxima", "that count, at most")
-    lightest: float = entry(
-        0.01,
-        "share",
-        "of the proposal that every maximum has at least",
-        "the curvature may understate its mass",
-    )
     trusted: float = entry(
         0.5,
         "share",
@@ -155,7 +142,7 @@ class RidgeThresholds:
 
 @dataclass(frozen=True, kw_only=True)
 class DecoderThresholds:
-    """What an encoder is asked, and how a decoder's error is corrected."""
+    """What an encoder is asked."""
 
     least_share: float = entry(
         0.5, "of the band", "seen, that a floor needs to be shown to the encoder"
@@ -164,14 +151,6 @@ class DecoderThresholds:
         0.7, "ln|H|", "noise that the encoder is shown rather than a straight line in its place"
     )
     usual: float = entry(0.995, "share", "of observations whose misfit is usual")
-    ridges: tuple[float, ...] = entry(
-        (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0),
-        "mean square",
-        "ridges that are tried; the best at points left out is taken",
-    )
-    curved: tuple[int, ...] = entry(
-        (0, 6, 12), "directions", "whose products are tried as well, likewise"
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,11 +1,9 @@
 """calibrate: from an observation file to the posterior of the stiffness factors."""
 
-import json
 import textwrap
 import time
 from dataclasses import replace
 
-from femupdate import __version__
 from femupdate.errors import InferenceError
 from femupdate.inference.encoder_input import encoder_input
 from femupdate.inference.posterior import save_posterior
@@ -19,13 +17,11 @@ from femupdate.workflow.calibrate_latent import sample_latent
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.conclusion import concluded
-from femupdate.workflow.finer_mesh import FINER
-from femupdate.workflow.kinds import Measured, measured_of, read_measured_of
+from femupdate.workflow.kinds import measured_of, read_measured_of
 from femupdate.workflow.mesh_error import with_finer_mesh
-from femupdate.workflow.model import REDUCED, StudyModel, choose_building
+from femupdate.workflow.model import StudyModel, choose_building
 from femupdate.workflow.observed import ObservationSource, check_readable
-from femupdate.workflow.sampling import ChainRunner
-from femupdate.workflow.surrogates import SURROGATE, require_surrogate, unserved
+from femupdate.workflow.surrogates import require_surrogate, unserved
 
 
 def calibrate_study(
@@ -59,19 +55,10 @@ def calibrate_study(
     origin = {**model.made_from(), **source.made_from()}
     used = {"sensors": list(measured.as_observation.floors), "band_hz": source.band_hz}
     settled = {**used, **plain_settings(settings)}
-    run = ChainRunner(
-        settings.particles,
-        settings.chains,
-        sampling,
-        progress,
-        study.result("sampling"),
-        json.dumps([origin, settled, _judged(study, measured)], sort_keys=True),
-    )
-    sampled = (
-        sample_exact(study, model, measured, settings, run, fitted)
-        if settings.exact
-        else sample_latent(study, model, measured, settings, run)
-    )
+    if settings.exact:
+        sampled = sample_exact(study, model, measured, settings, sampling, progress, fitted)
+    else:
+        sampled = sample_latent(study, model, measured, settings, sampling, progress)
     if why:
         note = f"{model.building.name} {why}: the likelihood of the data themselves was sampled."
         sampled = replace(sampled, notes=(note, *sampled.notes))
@@ -81,16 +68,8 @@ def calibrate_study(
     save_posterior(report.posterior, report.path)
     made = {**source.files_as_settings(), **settled}
     study.record(POSTERIOR, "posterior.nc", "calibrate", origin, made)
-    run.clear()
     report.write_summary(study)
     return replace(report, seconds=time.monotonic() - started, files=source.paths)
-
-
-def _judged(study: Study, measured: Measured) -> list[str]:
-    """Hashes of what a likelihood is made of: the data as read, reduced model and surrogate."""
-    kept = study.artefacts()
-    models = [kept[name].sha256 for name in (REDUCED.name, FINER, SURROGATE) if name in kept]
-    return [__version__, measured.fingerprint(), *models]
 
 
 def check_calibration(

@@ -2,22 +2,18 @@
 
 import numpy as np
 
-from femupdate.inference.decoded_chains import DecodedPosterior
 from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
-from femupdate.inference.sampler_run import SamplerRun
 from femupdate.inference.thresholds import DRAWS, JUDGED
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
 from femupdate.units import percent
 from femupdate.workflow.calibrate_draws import Fitting
-from femupdate.workflow.decoded import tempered_words
 from femupdate.workflow.likelihoods import LEAST_EXPLAINED
 from femupdate.workflow.model import StudyModel
 
-_DECODER_MAY_MISS = 0.25  # sd of the noise, by which a corrected decoder may miss the building
 # Two runs together have .71 of the noise of one.
 _MUCH_LESS = 0.75  # of the allowed noise, below which the noise of the data is worth a word
 _OVERSTATED = 0.5  # of the stated noise that the best draw misses, below which it is worth one
@@ -26,26 +22,6 @@ _UNUSUAL = 0.01  # p-value below which something is missing, where data also mis
 _BEYOND = 1.2  # times what is allowed for
 _NEAR = 0.02  # of the prior, to either limit, within which a draw is at it
 _PRESSED = 0.3  # share of the draws at a limit
-
-
-def decoded_notes(found: DecodedPosterior) -> tuple[str, ...]:
-    """How draws along the decoder have gone."""
-    return (
-        f"{tempered_words(found.population, len(found.draws.theta))} followed the decoder; "
-        f"{found.responses:,} responses of the reduced model corrected it, from "
-        f"{found.decoder_error:.2g} to {found.error:.2g} in ln|H| (rms), and judged the moves "
-        f"({percent(found.draws.acceptance)} accepted).",
-    )
-
-
-def decoder_warnings(error: float, noise: float) -> tuple[str, ...]:
-    """Where the decoder misses ln|H| by too much (rms) beside the noise on it."""
-    if error <= _DECODER_MAY_MISS * noise:
-        return ()
-    return (
-        f"The decoder misses the reduced model by {error:.2g} in ln|H|, too much beside a noise of "
-        f"{noise:.2g}: do not trust this posterior; train on more samples, or use --exact.",
-    )
 
 
 def elsewhere_warnings(
@@ -147,32 +123,6 @@ def calibration_notes(info: SurrogateInfo, observation: Observation) -> tuple[st
             "--exact needs no such check."
         )
     return tuple(notes)
-
-
-TEMPERED = (
-    "Importance sampling did not reach this posterior: its draws are the tempered particles, "
-    "and the spread of the runs is the only measure of their error."
-)
-
-
-def cost_notes(
-    runs: list[SamplerRun], starts: list[SamplerRun], from_latent: bool
-) -> tuple[str, ...]:
-    """What the exact posterior took, beside what it would have taken without a surrogate."""
-    responses = sum(run.evaluations for run in runs)
-    least = min(run.effective_share for run in runs)
-    sampled = sum(start.evaluations for start in starts)
-    if not from_latent:
-        text = f"The sampler took {sampled:,} responses, importance sampling {responses:,} more"
-    else:
-        text = (
-            f"From the latent to the data-space posterior took {responses:,} responses; the "
-            f"sampler, from the prior, evaluated the latent likelihood {sampled:,} times and would "
-            "have needed more responses than that"
-        )
-    if least > 0.0:
-        return (f"{text}; {percent(least)} of the importance draws are effective.",)
-    return (f"{text}.", TEMPERED)
 
 
 def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:

@@ -10,11 +10,11 @@ from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
-from femupdate.inference.sampler_run import SamplerRun
 from femupdate.inference.smc import SmcSettings
+from femupdate.inference.tempering import SamplerRun
 
 FEW = 10
-"""Parameters up to which particles of the prior find all modes; beyond, populations do."""
+"""Parameters up to which particles of the prior find all modes."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,11 @@ class CalibrationSettings:
     device: str = "cpu"
     anyway: bool = False
     smc: SmcSettings = field(default_factory=SmcSettings)
+
+    @property
+    def each(self) -> int:
+        """Particles of one run."""
+        return max(self.particles // self.chains, 50)
 
 
 @dataclass(frozen=True)

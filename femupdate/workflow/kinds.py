@@ -1,6 +1,5 @@
 """Observation files of any kind."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -102,24 +101,6 @@ class Measured:
         sources += [one.source for one in self.forced]
         sources += [one.source for one in self.modes]
         return replace(self.base, source=" and ".join(dict.fromkeys(sources)))
-
-    def fingerprint(self) -> str:
-        """Hash of all data as read, and of what is assumed of their errors."""
-        forces = [(one.excitation.force, one.floors) for one in self.forced]
-        said = (self.modes and self.errors, self.base.floors, forces)
-        data = hashlib.sha256(repr(said).encode())
-        arrays = [self.base.log_frf, self.base.noise_sd, self.base.valid]
-        for modes in self.modes:
-            arrays += [modes.frequency_hz, modes.frequency_sd_hz, modes.damping, modes.damping_sd]
-            arrays += [modes.shape, modes.shape_sd]
-            data.update(repr(modes.floors).encode())
-        for one in self.forced:
-            arrays += [one.log_frf, one.noise_sd, one.valid]
-        if self.base.rotation is not None:
-            arrays.append(np.nan_to_num(self.base.rotation).view(np.float64))
-        for values in arrays:
-            data.update(np.ascontiguousarray(values).tobytes())
-        return data.hexdigest()
 
     def _force_notes(self) -> list[str]:
         told = []

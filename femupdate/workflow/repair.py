@@ -32,7 +32,6 @@ from femupdate.result import Item, Note, Picture, Result
 from femupdate.seeds import Seed
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import Column, Table
-from femupdate.workflow.about_maxima import FROM_FIT, Target, sampled_about_maxima
 from femupdate.workflow.calibrate_effects import with_fitted
 from femupdate.workflow.calibrate_settings import Sampled
 from femupdate.workflow.diagnose import finder_model, keep_found, search
@@ -40,6 +39,7 @@ from femupdate.workflow.finder_data import Given, read_given, read_held
 from femupdate.workflow.model import StudyModel, on_kept_finer, open_study
 from femupdate.workflow.observed import ObservationSource, direction_of
 from femupdate.workflow.repaired import keep_repaired, keep_repaired_posterior, repaired_building
+from femupdate.workflow.sampling import FROM_FIT, Target, sampled_about_maxima
 from femupdate.workflow.second_record import level_between
 
 

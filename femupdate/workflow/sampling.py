@@ -1,166 +1,170 @@
-"""Independent runs of the sampler, with their progress, gone on with after a kill."""
+"""From a likelihood to draws: about its maxima, else by particles from the prior."""
 
-import hashlib
-import json
-import shutil
-import time
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
-import numpy as np
-import torch
-from numpy.typing import NDArray
-
-from femupdate.inference.bridge import Start, bridge
+from femupdate.errors import InferenceError
+from femupdate.inference.importance import Counted, draws_about_particles
+from femupdate.inference.likelihood import Likelihood
+from femupdate.inference.maxima import draws_about
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.sampler_run import Level, SamplerRun
-from femupdate.inference.smc import SmcSettings, SmcState, TemperedSmc
-from femupdate.inference.tempering import LogLikelihood, Points
-from femupdate.progress import Percent, Progress
+from femupdate.inference.smc import TRAJECTORIES, SmcSettings, SmcState, TemperedSmc
+from femupdate.inference.tempering import SamplerRun
+from femupdate.inference.thresholds import DRAWS, MAXIMA
+from femupdate.progress import SILENT, Percent, Progress
 from femupdate.seeds import Seed, spawn
-from femupdate.storage import read_arrays, write_arrays
+from femupdate.surrogate.gauss_newton import Descent
+from femupdate.units import percent
+from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, drawn_by
 
-FIRST, BRIDGE = 0, 1
-"""Stages of a calibration, each with random streams of its own."""
-_TENSORS = ("xi", "base", "target")
-# Writing the state takes milliseconds; a run that takes seconds in all need not do it every level.
-_SAVE_EVERY_S = 2.0
+FROM_FIT, FROM_LATENT, FROM_PRIOR = "the fit", "the latent", "the prior"
+ABOUT_MAXIMA = "importance sampling about the maxima"
+TEMPERED = (
+    "Importance sampling did not reach this posterior: its draws are the tempered particles, "
+    "and the spread of the runs is the only measure of their error."
+)
+_FEW_COUNT = "Few importance draws count: the posterior may be wider, or of several pieces."
+_LABEL = "Sampling (data-space likelihood)"
+# Particles of Hamiltonian moves in all groups, and in one at least.
+_POPULATION, _LEAST_GROUP = 128, 8
+# Responses of a building do not go faster by the hundred on a processor.
+_TRAJECTORIES = SmcSettings(unmoved=0.0, rows=8)
 
 
-@dataclass(frozen=True)
-class ChainRunner:
-    """Runs a sampler several times and keeps what is done in a folder until all is stored.
+@dataclass(frozen=True, eq=False)
+class Target:
+    """What is sampled.
 
     Attributes:
-        particles: in all runs together.
-        chains: number of runs.
-        seed: of all of them.
-        show: told about progress.
-        folder: where the state of every chain is kept between levels.
-        fingerprint: what the state belongs to; a state of anything else is not gone on from.
+        likelihood: of all that was measured, with its prior.
+        maxima: of the posterior, in standard normal coordinates; None where they were not sought.
+        origin: what they were found from, in words.
+        local: whether the model serves about them alone.
+        tried: points of the prior that were judged to find them.
     """
 
-    particles: int
-    chains: int
-    seed: Seed
-    show: Progress
-    folder: Path
-    fingerprint: str
+    likelihood: Likelihood
+    maxima: Descent | None
+    origin: str
+    local: bool = False
+    tried: int = 0
 
     @property
-    def each(self) -> int:
-        """Particles of one run."""
-        return max(self.particles // self.chains, 50)
-
-    def stage(self, number: int) -> Seed:
-        """The stream of a stage, `FIRST` or `BRIDGE`."""
-        return spawn(self.seed, number + 1)[number]
-
-    def __call__(self, sampler: TemperedSmc, label: str) -> list[SamplerRun]:
-        """Run all chains of one sampler, named by its label, from the prior."""
-        self.show.start(label, 100 * self.chains)
-        runs = []
-        for chain, seed in enumerate(spawn(self.stage(FIRST), self.chains)):
-            kept = _Kept(self.folder, json.dumps([self.fingerprint, label, chain]))
-            teller = _Teller(self.show, kept)
-            runs.append(sampler.run(self.each, seed, state=kept.load(), progress=teller))
-        return runs
-
-    def bridge(
-        self,
-        prior: Parameters,
-        target: LogLikelihood,
-        base: LogLikelihood | None,
-        starts: list[SamplerRun],
-        settings: SmcSettings,
-    ) -> list[SamplerRun]:
-        """Bring every chain from its base (None: the target itself) to precise target draws."""
-        # Fitting the proposal usually takes three rounds of as many draws as there are particles.
-        expected = 7 * sum(len(start.theta) for start in starts)
-        self.show.start("Importance sampling (data-space likelihood)", expected)
-        parts = zip(starts, spawn(self.stage(BRIDGE), len(starts)), strict=True)
-        return [
-            bridge(prior, target, Start(start, base), seed, settings=settings, progress=self.show)
-            for start, seed in parts
-        ]
-
-    def clear(self) -> None:
-        """Remove the folder: the posterior is stored."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+    def prior(self) -> Parameters:
+        """Of all parameters."""
+        return self.likelihood.prior
 
 
-@dataclass(frozen=True)
-class _Kept:
-    """The state of one chain on disk; `mark` says what it belongs to."""
+def sampled_about_maxima(
+    target: Target, count: int, seed: Seed, show: Progress = SILENT
+) -> Sampled | None:
+    """Equally weighted draws, by importance draws about the maxima; None where too few count.
 
-    folder: Path
-    mark: str
+    For a posterior with one mode this costs some thousand responses where tempering costs fifty
+    thousand. Of a local model they are all that there is, however few of them count.
 
-    @property
-    def path(self) -> Path:
-        return self.folder / f"{hashlib.sha256(self.mark.encode()).hexdigest()[:16]}.npz"
-
-    def save(self, state: SmcState) -> None:
-        arrays = {name: getattr(state.points, name).cpu().numpy() for name in _TENSORS}
-        numbers = {
-            "beta": state.beta,
-            "tuning": state.tuning,
-            "log_evidence": state.log_evidence,
-            "evaluations": state.evaluations,
-            "invalid": state.invalid,
-            "levels": [asdict(level) for level in state.levels],
-        }
-        write_arrays(
-            self.path,
-            mark=np.array(self.mark),
-            numbers=np.array(json.dumps(numbers)),
-            random_state=state.random_state.cpu().numpy(),
-            **arrays,
-        )
-
-    def load(self) -> SmcState | None:
-        if not self.path.exists():
-            return None
-        try:
-            data = read_arrays(self.path)
-            return _state(data) if str(data["mark"]) == self.mark else None
-        except (ValueError, KeyError, TypeError, RecursionError):
-            return None  # a state that cannot be read only costs the time to draw it again
-
-
-def _state(data: Mapping[str, NDArray[Any]]) -> SmcState:
-    numbers = json.loads(str(data["numbers"]))
-    return SmcState(
-        points=Points(*(torch.from_numpy(data[name]) for name in _TENSORS)),
-        beta=numbers["beta"],
-        log_evidence=tuple(numbers["log_evidence"]),
-        tuning=tuple(numbers["tuning"]),
-        levels=tuple(_level(**level) for level in numbers["levels"]),
-        evaluations=numbers["evaluations"],
-        invalid=numbers["invalid"],
-        random_state=torch.from_numpy(data["random_state"]),
+    Raises:
+        InferenceError: no draw about the fit of a local model is possible.
+    """
+    assert target.maxima is not None
+    # Rounds of fitting take some hundred draws a parameter.
+    show.start("Importance sampling (data-space likelihood)", count + 200 * target.prior.size)
+    drawing, choosing = spawn(seed, 2)
+    # A thousand at a time: all processors start and end together.
+    counted = Counted(target.likelihood, show, rows=1024)
+    least = 0.0 if target.local else MAXIMA.trusted
+    found = draws_about(target.prior, counted, target.maxima, count, drawing, least)
+    if found is None:
+        if target.local:
+            raise InferenceError("no draw about the fit is possible; the data say too little")
+        return None
+    found = replace(found, evaluations=found.evaluations + target.tried)
+    note = (
+        f"From {target.origin} to the data-space posterior took {found.evaluations:,} responses; "
+        f"{percent(found.effective_share)} of the importance draws are effective."
+    )
+    runs = [found.resampled(count, choosing)]
+    return Sampled(
+        runs,
+        target.prior,
+        drawn_by("exact", ABOUT_MAXIMA, runs),
+        (note,),
+        target.likelihood,
+        warnings=(_FEW_COUNT,) * (found.effective_share < MAXIMA.trusted),
     )
 
 
-def _level(*, acceptance: list[float], **numbers: float) -> Level:
-    return Level(acceptance=tuple(acceptance), **numbers)
+def sampled_chains(
+    sampler: TemperedSmc, label: str, settings: CalibrationSettings, seed: Seed, show: Progress
+) -> list[SamplerRun]:
+    """Independent runs of a sampler, all from the prior, with their progress under a label."""
+    show.start(label, 100 * settings.chains)
+    return [
+        sampler.run(settings.each, own, _by_power(Percent(show)))
+        for own in spawn(seed, settings.chains)
+    ]
 
 
-class _Teller:
-    """Moves the bar evenly in the logarithm of beta, and saves the state now and then."""
+def sampled_by_particles(
+    target: Target, settings: CalibrationSettings, seed: Seed, show: Progress
+) -> Sampled:
+    """By particles from the prior, refined by importance draws where enough of these count."""
+    prior, (first, second) = target.prior, spawn(seed, 2)
+    sampler = TemperedSmc(prior, target.likelihood, settings.smc)
+    started = sampled_chains(sampler, _LABEL, settings, first, show)
+    # Fitting the proposal usually takes three rounds of as many draws as there are particles.
+    count = settings.each
+    show.start("Importance sampling (data-space likelihood)", 7 * count * len(started))
+    runs, more = [], 0
+    for run, own in zip(started, spawn(second, len(started)), strict=True):
+        counted, (drawing, choosing) = Counted(target.likelihood, show), spawn(own, 2)
+        drawn = run
+        try:
+            found = draws_about_particles(prior, counted, run.theta, 4 * count, drawing)
+            if found.effective_share > DRAWS.least_share:
+                drawn = found.resampled(count, choosing)
+        except InferenceError:
+            pass  # the particles stay
+        more += counted.count
+        spent = run.evaluations + counted.count
+        runs.append(replace(drawn, evaluations=spent, levels=run.levels, invalid=run.invalid))
+    least = min(run.effective_share for run in runs)
+    text = (
+        f"The sampler took {sum(run.evaluations for run in started):,} responses, importance "
+        f"sampling {more:,} more"
+    )
+    refined = f"{text}; {percent(least)} of the importance draws are effective."
+    notes = (refined,) if least > 0.0 else (f"{text}.", TEMPERED)
+    way = "importance sampling" if least > 0.0 else "tempered particles"
+    return Sampled(runs, prior, drawn_by("exact", way, runs), notes, target.likelihood)
 
-    def __init__(self, show: Progress, kept: _Kept) -> None:
-        self._percent, self._kept = Percent(show), kept
-        self._started = self._saved = time.monotonic()
 
-    def __call__(self, state: SmcState) -> None:
-        # beta runs from about 1e-5 to 1.
-        done = 1.0 + np.log10(state.beta) / 5.0
-        self._percent.reached(done, f"power {state.beta:.2g}")
-        now = time.monotonic()
-        last = state.done and now - self._started > _SAVE_EVERY_S
-        if last or now - self._saved > _SAVE_EVERY_S:
-            self._kept.save(state)
-            self._saved = now
+def sampled_by_trajectories(
+    target: Target, settings: CalibrationSettings, seed: Seed, show: Progress
+) -> Sampled:
+    """Many parameters: groups of particles from the prior, by Hamiltonian moves."""
+    groups = settings.chains
+    particles = groups * max(_POPULATION // groups, _LEAST_GROUP)
+    sampler = TemperedSmc(target.prior, target.likelihood, _TRAJECTORIES, TRAJECTORIES)
+    show.start(_LABEL, 200)
+    bar = Percent(show)
+    reached = sampler.reach(sampler.init(particles, seed, groups), _by_power(bar))
+    runs = sampler.draws(reached, settings.particles, lambda share: bar.reached(1.0 + share))
+    note = (
+        f"{particles} particles in {groups} groups, tempered over {len(reached.levels)} powers of "
+        "the likelihood with Hamiltonian moves, drew the data-space posterior from the prior, with "
+        f"{sum(run.evaluations for run in runs):,} gradients of responses "
+        f"({percent(runs[0].acceptance)} of the moves accepted)."
+    )
+    drawn = drawn_by("exact", "Hamiltonian moves", runs)
+    return Sampled(runs, target.prior, drawn, (note,), target.likelihood)
+
+
+def _by_power(bar: Percent) -> Callable[[SmcState], None]:
+    """Moves a bar evenly in the logarithm of beta, which runs from about 1e-5 to 1."""
+
+    def tell(state: SmcState) -> None:
+        bar.reached(1.0 + max(math.log10(state.beta) / 5.0, -1.0), f"power {state.beta:.2g}")
+
+    return tell

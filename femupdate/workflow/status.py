@@ -17,7 +17,6 @@ from femupdate.study import (
     BESIDE,
     BUILDING_FILE,
     MAIN_POSTERIOR,
-    NAMED,
     REPAIRED,
     Artefact,
     Study,
@@ -228,13 +227,6 @@ class _Look:
 
     def _unfinished(self) -> tuple[str, ...]:
         told = []
-        if any(self.study.folder.glob("sampling/*")) or any(
-            self.study.folder.glob(f"{NAMED}/*/sampling/*")
-        ):
-            told.append(
-                "A calibration was interrupted; `femupdate calibrate` with the same options goes "
-                "on where it stopped."
-            )
         if "surrogate" not in self.artefacts and self.study.path("dataset").exists():
             told.append("A training was interrupted; `femupdate train` goes on where it stopped.")
         return tuple(told)

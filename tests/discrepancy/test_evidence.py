@@ -14,7 +14,7 @@ from femupdate.discrepancy.evidence import laplace, log_target, sampled
 from femupdate.discrepancy.fit import fit, raw_residuals
 from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
 from femupdate.inference.maxima import found_from
-from femupdate.workflow.about_maxima import FROM_FIT, Target, sampled_about_maxima
+from femupdate.workflow.sampling import FROM_FIT, Target, sampled_about_maxima
 
 MASS, SPRING, ZETA = 2.0, 3000.0, 0.05
 GRID = np.linspace(0.5, 12.0, 40)

@@ -7,7 +7,7 @@ from scipy.integrate import dblquad, quad
 from scipy.special import logsumexp
 from scipy.stats import kstest, multivariate_normal, norm
 
-from femupdate.inference.mixture import GaussianMixture, fit_mixture
+from femupdate.inference.importance import GaussianMixture, fit_mixture
 
 WEIGHT = np.array([0.5, 0.2, 0.3])
 MEAN = np.array([[0.0, 1.0], [4.0, -3.0], [-5.0, 0.5]])

@@ -11,7 +11,6 @@ from matplotlib.image import imread
 from femupdate.building.files import load_building
 from femupdate.dynamics.tracking import reduced_modes
 from femupdate.errors import MeasurementError, SurrogateError
-from femupdate.inference.decoded_chains import in_groups
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
 from femupdate.measurement.observation import on_all_floors
@@ -243,40 +242,6 @@ def test_other_names_and_units_are_mapped(tmp_path, tower_model, tower_observati
     np.testing.assert_allclose(theirs.log_frf, ours.log_frf, atol=1e-4)
 
 
-def test_a_killed_run_of_another_mapping_is_not_gone_on_from(
-    tmp_path, tower_model, tower_observation, monkeypatch
-):
-    """Floors confused the first time, then put right: same file, other data."""
-    monkeypatch.setattr("femupdate.workflow.sampling._SAVE_EVERY_S", -1.0)
-    path = renamed(tower_observation, tmp_path / "theirs.csv", NAMES)
-    confused = {**MAPPED, "RF": "middle", "2F": "top"}
-    study = Study(tmp_path / "study")
-
-    class Stopped(Exception):  # noqa: N818 - it stands for a kill
-        pass
-
-    class Stopper:
-        def start(self, label, total):
-            self.left = 5
-
-        def advance(self, count=1, note=""):
-            self.left -= 1
-            if not self.left:
-                raise Stopped
-
-        def say(self, text):
-            pass
-
-    source = ObservationSource(path, "cm/s2", confused)
-    with pytest.raises(Stopped):
-        calibrate_study(study, tower_model, source, replace(QUICK, anyway=True), Stopper())
-    assert list(study.path("sampling").iterdir())
-    right = calibrated(study, tower_model, path, unit="cm/s2", columns=MAPPED)
-    fresh = calibrated(Study(tmp_path / "other"), tower_model, path, unit="cm/s2", columns=MAPPED)
-    np.testing.assert_array_equal(right.posterior.theta, fresh.posterior.theta)
-    assert not study.path("sampling").exists()
-
-
 def test_a_real_frame_is_followed_and_its_misfit_told(tmp_path):
     """A bench-top frame measured by others. A chain of equal masses has the wrong form: its first
     mode comes out up to 4 % off the peak of H1, the two others within 2 %, and the note says so.
@@ -345,7 +310,6 @@ def test_one_seed_one_posterior(tmp_path, tower_model, frf_table):
     np.testing.assert_array_equal(runs[0].zeta, runs[1].zeta)
     assert runs[0].drawn == runs[1].drawn
     assert not np.array_equal(runs[0].theta, runs[2].theta)
-    assert not np.array_equal(runs[0].theta[0], runs[0].theta[1])
 
 
 def test_every_draw_lies_in_the_prior(tower):
@@ -469,63 +433,6 @@ def test_without_a_surrogate_nothing_is_drawn(tmp_path, tower_model, tower_obser
     with pytest.raises(SurrogateError, match="femupdate train"):
         calibrated(study, tower_model, tower_observation.path, CalibrationSettings())
     assert snapshot(tmp_path) == {}
-
-
-@pytest.fixture
-def many(learned, monkeypatch):
-    """As if two factors were many, with a decoder corrected once."""
-    for likelihood in ("latent", "exact"):
-        monkeypatch.setattr(f"femupdate.workflow.calibrate_{likelihood}.FEW", MANY)
-    monkeypatch.setattr(
-        "femupdate.workflow.decoded.in_groups",
-        lambda *groups: replace(in_groups(*groups), corrections=1),
-    )
-    return learned
-
-
-def test_draws_on_a_poor_decoder_are_not_trusted(many, frf_table):
-    study, model = many
-    report = calibrate_study(
-        study, model, ObservationSource(frf_table[0]), CalibrationSettings(particles=160)
-    )
-    assert report.posterior.theta.shape == (4, 64, 2)
-    assert report.posterior.drawn.log_evidence is None
-    low, high = model.damping.lower, model.damping.upper
-    assert ((report.posterior.zeta >= low) & (report.posterior.zeta <= high)).all()
-    told = " ".join(report.notes)
-    assert "responses of the reduced model corrected it, from" in told
-    assert "too much beside a noise of 0.2: do not trust this posterior" in told
-
-
-def test_the_building_judges_what_a_poor_decoder_draws(
-    learned, tower_frf, frf_table, grid_about, monkeypatch
-):
-    """Corrected three times, at the noise of its training: twice that of the file."""
-    monkeypatch.setattr("femupdate.workflow.calibrate_latent.FEW", MANY)
-    study, model = learned
-    path, log_frf = frf_table
-    report = calibrated(study, model, path, CalibrationSettings(particles=2000))
-    assert not any("a better solution" in note for note in report.notes)
-    draws = np.column_stack([report.posterior.samples, report.posterior.zeta_samples])
-    mean, sd, _ = quadrature(log_frf, tower_frf, grid_about(draws), 0.2)
-    # 2,000 draws, a tenth of them independent at least: .07 sd, and 5 % of a standard deviation.
-    np.testing.assert_allclose((draws.mean(axis=0) - mean) / sd, 0.0, atol=0.25)
-    np.testing.assert_allclose(draws.std(axis=0), sd, rtol=0.2)
-
-
-def test_they_are_good_enough_to_start_the_exact_posterior_from(
-    many, tower_frf, frf_table, grid_about
-):
-    study, model = many
-    path, log_frf = frf_table
-    settings = CalibrationSettings(particles=400, exact=True)
-    report = calibrate_study(study, model, ObservationSource(path), settings)
-    draws = np.column_stack([report.posterior.samples, report.posterior.zeta_samples])
-    mean, sd, _ = quadrature(log_frf, tower_frf, grid_about(draws))
-    # 400 draws, a third of them independent at least: .09 sd, and 6 % of a standard deviation.
-    np.testing.assert_allclose((draws.mean(axis=0) - mean) / sd, 0.0, atol=0.35)
-    np.testing.assert_allclose(draws.std(axis=0), sd, rtol=0.25)
-    assert any("from the latent posterior" in note for note in report.notes)
 
 
 @pytest.fixture

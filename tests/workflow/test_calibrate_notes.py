@@ -10,7 +10,6 @@ from femupdate.measurement.observation import Observation
 from femupdate.result import Notes
 from femupdate.workflow.calibrate_draws import Fitting
 from femupdate.workflow.calibrate_notes import (
-    decoder_warnings,
     judgement,
     misfit_warnings,
     overstated_noise,
@@ -87,9 +86,8 @@ def test_what_decides_comes_before_a_limit(pressed):
 
 def test_a_posterior_not_to_be_trusted_says_so():
     assert misfit_warnings(1.0, 1.2) == ()
-    assert decoder_warnings(0.001, 0.2) == ()
-    for (note,) in (misfit_warnings(9.0, 1.2), decoder_warnings(0.4, 0.2)):
-        assert "do not trust this posterior" in note.lower()
+    (note,) = misfit_warnings(9.0, 1.2)
+    assert "do not trust this posterior" in note.lower()
 
 
 def test_six_notes_are_shown_and_the_rest_counted():

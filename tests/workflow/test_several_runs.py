@@ -156,42 +156,6 @@ def test_what_is_kept_names_every_file(tmp_path, tower_model, tables):
     assert alone.posterior.observation.scatter is None
 
 
-class Stopped(Exception):  # noqa: N818 - it stands for a kill
-    pass
-
-
-class Stopper:
-    """Lets some steps pass."""
-
-    def start(self, label, total):
-        self.left = 20
-
-    def advance(self, count=1, note=""):
-        self.left -= 1
-        if not self.left:
-            raise Stopped
-
-    def say(self, text):
-        pass
-
-
-def test_chains_of_another_second_file_are_not_gone_on_from(
-    tmp_path, tower_model, tables, monkeypatch
-):
-    """The same name with other content: what was kept of the killed run belongs to the old one."""
-    monkeypatch.setattr("femupdate.workflow.sampling._SAVE_EVERY_S", -1.0)
-    study, second = Study(tmp_path / "study"), tmp_path / "second.csv"
-    source = source_of(tables[0], second)
-    second.write_bytes(tables[2].read_bytes())
-    with pytest.raises(Stopped):
-        calibrate_study(study, tower_model, source, QUICK, Stopper())
-    assert list(study.path("sampling").iterdir())
-    second.write_bytes(tables[1].read_bytes())
-    after = calibrate_study(study, tower_model, source, QUICK)
-    fresh = calibrate_study(Study(tmp_path / "other"), tower_model, source, QUICK)
-    np.testing.assert_array_equal(after.posterior.theta, fresh.posterior.theta)
-
-
 def test_runs_that_do_not_agree_are_told_and_gone_on_with(tmp_path, tower_model, tables):
     report = calibrate_study(Study(tmp_path), tower_model, source_of(tables[0], tables[2]), QUICK)
     told = next(note for note in report.notes if "explained together" in note)

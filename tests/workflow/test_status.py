@@ -105,7 +105,7 @@ def test_damaged_and_missing_files_are_told_apart(look):
 
 def test_interrupted_work_and_inner_studies_are_named(look):
     study, _ = look
-    write_text(study.path("sampling", "state.npz"), "half")
+    write_text(study.path("dataset", "0000.npz"), "half")
     write_text(study.path("repaired", "study.json"), "{}")
     report = study_status(study)
     assert "goes on where it stopped" in report.unfinished[0]

@@ -1,17 +1,17 @@
 """Simulated buildings, their posteriors, and whether those hold the truth as often as they say."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import Responses
-from femupdate.inference.bridge import Start, bridge
+from femupdate.inference.importance import draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
-from femupdate.inference.sampler_run import SamplerRun
 from femupdate.inference.smc import LogLikelihood, TemperedSmc
+from femupdate.inference.tempering import SamplerRun
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
 from femupdate.workflow.calibrate_draws import latent_zeta
@@ -166,7 +166,7 @@ def calibration_case(
     judge = _Judge(model, building, reference, seed)
     exact, widths, share = None, None, float("nan")
     if number < settings.beside:
-        draws, likelihoods, share = _exact(model, building, latent, start, seed)
+        draws, likelihoods, share = _exact(model, building, start, seed)
         theta, zeta = draws[:, : model.prior.size], draws[:, model.prior.size :]
         exact = judge(theta, zeta, likelihoods)
         widths = _widths(start.theta, theta)
@@ -192,7 +192,6 @@ def _random_floors(floors: tuple[str, ...], rng: np.random.Generator) -> tuple[s
 def _exact(
     model: StudyModel,
     building: SimulatedBuilding,
-    latent: LatentLikelihood,
     start: SamplerRun,
     seed: int,
 ) -> tuple[torch.Tensor, SimulatedCase, float]:
@@ -200,18 +199,15 @@ def _exact(
 
     The draws are of theta (n, p), with the damping ratio as one more column where it is unknown.
     """
-    size, prior = model.prior.size, model.parameters
+    prior = model.parameters
     target = on_fewer_modes(stated_likelihood(model, building.observation))
     truth = np.append(building.theta, building.zeta)
     # The latent likelihood does not know zeta: its posterior there is the prior.
     generator = torch.Generator().manual_seed(seed)
     zeta = prior.of("damping").sample(len(start.theta), generator)
-    start = replace(start, theta=torch.cat([start.theta, zeta], dim=1))
-
-    def on_theta(parameters: torch.Tensor) -> torch.Tensor:
-        return latent(parameters[:, :size])
-
-    found = bridge(prior, target, Start(start, on_theta), seed)
+    particles = torch.cat([start.theta, zeta], dim=1)
+    weighted = draws_about_particles(prior, target, particles, 4 * len(particles), seed)
+    found = weighted.resampled(len(particles), seed)
     return found.theta, _simulated(found, target, truth), found.effective_share
 
 

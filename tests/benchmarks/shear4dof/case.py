@@ -14,7 +14,7 @@ from scipy.stats import norm
 from femupdate.arrays import Floats
 from femupdate.building.shear import shear_operators
 from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
-from femupdate.inference.importance import WeightedDraws, importance_draws
+from femupdate.inference.importance import WeightedDraws, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.smc import TemperedSmc
@@ -178,7 +178,7 @@ def exact_posterior(
     """
     target = data_likelihood(model, case)
     found = TemperedSmc(model.prior, target).run(particles, seed)
-    weighted = importance_draws(model.prior, target, found.theta, 2 * draws, seed + 1)
+    weighted = draws_about_particles(model.prior, target, found.theta, 2 * draws, seed + 1)
     theta = weighted.resampled(draws, seed + 2).theta.numpy()
     return ExactPosterior(weighted, theta, case_modes(case, theta))
 

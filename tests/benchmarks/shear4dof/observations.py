@@ -3,7 +3,7 @@
 import time
 from dataclasses import dataclass
 
-from femupdate.inference.bridge import Start, bridge
+from femupdate.inference.importance import draws_about_particles
 from femupdate.inference.smc import TemperedSmc
 
 from .case import Case, Shear4dof, data_likelihood, exact_posterior
@@ -52,7 +52,9 @@ def observation_result(
     started = time.monotonic()
     start = TemperedSmc(prior, latent).run(particles, seed)
     middle = time.monotonic()
-    found = bridge(prior, data_likelihood(problem.model, case), Start(start, latent), seed)
+    target = data_likelihood(problem.model, case)
+    weighted = draws_about_particles(prior, target, start.theta, 4 * particles, seed)
+    found = weighted.resampled(particles, seed)
     ended = time.monotonic()
     return ObservationResult(
         solutions=len(case.solutions),
