@@ -28,7 +28,15 @@ from femupdate.dynamics.modes import (
     response,
 )
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.effects.effect import UNSCALED, Effect, Parameter, Placed, RunChange, Terms
+from femupdate.effects.effect import (
+    ALL_STORIES,
+    UNSCALED,
+    Effect,
+    LevelChange,
+    Parameter,
+    Placed,
+    Terms,
+)
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
 _MATRICES = 2**20  # numbers in the matrices of a batch of eigenproblems
@@ -301,7 +309,12 @@ class System:
             return theta, zeta
         own = split_sizes(self.placed, sizes)
         for one, terms, size in zip(self.placed, self.terms, own, strict=True):
-            theta, zeta = one.effect.at_level(theta, zeta, size, level, terms.constants)
+            change = one.effect.at_level(size, level) if one.effect.needs_levels else None
+            if change is not None:
+                story, softer = int(terms.constants[0]), torch.ones_like(theta)
+                own_story = slice(None) if story == ALL_STORIES else [story]
+                softer[:, own_story] = change.stiffness[:, None]
+                theta, zeta = theta * softer, zeta * change.damping
         return theta, zeta
 
     def port_stiffness(self, omega: Tensor, sizes: Tensor) -> list[Tensor]:
@@ -400,13 +413,13 @@ class System:
         """Whether the structure differs between parts of a run."""
         return any(changes_in_run(one.effect) for one in self.placed)
 
-    def run_change(self, sizes: Tensor, level: float) -> RunChange:
+    def run_change(self, sizes: Tensor, level: float) -> LevelChange:
         """What all effects together change at a level, in doublings above the run's mean."""
-        whole = RunChange(*(torch.ones(len(sizes), dtype=sizes.dtype) for _ in range(2)))
+        whole = LevelChange(*(torch.ones(len(sizes), dtype=sizes.dtype) for _ in range(2)))
         for one, size in zip(self.placed, split_sizes(self.placed, sizes), strict=True):
-            own = one.effect.run_change(size, level)
+            own = None if one.effect.needs_levels else one.effect.at_level(size, level)
             if own is not None:
-                whole = RunChange(whole.stiffness * own.stiffness, whole.damping * own.damping)
+                whole = LevelChange(whole.stiffness * own.stiffness, whole.damping * own.damping)
         return whole
 
     def _log_frf(
@@ -508,7 +521,7 @@ class System:
 
 def changes_in_run(effect: Effect) -> bool:
     """Whether the structure differs between parts of a run: then no one set of modes serves."""
-    return type(effect).run_change is not Effect.run_change
+    return type(effect).at_level is not Effect.at_level and not effect.needs_levels
 
 
 def _different(values: Tensor) -> tuple[Tensor, Tensor]:

@@ -214,11 +214,11 @@ class Terms:
         return still and not self.changes_shapes
 
 
-class RunChange(NamedTuple):
-    """What a structure is multiplied by where motion is at a level of its run.
+class LevelChange(NamedTuple):
+    """What a structure is multiplied by where its motion is stronger or weaker.
 
     Attributes:
-        stiffness: (N,) factor on the stiffness of the whole structure.
+        stiffness: (N,) factor on stiffness.
         damping: (N,) factor on the damping ratios.
     """
 
@@ -363,28 +363,15 @@ class Effect(ABC):
         """Damping ratios (N, m) of the modes omega (N, m), from those without the effect."""
         return ratio
 
-    def at_level(
-        self,
-        theta: Tensor,
-        zeta: Tensor,
-        sizes: Tensor,
-        level: float | Tensor,
-        constants: tuple[float, ...],
-    ) -> tuple[Tensor, Tensor]:
-        """Stiffness factors (N, p) and damping ratios (N,) at another level of motion.
+    def at_level(self, sizes: Tensor, level: float | Tensor) -> LevelChange | None:
+        """How the structure differs at another level of motion; None where it is always the same.
+
+        With `needs_levels` the level is that of one run against another. Else it is that of a part
+        of a run, against the mean of the run, and changes the whole structure.
 
         Args:
-            theta, zeta: at the reference level.
             sizes: (N, q) of the effect.
-            level: doublings of the amplitude above the reference, one or (N,).
-            constants: of the effect's terms.
-        """
-        return theta, zeta
-
-    def run_change(self, sizes: Tensor, level: float) -> RunChange | None:
-        """How the structure differs where motion is that many doublings above the run's mean.
-
-        For sizes (N, q); None where it is always the same.
+            level: doublings of the amplitude, one or (N,).
         """
         return None
 

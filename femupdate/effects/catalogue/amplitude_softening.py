@@ -2,13 +2,13 @@
 
 from torch import Tensor
 
-from femupdate.effects.effect import ALL_STORIES, Terms
-from femupdate.effects.softening import Softening
+from femupdate.effects.drawn_building import DrawnBuilding, Glyph
+from femupdate.effects.effect import ALL_STORIES, Effect, LevelChange, Parameter, Terms
 from femupdate.effects.structure import Structure
 
 
-class AmplitudeSoftening(Softening):
-    """Stiffness factors and damping ratio that change by one share with every doubling of level."""
+class AmplitudeSoftening(Effect):
+    """Stiffness and damping ratio that change by one share with every doubling of the level."""
 
     name = "amplitude_softening"
     title = "Stiffness that falls with amplitude"
@@ -21,24 +21,36 @@ class AmplitudeSoftening(Softening):
     at = "in"
     settled_by = "a third record at another level"
     needs_levels = True
+    parameters = (
+        Parameter(
+            "size",
+            "1",
+            0.05,
+            lower=-0.5,
+            upper=0.0,
+            text="change of stiffness with every doubling of the amplitude",
+        ),
+        Parameter(
+            "damping",
+            "1",
+            0.2,
+            lower=-0.5,
+            upper=2.0,
+            text="change of the damping ratio with every doubling of the amplitude",
+        ),
+    )
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The near faces of the story, or of all."""
+        sides = [(0, float(drawn.low[0])), (1, float(drawn.low[1]))]
+        faces = [drawn.upright(*side, k) for k in drawn.stories(place) for side in sides]
+        return (Glyph.of("surfaces", faces),)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """Number of the story that softens."""
         names = structure.building.story_names
         return Terms(constants=(float(names.index(place) if place in names else ALL_STORIES),))
 
-    def at_level(
-        self,
-        theta: Tensor,
-        zeta: Tensor,
-        sizes: Tensor,
-        level: float | Tensor,
-        constants: tuple[float, ...],
-    ) -> tuple[Tensor, Tensor]:
-        """Both times (1 + size)^level, level the number of doublings above the reference."""
-        softer, story = (1.0 + sizes[:, 0]) ** level, int(constants[0])
-        changed = theta * softer[:, None]
-        if story != ALL_STORIES:
-            changed = theta.clone()
-            changed[:, story] = theta[:, story] * softer
-        return changed, zeta * (1.0 + sizes[:, 1]) ** level
+    def at_level(self, sizes: Tensor, level: float | Tensor) -> LevelChange:
+        """Both times (1 + size)^level."""
+        return LevelChange((1.0 + sizes[:, 0]) ** level, (1.0 + sizes[:, 1]) ** level)
