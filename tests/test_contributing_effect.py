@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 from femupdate.building.files import load_building
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.local_basis import local_structure
-from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
 from femupdate.effects import catalogue
@@ -23,8 +23,7 @@ from femupdate.effects.structure import structure_of
 from femupdate.errors import BuildingError
 from femupdate.registry import classes_in
 from femupdate.report.glyphs import drawn
-from femupdate.simulation.simulate import simulate_observation, write_simulation
-from femupdate.simulation.synthetic import SimulationSettings
+from femupdate.simulation.simulate import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study

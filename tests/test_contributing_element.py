@@ -16,10 +16,9 @@ from femupdate.errors import BuildingError, ModelError
 from femupdate.fe import elements as folder
 from femupdate.fe.assembly import assemble
 from femupdate.fe.export_opensees import opensees_script
-from femupdate.fe.model import FiniteElementModel, PointMasses
+from femupdate.fe.model import FiniteElementModel, PointMasses, element_forces
 from femupdate.fe.registry import element_kinds
 from femupdate.fe.solve import lowest_modes, static_displacement
-from femupdate.fe.stress import element_forces
 
 PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
 E, AREA, DENSITY, ONE = 200e9, 3e-4, 7850.0, np.ones(1)

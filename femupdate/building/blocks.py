@@ -1,15 +1,30 @@
-"""Blocks of elements that share a member's properties, and their union as a model's elements."""
+"""Columns, beams, braces, walls and slabs of a frame as blocks of elements on the mesh lines."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers, Strings
-from femupdate.building.members import Material
+from femupdate.building.entry import Complaint
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.lattice import ExtraLines, Lattice, quadrilaterals, strips
+from femupdate.building.members import BeamLines, ColumnGroup, Material, Wall
+from femupdate.building.references import (
+    Stretch,
+    beam_stretches,
+    intersections,
+    resolve,
+    slab_lines,
+    spans,
+    wall_stretch,
+)
 from femupdate.building.sections import SectionFigures
 from femupdate.fe.element import Elements
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.elements.shell import Shells
 
 # Shape of what an element has more than one figure of.
 _SHAPES = {"up": (3,), "size": (2,), "offset": (2, 3), "released": (12,)}
@@ -89,3 +104,302 @@ def _joined(kind: type[Elements], blocks: Sequence[ElementBlock], used: Integers
                 ]
             )
     return kind(**filled)
+
+
+# Which way a section's depth points: z is vertical in a beam; in a column z is the global y.
+_BEAM_UP = (0.0, 0.0, 1.0)
+_COLUMN_UP = (0.0, 1.0, 0.0)
+
+
+def column_lines(building: FrameBuilding) -> ExtraLines:
+    """Return the mesh lines through columns off the grid."""
+    points = [point for columns in building.columns for point in columns.points]
+    return ExtraLines(x=tuple(x for x, _ in points), y=tuple(y for _, y in points))
+
+
+def column_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
+    """Yield the columns, one block a story and place."""
+    for number, columns in enumerate(building.columns):
+        key = f"columns[{number}]"
+        section = building.sections[columns.section]
+        stories = resolve(columns.stories, building.story_names, "story", f"{key}.stories")
+        for ix, iy in _places(building, lattice, columns, key):
+            for group in map(building.story_names.index, stories):
+                nodes = strips(lattice.crossings(ix, iy, lattice.story(group)))
+                offset = None
+                if columns.eccentricity is not None:
+                    offset = np.tile([*columns.eccentricity, 0.0], (len(nodes), 2, 1))
+                yield ElementBlock(
+                    key=key,
+                    element=Beams,
+                    nodes=nodes,
+                    group=group,
+                    kind="column",
+                    section=section.figures(),
+                    material=building.material(section.material),
+                    up=_COLUMN_UP,
+                    offset=offset,
+                )
+
+
+def _places(
+    building: FrameBuilding, lattice: Lattice, columns: ColumnGroup, key: str
+) -> list[tuple[int, int]]:
+    """Return the mesh lines in x and y at which columns stand."""
+    if columns.points:
+        return [(lattice.x.near(x), lattice.y.near(y)) for x, y in columns.points]
+    points = intersections(building.grid, columns.at, f"{key}.at")
+    return [(lattice.x.at[point.x], lattice.y.at[point.y]) for point in points]
+
+
+def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
+    """Yield the beams, one block a floor and line, or a floor and span where spans have ends."""
+    for number, beams in enumerate(building.beams):
+        key = f"beams[{number}]"
+        section = building.sections[beams.section]
+        floors = resolve(beams.floors, building.floors, "floor", f"{key}.floors")
+        for run in beam_stretches(building.grid, beams, key):
+            parts = [run]
+            if beams.has_spans:
+                spanned = spans(building.grid, run)
+                parts = [Stretch(run.axis, run.line, start, end) for start, end, _ in spanned]
+            for floor, part in product(floors, parts):
+                points = lattice.along(part, np.array([lattice.z.at[floor]]))[:, 0]
+                nodes = strips(_touched(lattice, beams, part, points))
+                yield ElementBlock(
+                    key=key,
+                    element=Beams,
+                    nodes=nodes,
+                    group=building.floors.index(floor),
+                    kind="beam",
+                    section=section.figures(),
+                    material=building.material(section.material),
+                    up=_BEAM_UP,
+                    offset=_arms(beams, part.axis, len(nodes)),
+                    released=_hinges(beams, len(nodes)),
+                )
+
+
+def brace_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
+    """Yield the braces, one block a story; each brace is one element from corner to corner."""
+    for number, braces in enumerate(building.braces):
+        key = f"braces[{number}]"
+        section = building.sections[braces.section]
+        stretch = wall_stretch(building.grid, braces, key)
+        for story in resolve(braces.stories, building.story_names, "story", f"{key}.stories"):
+            group = building.story_names.index(story)
+            levels = lattice.story(group)[[0, -1]]
+            (low_start, high_start), *_, (low_end, high_end) = lattice.along(stretch, levels)
+            diagonals = {"up": (low_start, high_end), "down": (high_start, low_end)}
+            if stretch.start != braces.start:  # stretches run along the axis
+                diagonals = {"up": (low_end, high_start), "down": (high_end, low_start)}
+            chosen = diagonals if braces.shape == "cross" else (braces.shape,)
+            nodes = np.array([diagonals[leaning] for leaning in chosen], dtype=np.int64)
+            yield ElementBlock(
+                key=key,
+                element=Beams,
+                nodes=nodes,
+                group=group,
+                kind="brace",
+                section=section.figures(),
+                material=building.material(section.material),
+                up=_BEAM_UP,
+                released=_pins(len(nodes)) if braces.ends == "pinned" else None,
+            )
+
+
+def _pins(count: int) -> Flags:
+    """Return that neither end of an element passes bending moments on, (count, 12)."""
+    released = np.zeros((count, 12), dtype=np.bool_)
+    released[:, [4, 5, 10, 11]] = True
+    return released
+
+
+def _touched(lattice: Lattice, beams: BeamLines, run: Stretch, points: Integers) -> Integers:
+    """Return those of the crossings along a beam that its elements join.
+
+    A rigid end reaches from the first node into the element that ends outside it; the beam does
+    not touch the nodes that it passes on the way.
+    """
+    place = lattice.coordinates(points)[:, run.axis]
+    first, last = beams.rigid_ends or (0.0, 0.0)
+    inside = (place > place[0] + first) & (place < place[-1] - last)
+    if inside.any():  # an element that is almost all rigid would have next to no length
+        gap = 0.25 * np.diff(place).min()
+        inside &= (place > place[0] + first + gap) & (place < place[-1] - last - gap)
+    inside[[0, -1]] = True
+    return points[inside]
+
+
+def _arms(beams: BeamLines, axis: int, count: int) -> Floats | None:
+    """Return the rigid arms of a beam's elements, (count, 2, 3) m."""
+    if beams.rigid_ends is None and beams.eccentricity is None:
+        return None
+    first, last = beams.rigid_ends or (0.0, 0.0)
+    offset = np.zeros((count, 2, 3))
+    offset[:, :, 2] = -(beams.eccentricity or 0.0)
+    offset[0, 0, axis], offset[-1, 1, axis] = first, -last
+    return offset
+
+
+def _hinges(beams: BeamLines, count: int) -> Flags | None:
+    """Return where a beam's elements pass no bending moment on, (count, 12)."""
+    if beams.hinges is None:
+        return None
+    released = np.zeros((count, 12), dtype=np.bool_)
+    released[0, [4, 5]] = beams.hinges in ("start", "both")
+    released[-1, [10, 11]] = beams.hinges in ("end", "both")
+    return released
+
+
+@dataclass(frozen=True)
+class DeadWall:
+    """A wall of one story that only weighs.
+
+    Attributes:
+        above, below: (n,) crossings along the wall on the floor above and below (below is empty
+            on the ground).
+        share: (n,) mass for each of those, kg: half of the wall's in all.
+    """
+
+    key: str
+    group: int
+    above: Integers
+    below: Integers
+    share: Floats
+
+    @property
+    def mass(self) -> float:
+        """Mass of the whole wall, kg."""
+        return 2.0 * float(self.share.sum())
+
+
+@dataclass(frozen=True)
+class _WallStory:
+    """A wall in one story.
+
+    Attributes:
+        key: the entry of the file it comes from.
+        wall: that entry.
+        run: the stretch of the grid line under it.
+        group: index of the story.
+        openings: (n, 4) sides of each opening, m: along the wall from and to, up from and to.
+    """
+
+    key: str
+    wall: Wall
+    run: Stretch
+    group: int
+    openings: Floats
+
+    def sheet(self, lattice: Lattice) -> Integers:
+        """Crossings (points along the wall, levels)."""
+        return lattice.along(self.run, lattice.story(self.group))
+
+    def is_open(self, lattice: Lattice, nodes: Integers) -> Flags:
+        """Which elements (n, 4) lie in an opening."""
+        middle = lattice.coordinates(nodes.ravel()).reshape(-1, 4, 3).mean(axis=1)
+        along, up = middle[:, [self.run.axis]], middle[:, [2]]
+        left, right, bottom, top = self.openings.T
+        inside = (along > left) & (along < right) & (up > bottom) & (up < top)
+        return np.asarray(inside.any(axis=1))
+
+
+def _wall_stories(building: FrameBuilding) -> Iterator[_WallStory]:
+    bottom = building.floor_levels - [story.height for story in building.stories]
+    for number, wall in enumerate(building.walls):
+        key = f"walls[{number}]"
+        run = wall_stretch(building.grid, wall, key)
+        start, _ = run.ends(building.grid)
+        stories = resolve(wall.stories, building.story_names, "story", f"{key}.stories")
+        for story in stories:
+            group = building.story_names.index(story)
+            sides = [
+                (o.left + start, o.left + start + o.width, low, low + o.height)
+                for o in wall.openings
+                if story in resolve(o.stories, stories, "story", "stories")
+                for low in [float(bottom[group]) + o.bottom]
+            ]
+            openings = np.array(sides).reshape(-1, 4)
+            yield _WallStory(key, wall, run, group, openings)
+
+
+def wall_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
+    """Yield the walls that have stiffness, one block a story, without what is open.
+
+    Raises:
+        Complaint: the openings leave nothing of a wall.
+    """
+    for part in _wall_stories(building):
+        if not part.wall.is_stiff:
+            continue
+        nodes = quadrilaterals(part.sheet(lattice))
+        open_ = part.is_open(lattice, nodes)
+        if open_.all():
+            story = building.story_names[part.group]
+            text = f"the openings leave nothing of the wall in story {story}; make them smaller"
+            raise Complaint(f"{part.key}.openings", text)
+        yield ElementBlock(
+            key=part.key,
+            element=Shells,
+            nodes=nodes[~open_],
+            group=part.group,
+            kind="wall" if part.wall.role == "shear" else "non_structural_wall",
+            thickness=part.wall.thickness,
+            material=building.material(part.wall.material),
+        )
+
+
+def opening_lines(building: FrameBuilding) -> ExtraLines:
+    """Return the mesh lines through the sides of openings."""
+    lines = ExtraLines()
+    for part in _wall_stories(building):
+        for left, right, bottom, top in part.openings.tolist():
+            along = {"xy"[part.run.axis]: (left, right)}
+            lines += ExtraLines(**along, z=(bottom, top))
+    return lines
+
+
+def dead_walls(building: FrameBuilding, lattice: Lattice) -> Iterator[DeadWall]:
+    """Yield the walls whose weight alone counts, one a story."""
+    for part in _wall_stories(building):
+        if part.wall.is_stiff:
+            continue
+        sheet = part.sheet(lattice)
+        widths = np.diff(lattice.coordinates(sheet[:, 0])[:, part.run.axis])
+        tributary = (np.append(widths, 0.0) + np.append(0.0, widths)) / 2.0
+        area_density = building.material(part.wall.material).density * part.wall.thickness
+        height = building.stories[part.group].height * _closed_share(part, lattice, sheet)
+        yield DeadWall(
+            key=part.key,
+            group=part.group,
+            above=sheet[:, -1],
+            below=sheet[:0, 0] if part.group == 0 else sheet[:, 0],
+            share=area_density * height * tributary / 2.0,
+        )
+
+
+def _closed_share(part: _WallStory, lattice: Lattice, sheet: Integers) -> float:
+    """Return how much of a wall's area no opening takes."""
+    nodes = quadrilaterals(sheet)
+    corners = lattice.coordinates(nodes.ravel()).reshape(-1, 4, 3)
+    area = np.ptp(corners[:, :, part.run.axis], axis=1) * np.ptp(corners[:, :, 2], axis=1)
+    return float(area[~part.is_open(lattice, nodes)].sum() / area.sum())
+
+
+def slab_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
+    """Yield the slabs, one block a floor."""
+    for number, slab in enumerate(building.slabs):
+        key = f"slabs[{number}]"
+        x = slab_lines(slab.x, building.grid.x, f"{key}.x")
+        y = slab_lines(slab.y, building.grid.y, f"{key}.y")
+        for floor in resolve(slab.floors, building.floors, "floor", f"{key}.floors"):
+            yield ElementBlock(
+                key=key,
+                element=Shells,
+                nodes=quadrilaterals(lattice.rectangle(x, y, floor)),
+                group=building.floors.index(floor),
+                kind="slab",
+                thickness=slab.thickness,
+                material=building.material(slab.material),
+            )

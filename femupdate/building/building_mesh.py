@@ -3,12 +3,93 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from femupdate.arrays import Floats, Integers
+from femupdate.building.blocks import DeadWall
 from femupdate.building.connections import connected
-from femupdate.building.masses import Massive, place_masses
+from femupdate.building.entry import Complaint
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.parameters import StiffnessFactor, stiffness_factors, with_factors
-from femupdate.building.walls import DeadWall
-from femupdate.fe.model import FiniteElementModel
+from femupdate.building.references import resolve
+from femupdate.fe.model import FiniteElementModel, PointMasses
+
+Massive = FrameBuilding | MeshBuilding
+_ROUNDING = 1e-9  # of a floor's mass
+
+
+def self_mass(model: FiniteElementModel, dead: Iterable[DeadWall]) -> Floats:
+    """Return the mass of what each story owns, (groups,) kg.
+
+    Story i owns the columns and walls below floor i+1, those without stiffness included, and that
+    floor's slab and beams; all are taken between centre lines, without deducting their overlaps.
+    """
+    total = np.zeros(model.groups)
+    for part in model.elements:
+        np.add.at(total, part.group, part.mass(model.nodes))
+    for wall in dead:
+        total[wall.group] += wall.mass
+    return total
+
+
+def _tributary(model: FiniteElementModel, group: int) -> Floats:
+    """Return the slab area that each node of a floor carries, (N,) m2."""
+    area = np.zeros(len(model.nodes))
+    for part in model.elements:
+        on_floor = np.flatnonzero((part.kind == "slab") & (part.group == group))
+        slab = part.taken(on_floor)
+        share = slab.measure(model.nodes) / slab.node_count()
+        np.add.at(area, slab.nodes, share[:, None])
+    return area
+
+
+def _rest(building: Massive, weights: Floats, key: str, total: float, floor: str) -> float:
+    weight = weights[building.floors.index(floor)]
+    rest = total - weight
+    if rest < -_ROUNDING * total:
+        text = (
+            f"{floor} weighs {weight / 1e3:.4g} t by itself (its slab and beams, and the columns "
+            f"and walls below it), more than the {total / 1e3:.4g} t in all; raise the total"
+        )
+        raise Complaint(f"{key}.total", text)
+    return max(rest, 0.0)
+
+
+def _floor_rest(building: Massive, model: FiniteElementModel, weights: Floats) -> Floats:
+    """Return what the floor masses leave after the self weight, spread over the slabs, (N,) kg."""
+    spread = np.zeros(len(model.nodes))
+    for number, mass in enumerate(building.floor_mass):
+        key = f"floor_mass[{number}]"
+        for floor in resolve(mass.floors, building.floors, "floor", f"{key}.floors"):
+            rest = _rest(building, weights, key, mass.total, floor)
+            area = _tributary(model, building.floors.index(floor))
+            if rest > _ROUNDING * mass.total and not area.any():
+                text = f"{floor} has no slab to carry its mass; add one, or remove the floor mass"
+                raise Complaint(f"{key}.floors", text)
+            spread += rest * area / (area.sum() or 1.0)
+    return spread
+
+
+def place_masses(
+    building: Massive, model: FiniteElementModel, dead: Sequence[DeadWall]
+) -> PointMasses:
+    """Return the masses at nodes: the rest of the floor masses, and the walls without stiffness.
+
+    Half of such a wall goes to the nodes along it on the floor above and half to those on the
+    floor below; on the ground the lower half is left out. Before that its whole mass counts as
+    self weight of the floor above, like that of the walls with stiffness.
+
+    Raises:
+        Complaint: a floor lighter than its self weight, or one without a slab.
+    """
+    at_node = _floor_rest(building, model, self_mass(model, dead))
+    for wall in dead:
+        np.add.at(at_node, wall.above, wall.share)
+        if len(wall.below):
+            np.add.at(at_node, wall.below, wall.share)
+    node = np.flatnonzero(at_node)
+    return PointMasses(node=node, mass=at_node[node], inertia=np.zeros((len(node), 3)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ import numpy as np
 from femupdate.arrays import Flags, Integers
 from femupdate.building.lattice import ExtraLines
 from femupdate.building.members import Supports
-from femupdate.building.pieces import piece_of
+from femupdate.building.mesh_check import piece_of
 from femupdate.fe.joints import EdgeJoint, edge_joints, joint_links
 from femupdate.fe.model import CONSTANT, DOF_PER_NODE, FiniteElementModel, RigidLinks, Springs
 

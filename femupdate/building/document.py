@@ -1,4 +1,4 @@
-"""A building as a plain document: tables as the file holds them, and its hashes."""
+"""The three kinds of building as plain documents: tables as the file holds them, and hashes."""
 
 import hashlib
 import json
@@ -8,11 +8,20 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from femupdate.building.entry import as_building_error
-from femupdate.building.names import close
+from femupdate.building.entry import as_building_error, close
+from femupdate.building.frame import FrameBuilding
 from femupdate.building.own_mesh import MeshBuilding
-from femupdate.building.schema import KINDS, Building
+from femupdate.building.shear import ShearBuilding
 from femupdate.errors import BuildingError
+
+Building = FrameBuilding | MeshBuilding | ShearBuilding
+
+KINDS: Mapping[str, type[Building]] = {
+    "frame": FrameBuilding,
+    "mesh": MeshBuilding,
+    "shear": ShearBuilding,
+}
+
 
 _EMPTY: tuple[Any, ...] = ({}, [], "")  # each is the default of the entry that holds it
 # What a trained surrogate or a reduced model does not depend on.

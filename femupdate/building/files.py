@@ -9,11 +9,16 @@ from typing import Any, TypeGuard
 
 import tomlkit
 
-from femupdate.building.document import building_hash, from_document, mechanics_hash, to_document
+from femupdate.building.document import (
+    Building,
+    building_hash,
+    from_document,
+    mechanics_hash,
+    to_document,
+)
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import check_mesh
 from femupdate.building.own_mesh import MeshBuilding
-from femupdate.building.schema import Building
 from femupdate.building.shipped import building_text
 from femupdate.errors import BuildingError
 from femupdate.storage import atomic_path, toml_content

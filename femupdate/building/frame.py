@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Literal
 
-from femupdate.building.analysis import ParameterGrouping
-from femupdate.building.common import MeshedBuilding
+from femupdate.building.common import MeshedBuilding, ParameterGrouping
 from femupdate.building.entry import Complaint
 from femupdate.building.members import (
     BeamLines,

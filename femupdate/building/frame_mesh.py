@@ -7,16 +7,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femupdate.arrays import Integers
-from femupdate.building.bars import beam_blocks, brace_blocks, column_blocks, column_lines
-from femupdate.building.blocks import ElementBlock, by_element, joined
+from femupdate.building.blocks import (
+    DeadWall,
+    ElementBlock,
+    beam_blocks,
+    brace_blocks,
+    by_element,
+    column_blocks,
+    column_lines,
+    dead_walls,
+    joined,
+    opening_lines,
+    slab_blocks,
+    wall_blocks,
+)
 from femupdate.building.building_mesh import BuildingMesh, finished
 from femupdate.building.connections import face_lines
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
 from femupdate.building.lattice import Lattice, lattice_of
-from femupdate.building.pieces import first_double, loose_pieces, place
+from femupdate.building.mesh_check import first_double, loose_pieces, place
 from femupdate.building.references import intersections
-from femupdate.building.walls import DeadWall, dead_walls, opening_lines, slab_blocks, wall_blocks
 from femupdate.errors import BuildingError
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 

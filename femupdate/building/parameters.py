@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femupdate.arrays import Integers, Strings
+from femupdate.building.document import Building
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.references import resolve
-from femupdate.building.schema import Building
 from femupdate.fe.model import FiniteElementModel
 
 # Kind of an element in the model, and what its factor is called.

@@ -7,7 +7,7 @@ import os
 from importlib.resources import files
 from pathlib import Path
 
-from femupdate.building.names import close
+from femupdate.building.entry import close
 from femupdate.errors import BuildingError
 from femupdate.storage import check_regular
 

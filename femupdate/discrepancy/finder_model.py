@@ -7,18 +7,15 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.building.document import without_effects
+from femupdate.building.document import Building, without_effects
 from femupdate.building.frame import FrameBuilding
-from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.near_basis import Bases
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import MESH_ERROR, MODEL_ERROR
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.force_response import rest_about
-from femupdate.dynamics.projection import lumped
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, lumped
 from femupdate.dynamics.system import System
 from femupdate.effects.structure import Structure, require_story_factors, structure_of
 from femupdate.errors import BuildingError

@@ -22,8 +22,7 @@ from scipy.optimize import linear_sum_assignment
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.thresholds import MESH_ERROR
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedModel, ReducedStructure
 from femupdate.effects.effect import UNSCALED, Placed, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure

@@ -18,7 +18,7 @@ from femupdate.discrepancy.mesh_error import MeshError, ShownModes, modes_shown
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.closed_form import Estimate
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.dynamics.system import Responses, System
 from femupdate.effects.effect import Placed
 

@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.schema import Building
+from femupdate.building.document import Building
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.dynamics.local_basis import Sized, local_structure
-from femupdate.dynamics.projection import reduced_on
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedStructure, reduced_on
 from femupdate.effects.structure import Structure
 from femupdate.inference.priors import reduction_target
 from femupdate.progress import Progress, Silent

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Effect, Placed
 from femupdate.inference.data import Data

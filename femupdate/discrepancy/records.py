@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Flags
-from femupdate.building.schema import Building
+from femupdate.building.document import Building
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.thresholds import FIT, MODEL_ERROR
 from femupdate.inference.frf_data import (

@@ -34,7 +34,7 @@ from femupdate.discrepancy.thresholds import FIT, SEARCH, VERDICT, DiagnosisSett
 from femupdate.dynamics.local_basis import Sized
 from femupdate.dynamics.thresholds import LOCAL_BASIS
 from femupdate.effects.effect import Placed
-from femupdate.effects.listed import BuildingEffects, building_effects, check_places
+from femupdate.effects.registry import BuildingEffects, building_effects, check_places
 from femupdate.inference.data import Data
 from femupdate.progress import Progress, Silent
 

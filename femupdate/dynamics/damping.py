@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 import torch
 from torch import Tensor
 
-from femupdate.building.schema import Building
+from femupdate.building.document import Building
 
 
 @runtime_checkable

@@ -15,8 +15,7 @@ from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.reduced import BaseRotation, ReducedModel
-from femupdate.dynamics.reduced_terms import reduce_terms
+from femupdate.dynamics.reduced import BaseRotation, ReducedModel, reduce_terms
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import UNSCALED, Hinges, Placed, Springs, Terms
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure

@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
 from femupdate.arrays import Floats, Singles
-from femupdate.dynamics.projection import reduced_on
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, reduced_on
 from femupdate.dynamics.snapshots import (
     STATIC_WEIGHT,
     FeltModes,

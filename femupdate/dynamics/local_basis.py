@@ -16,8 +16,7 @@ from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats, Indices, Singles
 from femupdate.dynamics.equations import Equations, WithSprings, equations_at
-from femupdate.dynamics.projection import lumped, reduced_on
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.snapshots import STATIC_WEIGHT, FeltModes, ReductionTarget, compressed
 from femupdate.dynamics.thresholds import LOCAL_BASIS
 from femupdate.effects.effect import Placed, Terms

@@ -1,13 +1,28 @@
-"""The reduced model: the building seen through a few shapes, affine in theta."""
+"""Reduced models: a building seen through a few shapes, affine in theta, and what effects add."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.effects.effect import (
+    UNSCALED,
+    AddedMass,
+    Array,
+    Hinges,
+    Placed,
+    Port,
+    Stiffness,
+    Terms,
+)
+from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
+from femupdate.fe.model import DOF_PER_NODE
 from femupdate.storage import check_shapes
 
 # Arrays of a reduced model, with a letter an axis.
@@ -149,3 +164,229 @@ class ReducedModel:
             rotation=BaseRotation(**turned) if turned else None,
             released=ReleasedBase(**released) if released else None,
         )
+
+
+# The matrix is kept with its projection, so that no other takes its identity.
+Projections = dict[int, tuple[csc_matrix, Tensor]]
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedStructure:
+    """A structure seen through a mass-orthonormal basis of r shapes.
+
+    Attributes:
+        structure: the full model.
+        model: its reduced model.
+        basis: (n, r) the shapes.
+        known: what effects add, by label, once it was asked for.
+        matrices: what `projected` makes of those that several effects share, by their identity.
+        whole: the structure on more shapes whose first these are, or None.
+    """
+
+    structure: Structure
+    model: ReducedModel
+    basis: Floats
+    known: dict[str, Terms] = field(default_factory=dict, repr=False)
+    matrices: Projections = field(default_factory=dict, repr=False)
+    whole: "ReducedStructure | None" = None
+
+    def terms(self, placed: Placed) -> Terms:
+        """What an effect adds."""
+        if placed.label not in self.known:
+            if self.whole is not None:
+                added = first_coordinates(self.whole.terms(placed), self.model.size)
+            else:
+                whole = placed.effect.terms(self.structure, placed.place)
+                added = reduce_terms(self.basis, whole, self.matrices)
+            self.known[placed.label] = added
+        return self.known[placed.label]
+
+    def first(self, count: int) -> "ReducedStructure":
+        """The structure on the first shapes of its basis, which count most."""
+        if count >= self.model.size:
+            return self
+        return replace(
+            self,
+            model=self.model.first(count),
+            basis=self.basis[:, :count],
+            known={},
+            matrices={},
+            whole=self,
+        )
+
+
+def first_coordinates(terms: Terms, count: int) -> Terms:
+    """What an effect adds to the first coordinates of a reduced model."""
+    mass, port, hinges, own = terms.mass, terms.port, terms.hinges, slice(count)
+    return replace(
+        terms,
+        stiffness=tuple(one._replace(matrix=one.matrix[own, own]) for one in terms.stiffness),
+        hinges=None if hinges is None else replace(hinges, coupling=hinges.coupling[:, own]),
+        mass=None
+        if mass is None
+        else replace(
+            mass,
+            matrix=mass.matrix[own, own],
+            force=mass.force[own],
+            above=mass.above[:, own],
+        ),
+        port=None if port is None else replace(port, row=port.row[own]),
+    )
+
+
+def projected(basis: Floats, matrix: csc_matrix) -> Floats:
+    """basis^T matrix basis (r, r), through the rows in which the matrix has numbers."""
+    by_row = matrix.tocsr(copy=True)
+    by_row.eliminate_zeros()
+    rows = np.flatnonzero(np.diff(by_row.indptr))
+    own = basis[rows]
+    result = own.T @ (by_row[rows][:, rows] @ own)
+    return 0.5 * (result + result.T)
+
+
+def along(rows: Array, basis: Floats) -> Floats:
+    """rows basis (c, r), by the columns of the rows (c, n) in which there are numbers."""
+    whole = np.asarray(rows)
+    used = np.flatnonzero(whole.any(axis=0))
+    return np.asarray(whole[:, used] @ basis[used])
+
+
+def reduce_terms(basis: Floats, terms: Terms, matrices: Projections | None = None) -> Terms:
+    """Project what an effect adds onto a basis (n, r): its terms in r coordinates, as tensors.
+
+    Args:
+        matrices: those that were projected already; gets the new ones.
+    """
+    done = {} if matrices is None else matrices
+
+    def once(matrix: csc_matrix) -> Tensor:
+        if id(matrix) not in done:
+            done[id(matrix)] = matrix, torch.from_numpy(projected(basis, matrix))
+        return done[id(matrix)][1]
+
+    port = None
+    if terms.port is not None:
+        line = along(terms.port.row[None], basis)[0]
+        port = Port(torch.from_numpy(line), torch.as_tensor(terms.port.rigid))
+    stiffness = [Stiffness(one.story, once(one.matrix), one.series) for one in terms.stiffness]
+    if terms.springs is not None:
+        stretch = along(terms.springs.rows, basis)  # (c, r)
+        own = stretch.T @ (terms.springs.stiffness[:, None] * stretch)
+        stiffness.append(Stiffness(UNSCALED, torch.from_numpy(0.5 * (own + own.T))))
+    return Terms(
+        stiffness=tuple(stiffness),
+        hinges=None if terms.hinges is None else _reduced_hinges(basis, terms.hinges),
+        mass=None if terms.mass is None else _reduced_mass(basis, terms.mass),
+        flexibility=terms.flexibility,
+        pitch=terms.pitch,
+        port=port,
+        constants=terms.constants,
+    )
+
+
+def _reduced_hinges(basis: Floats, hinges: Hinges) -> Hinges:
+    coupling = np.stack([along(own.T, basis).T for own in hinges.coupling])
+    return Hinges(*(torch.as_tensor(part) for part in (coupling, hinges.inner, hinges.spring)))
+
+
+def _reduced_mass(basis: Floats, mass: AddedMass) -> AddedMass:
+    parts = (
+        projected(basis, mass.matrix),
+        along(mass.force.T, basis).T,
+        mass.rigid,
+        along(mass.above, basis),
+        mass.above_rigid,
+    )
+    return AddedMass(*(torch.from_numpy(np.asarray(part)) for part in parts))
+
+
+_SOFT = 1e-3  # frequency on the springs over the building's first one
+
+
+def released_base(structure: Structure) -> ReleasedBase | None:
+    """How forces move the base of a structure; None where its building says that it is held."""
+    supports = structure.building.supports
+    if supports is None or not structure.building.moving_base:
+        return None
+    own = np.zeros((2, 2))
+    own[TRANSLATION, TRANSLATION] = supports.mass or 0.0
+    inertia = (structure.rigid_mass + own).diagonal()
+    flexibility = 1.0 / (inertia * (_SOFT * structure.fundamental[0]) ** 2)
+    if supports.base == "slides":
+        flexibility[ROTATION] = 0.0
+    return ReleasedBase(flexibility=flexibility, mass=own)
+
+
+def lumped(structure: Structure) -> ReducedStructure:
+    """A stick as it is, in coordinates of unit mass."""
+    terms = np.stack([term.toarray() for term in structure.stiffness_terms])
+    mass = structure.mass.toarray()
+    model = reduce_lumped(terms, mass, structure.floors, structure.levels)
+    model = replace(model, released=released_base(structure))
+    return ReducedStructure(structure, model, np.diag(np.diag(mass) ** -0.5))
+
+
+def reduce_lumped(
+    stiffness_terms: Floats, mass: Floats, floors: tuple[str, ...], levels: Floats | None = None
+) -> ReducedModel:
+    """A shear building as a reduced model; nothing is left out.
+
+    Args:
+        stiffness_terms: (p, n, n), N/m, in displacements relative to the base.
+        mass: (n, n) diagonal, kg.
+        floors: n names, bottom to top.
+        levels: (n,) heights of the floors, m; one a story where None.
+    """
+    masses, count = np.diag(mass), len(mass)
+    heights = np.arange(1.0, count + 1.0) if levels is None else levels
+    basis = np.diag(masses**-0.5)
+    rigid = np.column_stack([np.ones(count), heights])
+    above = np.triu(np.ones((count, count))) * masses  # row i: floors above story i
+    return ReducedModel(
+        stiffness_terms=basis.T @ stiffness_terms @ basis,
+        stiffness_constant=np.zeros((count, count)),
+        excitation=basis.T @ masses,
+        floor_shapes=basis.copy(),
+        floors=floors,
+        story_inertia=above @ basis,
+        story_mass=above.sum(axis=1),
+        story_drift=(np.eye(count) - np.eye(count, k=-1)) @ basis,
+        rotation=BaseRotation(
+            force=basis.T @ (masses * heights),
+            mass=rigid.T @ (masses[:, None] * rigid),
+            story_moment=above @ heights,
+            levels=heights,
+        ),
+    )
+
+
+def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
+    """A structure seen through a mass-orthonormal basis (n, r)."""
+    floors, force = structure.floor_rows @ basis, basis.T @ structure.rigid_force
+    rigid = structure.story_rigid
+    model = ReducedModel(
+        stiffness_terms=np.stack([projected(basis, term) for term in structure.stiffness_terms]),
+        stiffness_constant=projected(basis, structure.stiffness_constant),
+        excitation=force[:, TRANSLATION],
+        floor_shapes=floors,
+        floors=structure.floors,
+        story_inertia=structure.story_inertia @ basis,
+        story_mass=rigid[:, TRANSLATION],
+        story_drift=np.diff(floors, axis=0, prepend=np.zeros((1, basis.shape[1]))),
+        node_shapes=_node_shapes(structure, basis),
+        rotation=BaseRotation(
+            force=force[:, ROTATION],
+            mass=structure.rigid_mass,
+            story_moment=rigid[:, ROTATION],
+            levels=structure.levels,
+        ),
+        released=released_base(structure),
+    )
+    return ReducedStructure(structure, model, basis)
+
+
+def _node_shapes(structure: Structure, basis: Floats) -> NDArray[np.float32] | None:
+    if structure.operators is None:
+        return None
+    full = structure.operators.expand(basis).reshape(-1, DOF_PER_NODE, basis.shape[1])
+    return full[:, :3].astype(np.float32)

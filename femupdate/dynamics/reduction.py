@@ -16,9 +16,7 @@ import torch
 from femupdate.arrays import Floats, Singles
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.equations import DrivenSystem, driven_system
-from femupdate.dynamics.projection import lumped, reduced_on
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.snapshots import (
     STATIC_WEIGHT,
     FeltModes,

@@ -1,14 +1,14 @@
-"""Stiffness of beams and columns in parts that a change scales by a number each."""
+"""Stiffness of beams, columns and their joints in parts that a change scales by a number each."""
 
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from femupdate.arrays import Floats, Integers
-from femupdate.effects.effect import Stiffness
+from femupdate.arrays import Flags, Floats, Integers
+from femupdate.effects.effect import Hinges, Stiffness
 from femupdate.effects.infill import onto_free
-from femupdate.fe.assembly import AffineOperators
+from femupdate.effects.structure import Structure
+from femupdate.fe.assembly import AffineOperators, element_entries, summed
 from femupdate.fe.elements.beam import Beams
-from femupdate.fe.entries import element_entries, summed
 from femupdate.fe.model import FiniteElementModel
 
 _FINE = 3  # decimals of ln(1 + series) in which members of one matrix agree
@@ -69,3 +69,92 @@ def rank_one_terms(
         if matrix.nnz:
             found.append(Stiffness(int(story), matrix, float(series[chosen].mean())))
     return tuple(found)
+
+
+_STRAIGHT = 1e-6  # sine of the angle between elements of one beam
+
+
+def turning_floors(structure: Structure) -> Hinges:
+    """Floors of a stick that rotate, held by the columns and a spring each.
+
+    Every story is a column of bending stiffness E I = k h^3 / 12 that is continuous through the
+    floors and clamped at the base (Przemieniecki 1968, the beam of two nodes). At unit size the
+    spring of a floor is the mean of E I / h over the stories.
+    """
+    count, levels = len(structure.levels), np.concatenate([[0.0], structure.levels])
+    height = np.diff(levels)
+    stiffness = np.array(
+        [term.diagonal()[k] for k, term in enumerate(structure.stiffness_terms)]
+    )  # of a story, at the floor above it
+    coupling, inner = np.zeros((2, count, count + 1, count + 1))  # the base comes first
+    for story, (k, h) in enumerate(zip(stiffness, height, strict=True)):
+        ends = slice(story, story + 2)
+        coupling[story, ends, ends] = k * h / 2.0 * np.array([[1.0, 1.0], [-1.0, -1.0]])
+        inner[story, ends, ends] = k * h**2 / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
+    spring = np.full(count, float((stiffness * height**2).mean()) / 12.0)
+    return Hinges(coupling[:, 1:, 1:], inner[:, 1:, 1:], spring)
+
+
+def turning_beams(model: FiniteElementModel, operators: AffineOperators) -> tuple[Stiffness, ...]:
+    """Beams whose ends turn against the columns in the vertical plane, on a spring each.
+
+    At unit size the spring has the E I / L of its beam, L from joint to joint; it is scaled by the
+    factor of the beam's story. The rotation is condensed: k = 1 / (1 / k(0) + s L / (E I)).
+    """
+    beams = bars_of(model, ("beam",))
+    joint = np.zeros(len(model.nodes), dtype=bool)
+    joint[bars_of(model, ("column",)).nodes.ravel()] = True
+    ends = joint[beams.nodes]
+    rows, inner = beams.bending_ends(model.nodes)
+    spring = beams.youngs_modulus * beams.inertia_y / _spans(beams, model.nodes, joint)
+    forces, ratios = _free_ends(rows, inner, ends, spring)
+    return rank_one_terms(
+        np.repeat(beams.nodes, 2, axis=0),
+        np.repeat(beams.group, 2),
+        forces.reshape(-1, forces.shape[-1]),
+        ratios.ravel(),
+        operators,
+        sign=-1.0,
+    )
+
+
+def _free_ends(rows: Floats, inner: Floats, ends: Flags, spring: Floats) -> tuple[Floats, Floats]:
+    """Columns (n, 2, 12) and ratios (n, 2) of what springs at some ends (n, 2) take away."""
+    own = np.where(ends[:, :, None] & ends[:, None, :], inner, 0.0) / spring[:, None, None]
+    ratios, vectors = np.linalg.eigh(own)
+    moments = np.where(ends[:, :, None], rows, 0.0) / np.sqrt(spring)[:, None, None]
+    return vectors.mT @ moments, np.maximum(ratios, 0.0)
+
+
+def _spans(beams: Beams, points: Floats, joint: Flags) -> Floats:
+    """Length of the beam that each element is part of, from joint to joint, (n,) m."""
+    length = beams.measure(points)
+    axis = np.diff(points[beams.nodes], axis=1)[:, 0] / length[:, None]
+    at_node: dict[int, list[int]] = {}
+    for element, pair in enumerate(beams.nodes.tolist()):
+        for node in pair:
+            at_node.setdefault(node, []).append(element)
+    span = np.zeros(len(beams))
+    for element in range(len(beams)):
+        if span[element]:
+            continue
+        whole = _beam_of(element, beams.nodes, at_node, axis, joint)
+        span[whole] = length[whole].sum()
+    return span
+
+
+def _beam_of(
+    first: int, nodes: Integers, at_node: dict[int, list[int]], axis: Floats, joint: Flags
+) -> list[int]:
+    """Elements in one line with the first, no joint between them."""
+    found, open_ends = [first], list(nodes[first])
+    while open_ends:
+        node = open_ends.pop()
+        if joint[node]:
+            continue
+        for other in at_node[node]:
+            straight = np.linalg.norm(np.cross(axis[first], axis[other])) < _STRAIGHT
+            if straight and other not in found:
+                found.append(other)
+                open_ends += [end for end in nodes[other] if end != node]
+    return found

@@ -15,10 +15,10 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.building_mesh import BuildingMesh
+from femupdate.building.document import Building
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import mesh_building
 from femupdate.building.own_mesh import MeshBuilding
-from femupdate.building.schema import Building
 from femupdate.building.shear import ShearBuilding, shear_operators
 from femupdate.effects.infill import Infill, infills
 from femupdate.errors import BuildingError

@@ -11,9 +11,8 @@ import numpy as np
 from femupdate import __version__
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import ModelError
-from femupdate.fe.check import check_model
 from femupdate.fe.element import group_factors
-from femupdate.fe.model import DOF_NAMES, FiniteElementModel, RigidLinks
+from femupdate.fe.model import DOF_NAMES, FiniteElementModel, RigidLinks, check_model
 from femupdate.fe.opensees import OpenSeesPart, OpenSeesTable, numbers
 
 _RIGID = np.ones(6, dtype=np.bool_)

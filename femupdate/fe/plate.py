@@ -3,12 +3,13 @@
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.fe.membrane import integrate, plane_stress
-from femupdate.fe.quadrilateral import (
+from femupdate.fe.membrane import (
     GAUSS_POINTS,
     PlaneSamples,
     determinants,
+    integrate,
     jacobians,
+    plane_stress,
     sample,
     shape_functions,
 )

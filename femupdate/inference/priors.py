@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import torch
 
+from femupdate.building.document import Building
 from femupdate.building.parameters import factor_ranges
-from femupdate.building.schema import Building
 from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import parameters_of
 from femupdate.effects.effect import Placed

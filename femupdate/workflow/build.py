@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.document import Building
 from femupdate.building.files import load_building
 from femupdate.building.mesh import BuildingMesh, mesh_building
-from femupdate.building.schema import Building
-from femupdate.dynamics.full_modes import FullModes, mesh_modes
 from femupdate.dynamics.thresholds import REDUCTION
+from femupdate.dynamics.tracking import FullModes, mesh_modes
 from femupdate.effects.structure import structure_of
 from femupdate.errors import StudyError
 from femupdate.fe.export_opensees import opensees_script

@@ -14,7 +14,7 @@ from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.records import SecondRecord, base_data
 from femupdate.discrepancy.search import prepared, refined
 from femupdate.discrepancy.thresholds import FIT
-from femupdate.effects.listed import building_effects
+from femupdate.effects.registry import building_effects
 from femupdate.inference.data import Data
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import found_from

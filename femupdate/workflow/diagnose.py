@@ -18,7 +18,7 @@ from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.search import prepared, sought
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.effects.registry import CATALOGUE
 from femupdate.inference.data import Cell, Data
 from femupdate.inference.frf_data import FrfData

@@ -7,17 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.document import without_effects
+from femupdate.building.document import Building, without_effects
 from femupdate.building.files import mechanics_hash
-from femupdate.building.schema import Building
 from femupdate.discrepancy.finder_model import finder_mesh_size, finder_structure
-from femupdate.dynamics.projection import lumped, reduced_on
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import parameters_of
 from femupdate.effects.effect import Placed
-from femupdate.effects.listed import building_effects
+from femupdate.effects.registry import building_effects
 from femupdate.effects.structure import Structure
 from femupdate.inference.priors import reduction_target
 from femupdate.progress import SILENT, Progress

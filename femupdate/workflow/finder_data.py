@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from femupdate.building.schema import Building
+from femupdate.building.document import Building
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.records import SecondRecord, base_data, force_data, model_error
 from femupdate.discrepancy.thresholds import LEVEL

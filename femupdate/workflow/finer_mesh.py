@@ -11,10 +11,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from femupdate.building.document import without_effects
+from femupdate.building.document import Building, without_effects
 from femupdate.building.files import mechanics_hash
 from femupdate.building.frame import FrameBuilding
-from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import MeshError, corrected_model
 from femupdate.discrepancy.mesh_scatter import MeshScatter
 from femupdate.discrepancy.thresholds import MESH_ERROR

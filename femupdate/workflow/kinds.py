@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.building.schema import Building
+from femupdate.building.document import Building
 from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import forced_logs

@@ -8,17 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.document import without_effects
+from femupdate.building.document import Building, without_effects
 from femupdate.building.frame import FrameBuilding
-from femupdate.building.schema import Building
 from femupdate.discrepancy.finder_model import check_sizes
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error
 from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
 from femupdate.dynamics.finer_mesh import on_finer_mesh, on_nodes_of
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.dynamics.snapshots import log_even_samples
 from femupdate.dynamics.system import System
-from femupdate.effects.listed import building_effects, check_places
+from femupdate.effects.registry import building_effects, check_places
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.inference.priors import reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress

@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.full_modes import FullModes, mesh_modes, stick_modes
 from femupdate.dynamics.tracking import (
+    FullModes,
     ReducedModes,
     TrackedMode,
     driven_modes,
+    mesh_modes,
     modes_at_one,
     reduced_modes,
+    stick_modes,
     track_mode,
 )
 from femupdate.effects.structure import structure_of

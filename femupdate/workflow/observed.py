@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from femupdate.building.schema import Building
+from femupdate.building.document import Building
 from femupdate.building.shear import require_heights
 from femupdate.errors import MeasurementError
 from femupdate.measurement.agreement import agreement

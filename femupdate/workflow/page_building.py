@@ -8,8 +8,7 @@ from femupdate.discrepancy.diagnose import NAMED, PARTLY
 from femupdate.dynamics.tracking import mean_shape, node_displacements
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
-from femupdate.effects.listed import building_effects
-from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.registry import CATALOGUE, building_effects
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs, drawn

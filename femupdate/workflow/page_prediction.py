@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from femupdate.dynamics.comparison import score_table
+from femupdate.dynamics.summary import score_table
 from femupdate.report.curves import Interval, history_curves, spectrum_curves
 from femupdate.report.page import Block, Chart, Section, Text
 from femupdate.report.page_charts import (

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.document import Building
 from femupdate.building.mesh import mesh_building
-from femupdate.building.schema import Building
-from femupdate.dynamics.full_modes import FullModes
-from femupdate.dynamics.tracking import mean_shape, node_displacements
+from femupdate.dynamics.tracking import FullModes, mean_shape, node_displacements
 from femupdate.progress import SILENT, Progress
 from femupdate.report.animation import mode_animation, stick_animation
 from femupdate.report.figure import save_figure

@@ -9,9 +9,8 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.shear import require_heights
-from femupdate.dynamics.comparison import Comparison, compare, score_table
 from femupdate.dynamics.history import Histories, OwnLevel, history_batches
-from femupdate.dynamics.member_histories import (
+from femupdate.dynamics.members import (
     BaseMotion,
     MemberForces,
     choose_members,
@@ -19,7 +18,15 @@ from femupdate.dynamics.member_histories import (
     write_member_forces,
 )
 from femupdate.dynamics.spectra import FloorSpectra, floor_spectra
-from femupdate.dynamics.summary import HistorySummary, Statistics, statistics, summarise
+from femupdate.dynamics.summary import (
+    Comparison,
+    HistorySummary,
+    Statistics,
+    compare,
+    score_table,
+    statistics,
+    summarise,
+)
 from femupdate.inference.next_event import EventErrors
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.thresholds import EVENT

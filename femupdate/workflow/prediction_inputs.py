@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.member_histories import Place
+from femupdate.dynamics.members import Place
 from femupdate.errors import MeasurementError
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file

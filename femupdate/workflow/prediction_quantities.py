@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
-from femupdate.building.schema import Building
-from femupdate.dynamics.member_histories import MemberForces
+from femupdate.building.document import Building
+from femupdate.dynamics.members import MemberForces
 from femupdate.dynamics.summary import Statistics, statistics
 from femupdate.report.scale import Scale, force_scale, interval_text
 from femupdate.result import Note

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.document import Building
 from femupdate.building.parameters import factor_titles
-from femupdate.building.schema import Building
 from femupdate.discrepancy.certify import missed_in_turn
 from femupdate.discrepancy.diagnose import STANDS_IN
 from femupdate.discrepancy.finder_model import FinderModel

@@ -1,13 +1,12 @@
 """The repaired building: its file, and the study that every command takes."""
 
-from femupdate.building.document import without_effects
+from femupdate.building.document import Building, without_effects
 from femupdate.building.files import save_building
 from femupdate.building.frame import FrameBuilding
-from femupdate.building.schema import Building
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.repair import Repair
-from femupdate.dynamics.reduced_terms import ReducedStructure
-from femupdate.effects.listed import with_effect
+from femupdate.dynamics.reduced import ReducedStructure
+from femupdate.effects.registry import with_effect
 from femupdate.inference.posterior import save_posterior
 from femupdate.seeds import Seed, spawn
 from femupdate.study import BUILDING_FILE, REPAIRED, Study

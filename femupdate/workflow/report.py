@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from femupdate import __version__
-from femupdate.building.schema import Building
+from femupdate.building.document import Building
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior
 from femupdate.progress import SILENT, Progress

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
+from femupdate.building.document import Building
 from femupdate.building.parameters import factor_ranges, factor_titles
-from femupdate.building.schema import Building
 from femupdate.effects.effect import Parameter, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import StudyError

@@ -4,8 +4,8 @@ import shlex
 from importlib.resources import as_file, files
 from pathlib import Path
 
+from femupdate.building.document import Building
 from femupdate.building.files import mechanics_hash
-from femupdate.building.schema import Building
 from femupdate.errors import SurrogateError
 from femupdate.inference.priors import damping_parameter, theta_prior
 from femupdate.study import Study, StudyPart

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from femupdate.building.building_mesh import self_mass
 from femupdate.building.document import from_document, to_document
 from femupdate.building.files import mechanics_hash
-from femupdate.building.masses import self_mass
 from femupdate.building.mesh import mesh_building
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import assemble

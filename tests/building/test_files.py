@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from femupdate.building.analysis import EffectEntry
+from femupdate.building.common import EffectEntry
 from femupdate.building.document import from_document, to_document
 from femupdate.building.files import (
     building_hash,

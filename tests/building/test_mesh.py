@@ -5,10 +5,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from femupdate.building.building_mesh import self_mass
 from femupdate.building.document import from_document
 from femupdate.building.files import load_building
 from femupdate.building.lattice import divisions
-from femupdate.building.masses import self_mass
 from femupdate.building.mesh import mesh_building
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import assemble

@@ -9,7 +9,7 @@ from femupdate.benchmarks.mesh_export import export_mesh
 
 from femupdate.building.document import from_document, to_document
 from femupdate.building.mesh import mesh_building
-from femupdate.building.mesh_spans import span_ends
+from femupdate.building.mesh_import import span_ends
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import assemble
 from femupdate.fe.solve import lowest_modes, static_displacement

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femupdate.building.building_mesh import self_mass
 from femupdate.building.document import from_document, to_document
 from femupdate.building.files import load_building, mechanics_hash, save_building
-from femupdate.building.masses import self_mass
 from femupdate.building.mesh import mesh_building
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import assemble

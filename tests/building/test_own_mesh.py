@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.mesh_export import export_mesh
 
+from femupdate.building.building_mesh import self_mass
 from femupdate.building.document import from_document, to_document
 from femupdate.building.files import load_building, mechanics_hash, save_building
-from femupdate.building.masses import self_mass
 from femupdate.building.mesh import mesh_building
 from femupdate.building.mesh_import import import_mesh
 from femupdate.errors import BuildingError, ModelError

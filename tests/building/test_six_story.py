@@ -10,8 +10,8 @@ the same bay, and non-structural walls are left out.
 import numpy as np
 import pytest
 
+from femupdate.building.building_mesh import self_mass
 from femupdate.building.files import load_building
-from femupdate.building.masses import self_mass
 from femupdate.building.mesh import mesh_building
 from femupdate.fe.assembly import assemble
 from femupdate.fe.elements.beam import Beams

@@ -9,7 +9,7 @@ import pytest
 from femupdate.building.document import from_document
 from femupdate.discrepancy.problem import Problem
 from femupdate.dynamics.damping import damping_law
-from femupdate.dynamics.projection import lumped
+from femupdate.dynamics.reduced import lumped
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of

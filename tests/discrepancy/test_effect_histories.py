@@ -14,7 +14,7 @@ from femupdate.dynamics.history import (
     transformed_outputs,
     transformed_sensors,
 )
-from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
 from femupdate.effects.structure import structure_of
 

@@ -15,7 +15,7 @@ from femupdate.discrepancy.repair import repair
 from femupdate.discrepancy.residual_map import p_value
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.thresholds import SEARCH
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.dynamics.system import System
 
 GRID = 0.2 * np.arange(1, 61)

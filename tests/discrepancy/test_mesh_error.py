@@ -15,7 +15,7 @@ from femupdate.discrepancy.mesh_scatter import mesh_scatter, with_mesh_error
 from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
 from femupdate.effects.structure import structure_of
 from femupdate.errors import ModelError

@@ -9,7 +9,7 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.building.document import from_document
-from femupdate.dynamics.projection import reduce_lumped
+from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.effects.structure import structure_of
 
 

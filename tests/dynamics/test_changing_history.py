@@ -8,7 +8,7 @@ from scipy.ndimage import uniform_filter1d
 
 from femupdate.building.document import from_document
 from femupdate.dynamics.history import OwnLevel, floor_histories, history_batches
-from femupdate.dynamics.projection import lumped
+from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE

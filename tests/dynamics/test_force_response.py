@@ -9,7 +9,7 @@ from femupdate.building.shear import shear_operators
 from femupdate.dynamics.damping import RayleighDamping
 from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.force_response import rest_flexibility
-from femupdate.dynamics.projection import lumped
+from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed

@@ -10,7 +10,7 @@ from femupdate.building.document import from_document, to_document
 from femupdate.building.files import load_building
 from femupdate.building.mesh import mesh_building
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.member_histories import (
+from femupdate.dynamics.members import (
     BaseMotion,
     choose_members,
     member_forces,

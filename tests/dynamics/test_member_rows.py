@@ -10,8 +10,13 @@ from femupdate.building.document import from_document, to_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.equations import Sensors, driven_system, equations_at
 from femupdate.dynamics.history import HistorySettings, displacement_histories
-from femupdate.dynamics.member_forces import beam_end_rows, cut_rows
-from femupdate.dynamics.member_histories import BaseMotion, choose_members, member_forces
+from femupdate.dynamics.members import (
+    BaseMotion,
+    beam_end_rows,
+    choose_members,
+    cut_rows,
+    member_forces,
+)
 from femupdate.dynamics.spectra import response_spectrum
 from femupdate.dynamics.system import Rows
 from femupdate.effects.registry import CATALOGUE

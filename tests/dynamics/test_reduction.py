@@ -9,7 +9,7 @@ from scipy.sparse import csc_matrix
 
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
 from femupdate.dynamics.equations import driven_system
-from femupdate.dynamics.projection import reduce_lumped
+from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.snapshots import TOP, ReductionTarget
 from femupdate.dynamics.system import System

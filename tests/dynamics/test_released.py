@@ -9,7 +9,7 @@ from femupdate.building.document import from_document
 from femupdate.building.files import load_building
 from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.force_response import rest_flexibility
-from femupdate.dynamics.projection import lumped
+from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.system import System
 from femupdate.effects.structure import structure_of

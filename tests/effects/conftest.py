@@ -10,8 +10,7 @@ from scipy.linalg import eigh
 from femupdate.building.document import from_document
 from femupdate.building.files import load_building
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.projection import lumped, reduced_on
-from femupdate.dynamics.reduced_terms import ReducedStructure
+from femupdate.dynamics.reduced import ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE

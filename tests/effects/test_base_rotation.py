@@ -11,7 +11,7 @@ from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.history import floor_histories, transformed_sensors
-from femupdate.dynamics.projection import lumped
+from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.system import Responses, System
 from femupdate.effects.structure import structure_of
 from femupdate.measurement.columns import parse_channel

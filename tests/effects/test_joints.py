@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.equations import equations_at
-from femupdate.dynamics.projection import lumped
+from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE

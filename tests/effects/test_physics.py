@@ -8,7 +8,7 @@ import torch
 
 from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE

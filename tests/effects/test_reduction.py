@@ -13,7 +13,7 @@ from femupdate.building.document import from_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.equations import equations_at
 from femupdate.dynamics.local_basis import KnownModes, local_structure, nearby_shapes
-from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.snapshots import TOP, ReductionTarget
 from femupdate.dynamics.system import System

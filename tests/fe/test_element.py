@@ -11,9 +11,8 @@ from femupdate.fe.element import Elements
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.elements.shell import Shells
 from femupdate.fe.elements.triangle import Triangles
-from femupdate.fe.model import FiniteElementModel
+from femupdate.fe.model import FiniteElementModel, element_forces
 from femupdate.fe.registry import cell_types, element_for, element_kinds
-from femupdate.fe.stress import element_forces
 
 
 @pytest.fixture

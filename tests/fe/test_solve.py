@@ -11,8 +11,8 @@ import femupdate.fe.factorization as factorization
 import femupdate.fe.solve as solve
 from femupdate.errors import ModelError
 from femupdate.fe.assembly import assemble
-from femupdate.fe.cholmod import cholmod_is_there
 from femupdate.fe.elements.shell import Shells
+from femupdate.fe.factorization import cholmod_is_there
 from femupdate.fe.model import PointMasses, Springs
 from femupdate.fe.solve import factorize, lowest_modes, modes_below, static_displacement
 

@@ -12,7 +12,7 @@ from scipy.stats import norm
 from femupdate.building.files import load_building
 from femupdate.building.shear import shear_operators
 from femupdate.dynamics.damping import RayleighDamping
-from femupdate.dynamics.projection import reduce_lumped
+from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
 from femupdate.inference.likelihood import likelihood_of

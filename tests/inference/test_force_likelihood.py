@@ -8,7 +8,7 @@ from scipy.stats import qmc
 from femupdate.building.files import load_building
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.excitation import Excitation
-from femupdate.dynamics.projection import lumped
+from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.system import System
 from femupdate.effects.structure import structure_of
 from femupdate.inference.frf_data import forced_logs

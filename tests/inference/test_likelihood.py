@@ -6,7 +6,7 @@ import torch
 from scipy.stats import chi2, kstest
 
 from femupdate.dynamics.damping import RayleighDamping
-from femupdate.dynamics.projection import reduce_lumped
+from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
 from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, frf_data, log_responses

@@ -8,7 +8,7 @@ from scipy.stats import qmc
 from femupdate.building.files import load_building
 from femupdate.building.shear import shear_operators
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.projection import reduce_lumped
+from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.maxima import draws_about, found_from

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.dynamics.projection import reduce_lumped
+from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.inference.parameters import Parameters
 from femupdate.surrogate.dataset import DatasetPlan, compute_dataset

@@ -21,11 +21,10 @@ from femupdate.discrepancy.score import score
 from femupdate.discrepancy.search import prepared, refined, sought
 from femupdate.discrepancy.thresholds import VERDICT
 from femupdate.dynamics.local_basis import local_structure
-from femupdate.dynamics.projection import reduced_on
+from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
-from femupdate.effects.listed import with_effect
-from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.registry import CATALOGUE, with_effect
 from femupdate.errors import BuildingError
 from femupdate.inference.priors import reduction_target
 from femupdate.measurement.observation import Observation

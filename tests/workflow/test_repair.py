@@ -222,7 +222,7 @@ def test_predict_takes_the_repaired_study(repaired, tmp_path, write_record):
     report = predict_study(
         study, open_study(study), RecordSource(record), PredictionSettings(samples=20)
     )
-    from femupdate.dynamics.projection import reduce_lumped
+    from femupdate.dynamics.reduced import reduce_lumped
 
     chain = reduce_lumped(
         np.stack([_unit(n) * SPRINGS[n] for n in range(3)]),

@@ -10,7 +10,7 @@ from femupdate.cli.main import group
 
 from femupdate.building.files import load_building
 from femupdate.building.parameters import factor_titles
-from femupdate.dynamics.member_histories import Member, MemberForces
+from femupdate.dynamics.members import Member, MemberForces
 from femupdate.dynamics.summary import Statistics
 from femupdate.inference.posterior import load_posterior
 from femupdate.report.scale import interval_text

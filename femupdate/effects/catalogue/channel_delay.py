@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor
 
-from femupdate.effects.channel import ChannelEffect
 from femupdate.effects.effect import Parameter
+from femupdate.effects.families import ChannelEffect
 
 
 class ChannelDelay(ChannelEffect):

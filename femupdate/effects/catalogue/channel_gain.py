@@ -2,8 +2,8 @@
 
 from torch import Tensor
 
-from femupdate.effects.channel import ChannelEffect
 from femupdate.effects.effect import Parameter
+from femupdate.effects.families import ChannelEffect
 
 
 class ChannelGain(ChannelEffect):

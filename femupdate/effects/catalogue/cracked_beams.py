@@ -1,7 +1,7 @@
 """Cracked beams, separate from the rest of the story."""
 
 from femupdate.effects.effect import Parameter
-from femupdate.effects.member import MemberStiffness
+from femupdate.effects.families import MemberStiffness
 
 
 class CrackedBeams(MemberStiffness):

@@ -6,12 +6,11 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from femupdate.effects.effect import Parameter
+from femupdate.effects.families import MemberStiffness
 from femupdate.effects.infill import onto_free
-from femupdate.effects.member import MemberStiffness
 from femupdate.effects.structure import Structure
-from femupdate.fe.assembly import AffineOperators
+from femupdate.fe.assembly import AffineOperators, element_entries, summed
 from femupdate.fe.elements.shell import Shells
-from femupdate.fe.entries import element_entries, summed
 from femupdate.fe.model import FiniteElementModel
 
 

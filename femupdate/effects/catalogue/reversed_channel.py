@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from femupdate.effects.channel import ChannelEffect
+from femupdate.effects.families import ChannelEffect
 
 
 class ReversedChannel(ChannelEffect):

@@ -2,8 +2,8 @@
 
 from torch import Tensor, pi
 
-from femupdate.effects.channel import ChannelEffect
 from femupdate.effects.effect import Parameter, as_complex
+from femupdate.effects.families import ChannelEffect
 
 _REFERENCE_HZ = 10.0
 

@@ -4,7 +4,7 @@ from itertools import combinations
 
 from torch import Tensor
 
-from femupdate.effects.channel import ChannelEffect
+from femupdate.effects.families import ChannelEffect
 from femupdate.effects.structure import Structure
 
 

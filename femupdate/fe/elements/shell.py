@@ -8,16 +8,18 @@ import numpy as np
 
 from femupdate.arrays import Floats, Integers
 from femupdate.fe.element import ElementMatrices, repeated, rows, symmetric
-from femupdate.fe.membrane import membrane_stiffness, membrane_strain, plane_stress
-from femupdate.fe.plate import plate_curvature, plate_mass, plate_stiffness
-from femupdate.fe.quadrilateral import (
+from femupdate.fe.membrane import (
     CENTRE,
     CORNERS,
     GAUSS_POINTS,
     determinants,
     jacobians,
+    membrane_stiffness,
+    membrane_strain,
+    plane_stress,
     shape_functions,
 )
+from femupdate.fe.plate import plate_curvature, plate_mass, plate_stiffness
 from femupdate.fe.surface import SHELL_FORCES, Surface
 
 _FLAT = 1e-9  # area over the square of the longest diagonal below which an element has no area

@@ -9,7 +9,7 @@ from femupdate.dynamics.system import System
 from femupdate.effects.catalogue.added_mass import AddedMass
 from femupdate.effects.catalogue.flexible_diaphragm import FlexibleDiaphragm
 from femupdate.effects.effect import Effect, Terms
-from femupdate.effects.member import MemberStiffness
+from femupdate.effects.families import MemberStiffness
 from femupdate.effects.structure import Structure
 from femupdate.fe.element import Elements
 from femupdate.fe.elements.beam import Beams

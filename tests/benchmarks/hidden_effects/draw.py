@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.schema import Building
+from femupdate.building.document import Building
 from femupdate.dynamics.system import changes_in_run
 from femupdate.effects.effect import Effect, Placed
 from femupdate.effects.registry import CATALOGUE

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.building.schema import Building
+from femupdate.building.document import Building
 from femupdate.dynamics.excitation import Excitation
 from femupdate.effects.effect import Effect
 from femupdate.inference.frf_data import FloorForce

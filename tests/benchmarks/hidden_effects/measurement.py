@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.schema import Building
+from femupdate.building.document import Building
 from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.measurement.columns import BASE, Channel

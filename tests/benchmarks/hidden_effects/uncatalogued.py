@@ -8,9 +8,9 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.effects.catalogue.added_mass import AddedMass
-from femupdate.effects.channel import ChannelEffect
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import UNSCALED, Effect, Parameter, Stiffness, Terms, as_complex
+from femupdate.effects.families import ChannelEffect
 from femupdate.effects.structure import Structure
 from femupdate.fe.assembly import assemble
 from femupdate.fe.element import Elements

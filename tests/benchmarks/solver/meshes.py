@@ -11,8 +11,8 @@ from femupdate.fe.assembly import assemble
 from femupdate.fe.element import Elements
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.elements.shell import Shells
+from femupdate.fe.membrane import GAUSS_POINTS, parent_derivatives, shape_functions
 from femupdate.fe.model import FiniteElementModel
-from femupdate.fe.quadrilateral import GAUSS_POINTS, parent_derivatives, shape_functions
 from femupdate.fe.solve import static_displacement
 
 UX, UY, UZ, RX, RY, RZ = range(6)

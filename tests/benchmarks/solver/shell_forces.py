@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 from femupdate.arrays import Floats, Integers
 from femupdate.fe.elements.shell import Shells, mean_planes
-from femupdate.fe.model import FiniteElementModel
-from femupdate.fe.stress import element_forces
+from femupdate.fe.model import FiniteElementModel, element_forces
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from femupdate.errors import ModelError
-from femupdate.fe.cholmod import cholmod_is_there
 from femupdate.fe.export_opensees import opensees_script
-from femupdate.fe.factorization import ENVIRONMENT, Backend
+from femupdate.fe.factorization import ENVIRONMENT, Backend, cholmod_is_there
 from femupdate.progress import SILENT, Progress
 
 from ..result import markdown_table

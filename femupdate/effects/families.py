@@ -1,16 +1,39 @@
-"""Effects that change the stiffness of one kind of member."""
+"""What effects of one family share: those of channels, and those of one kind of member."""
 
 from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 from scipy.sparse import csc_matrix
+from torch import Tensor
 
 from femupdate.effects.bars import bending_terms
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Stiffness, Terms
 from femupdate.effects.structure import Structure
 from femupdate.fe.element import Elements
+
+
+class ChannelEffect(Effect):
+    """A fault of one floor's channel, where `sits` does not say otherwise."""
+
+    instrument = True
+    sits = "every floor"
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """The sensors of the place."""
+        return drawn.sensors(place)
+
+    def factor(self, omega: Tensor, sizes: Tensor) -> Tensor:
+        """What the FRFs of the place are multiplied by, (N, k) at omega (k,), rad/s."""
+        raise NotImplementedError
+
+    def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
+        """The factor on the rows of the place."""
+        own, changed = list(rows), frf.clone()
+        changed[:, own] = frf[:, own] * self.factor(omega, sizes)[:, None, :]
+        return changed
+
 
 ALL = "all"
 
