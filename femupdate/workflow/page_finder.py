@@ -5,13 +5,11 @@ from typing import Any
 import numpy as np
 
 from femupdate.building.parameters import factor_titles
-from femupdate.discrepancy.diagnose import mass_in_words
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.report.curves import Interval
 from femupdate.report.page import Block, Chart, Remarks, Section, Text
 from femupdate.report.page_charts import bar_figure, interval_figure
-from femupdate.report.scale import with_unit
 from femupdate.study import as_written
 from femupdate.tables import Table
 from femupdate.workflow.page_done import read_json
@@ -62,19 +60,20 @@ def _diagnosis(found: dict[str, Any]) -> list[Block]:
 
 
 def _label(text: str) -> str:
+    """An effect and its place in words, from a label such as "added_mass@3F"."""
     name, _, place = text.partition("@")
-    effect = CATALOGUE.get(name)
-    return text if effect is None else _words(effect.name, place)
+    return Placed(CATALOGUE[name], place).in_words if name in CATALOGUE else text
 
 
-def _words(name: str, place: str) -> str:
-    effect = CATALOGUE.get(name)
-    return f"{name} at {place}" if effect is None else Placed(effect, place).in_words
+def _words(record: dict[str, Any]) -> str:
+    """The same of an effect that a diagnosis or a repair has kept, an older one without words."""
+    name = record.get("name") or record.get("effect")
+    return str(record.get("in_words") or _label(f"{name}@{record['place']}"))
 
 
 def _ranking(effects: list[dict[str, Any]]) -> Chart:
-    names = [_words(one["name"], one["place"]) for one in effects]
-    values = np.array([one["log_evidence_over_none"] for one in effects], dtype=float)
+    names = [_words(record) for record in effects]
+    values = np.array([record["log_evidence_over_none"] for record in effects], dtype=float)
     figure = bar_figure(names, values, "log evidence")
     return Chart(
         name="evidence",
@@ -86,40 +85,18 @@ def _ranking(effects: list[dict[str, Any]]) -> Chart:
 
 
 def _effects(effects: list[dict[str, Any]]) -> Table:
-    rows = tuple(
+    elsewhere = {True: "holds", False: "too little", None: ""}
+    rows = [
         (
-            _words(one["name"], one["place"]),
-            _size(one),
-            _elsewhere(one),
-            f"{100.0 * one['absorbed_by_theta']:.0f} %",
+            _words(record),
+            record.get("size_in_words", ""),
+            elsewhere[record.get("certified")],
+            f"{100.0 * record['absorbed_by_theta']:.0f} %",
         )
-        for one in effects
-    )
-    return Table.of(
-        name="effects",
-        caption="Effects",
-        head=("effect", "size", "on other data", "hidden by the stiffness factors"),
-        rows=rows,
-    )
-
-
-def _elsewhere(one: dict[str, Any]) -> str:
-    """Whether an effect holds on data to which it was not fitted."""
-    known = {True: "holds", False: "too little", None: ""}
-    return known[one.get("certified")]
-
-
-def _size(one: dict[str, Any]) -> str:
-    """Size with its unit and meaning."""
-    effect = CATALOGUE.get(one["name"])
-    if one["size"] is None or effect is None or not effect.parameters:
-        return ""
-    first = effect.parameters[0]
-    size = with_unit(*first.as_read(float(one["size"]), float(one["size_sd"] or 0.0)))
-    mass = one.get("added_mass_kg")  # what an older femupdate wrote has none
-    meant = (first.text, "" if mass is None else mass_in_words(float(mass)))
-    more = ", ".join(part for part in meant if part)
-    return f"{size} ({more})" if more else size
+        for record in effects
+    ]
+    head = ("effect", "size", "on other data", "hidden by the stiffness factors")
+    return Table.of(head, rows, name="effects", caption="Effects")
 
 
 def _where(cells: list[dict[str, Any]]) -> Table:
@@ -153,7 +130,7 @@ def _repair(page: PageStudy, done: dict[str, Any]) -> list[Block]:
 
 def added(done: dict[str, Any]) -> str:
     """What a repair added, and what that did."""
-    names = "; ".join(_words(one["effect"], one["place"]) for one in done["rounds"])
+    names = "; ".join(_words(record) for record in done["rounds"])
     return (
         f"Added to the model: {names}. Residuals fell from {done['chi2_before']:.0f} to "
         f"{done['chi2_after']:.0f} over {done['independent_points']:.0f} independent points."

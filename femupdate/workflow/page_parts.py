@@ -5,9 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
-from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior
@@ -89,11 +86,3 @@ def searched(page: PageStudy) -> Study:
     if own.folder.name == REPAIRED and not own.path("repair.json").exists():
         return Study(own.folder.parent)
     return own
-
-
-def figures(values: Floats) -> tuple[str, ...]:
-    """Mean, standard deviation, 5 % and 95 % of draws, with two figures of the deviation."""
-    sd = float(values.std())
-    low, high = np.quantile(values, [0.05, 0.95])
-    decimals = 4 if not sd > 0.0 else int(np.clip(1 - np.floor(np.log10(sd)), 0, 8))
-    return tuple(f"{value:.{decimals}f}" for value in (values.mean(), sd, low, high))

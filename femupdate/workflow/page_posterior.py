@@ -17,8 +17,8 @@ from femupdate.report.page_charts import (
 from femupdate.tables import Table
 from femupdate.workflow.calibrate_notes import error_notes
 from femupdate.workflow.fitted_curves import fitted_curves
-from femupdate.workflow.page_parts import PageStudy, figures
-from femupdate.workflow.summary import identified, kept_summary
+from femupdate.workflow.page_parts import PageStudy
+from femupdate.workflow.summary import identified, kept_summary, parameter_table
 
 _PAIR_DRAWS = 300
 _MOST_PAIRS = 7  # parameters of which every pair is drawn
@@ -154,30 +154,12 @@ def posterior_section(page: PageStudy) -> Section:
     sentences = found.sentences() or ("The data determine every parameter.",)
     blocks: list[Block] = [
         Text((lead,)),
-        _table(page, posterior),
+        parameter_table(page.model.building, posterior),
         _intervals(page, posterior),
         Remarks(tuple(sentences)),
         *_relations(page, posterior),
     ]
     return Section("posterior", "Posterior", tuple(blocks))
-
-
-def _table(page: PageStudy, posterior: Posterior) -> Table:
-    rows = [
-        (page.titles[name], name, *figures(draws), f"{low:.3g} to {high:.3g}")
-        for name, draws, (low, high) in zip(
-            posterior.names, posterior.samples.T, posterior.bounds, strict=True
-        )
-    ]
-    zeta = posterior.zeta_samples
-    if zeta is not None:
-        rows.append(("damping ratio", "zeta", *figures(zeta), ""))
-    return Table.of(
-        name="posterior",
-        caption="Parameters",
-        head=("of", "parameter", "mean", "sd", "5 %", "95 %", "prior"),
-        rows=tuple(rows),
-    )
 
 
 def _intervals(page: PageStudy, posterior: Posterior) -> Chart:

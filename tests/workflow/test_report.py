@@ -201,14 +201,6 @@ def _middle(locator):
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
-def test_the_size_of_an_added_mass_is_told_in_tonnes_too():
-    from femupdate.workflow.page_finder import _size
-
-    one = {"name": "added_mass", "size": 0.15172, "size_sd": 0.00489, "added_mass_kg": 3088.0}
-    assert _size(one) == "15.17 ± 0.49 % (share of the floor's mass, 3.09 t)"
-    assert _size({**one, "added_mass_kg": None}) == "15.17 ± 0.49 % (share of the floor's mass)"
-
-
 def test_a_p_value_that_rounds_to_nothing_is_told_as_a_bound():
     from femupdate.workflow.page_finder import p_text
 
