@@ -1,4 +1,4 @@
-"""Posterior samples of the parameters in pairs."""
+"""Posterior samples of the parameters: in pairs with their densities, and as intervals."""
 
 import textwrap
 from collections.abc import Sequence
@@ -13,10 +13,10 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.density import density_1d, density_2d, mass_level
+from femupdate.report.curves import Interval
 from femupdate.report.figure import add_head, new_figure
 from femupdate.report.scale import plus_minus
-from femupdate.report.style import DASHES, KNOWN, SERIES, Dashes, styled
+from femupdate.report.style import DASHES, FAINT, KNOWN, SERIES, Dashes, hue, styled
 
 POINTS = 250  # drawn under the contours; more hide each other
 SHARES = (0.9, 0.5)
@@ -232,3 +232,148 @@ def _label(panel: Axes, row: int, column: int, names: Sequence[str]) -> None:
         panel.set_xlabel(textwrap.fill(names[column], _NAME))
     if column == 0 and row > 0:
         panel.set_ylabel(textwrap.fill(names[row], _NAME))
+
+
+CELLS = 80
+_QUARTER = 2.0 * 0.31864  # of a normal's sd: the shortest interval with a quarter of its mass
+
+
+@dataclass(frozen=True)
+class Density:
+    """A smoothed histogram on a grid; `x` (and `y`) are the centres of its cells."""
+
+    x: Floats
+    y: Floats
+    value: Floats
+
+
+def bandwidth(samples: Floats, dimensions: int) -> float:
+    """Width of the smoothing kernel by Scott's rule (1992), from the spread of the narrowest mode.
+
+    Separate modes have a standard deviation that says how far apart they lie, not how wide they
+    are: the shortest interval with a quarter of the samples (0.637 sd of a normal) does.
+    """
+    ordered = np.sort(samples)
+    quarter = max(1, len(ordered) // 4)
+    shortest = float((ordered[quarter:] - ordered[:-quarter]).min()) / _QUARTER
+    spread = min(ordered.std(), shortest) or ordered.std()
+    return float(spread * len(samples) ** (-1.0 / (dimensions + 4)))
+
+
+def density_1d(samples: Floats, limits: tuple[float, float]) -> Density:
+    """Density of samples (S,), mirrored at the limits so that it does not sink at a bound."""
+    from scipy.ndimage import gaussian_filter1d
+
+    cells = 4 * CELLS
+    counts, edges = np.histogram(samples, cells, range=limits)
+    width = bandwidth(samples, 1) * cells / (limits[1] - limits[0])
+    smooth = gaussian_filter1d(counts.astype(float), max(width, 1.0), mode="reflect")
+    return Density(_centres(edges), np.zeros(0), smooth / max(smooth.sum(), 1e-300))
+
+
+def density_2d(
+    x: Floats, y: Floats, across: tuple[float, float], up: tuple[float, float]
+) -> Density:
+    """Density of pairs (S,); `value` is (CELLS, CELLS) with y along its first axis."""
+    from scipy.ndimage import gaussian_filter
+
+    counts, y_edges, x_edges = np.histogram2d(y, x, CELLS, range=(up, across))
+    widths = [
+        max(bandwidth(values, 2) * CELLS / (limits[1] - limits[0]), 1.0)
+        for values, limits in ((y, up), (x, across))
+    ]
+    smooth = gaussian_filter(counts, widths, mode="reflect")
+    return Density(_centres(x_edges), _centres(y_edges), smooth / max(smooth.sum(), 1e-300))
+
+
+def mass_level(value: Floats, share: float) -> float:
+    """Level above which the smallest region lies that holds this share of the density."""
+    ordered = np.sort(value, axis=None)[::-1]
+    held = np.cumsum(ordered) / ordered.sum()
+    return float(ordered[min(int(np.searchsorted(held, share)), len(ordered) - 1)])
+
+
+def _centres(edges: Floats) -> Floats:
+    return 0.5 * (edges[1:] + edges[:-1])
+
+
+ROW_HEIGHT = 0.26  # inches for each interval
+BETWEEN_ROWS = 0.2
+_VISIBLE = 0.006  # of the axis: an interval as long as two strokes are wide
+
+
+@styled
+def theta_intervals(
+    names: Sequence[str],
+    sets: Sequence[SampleSet],
+    bounds: Floats,
+    *,
+    title: str = "Stiffness factors, from prior to posterior",
+) -> Figure:
+    """Draw each parameter's prior range and its 5 to 95 % interval in every set of samples.
+
+    Args:
+        names: p names; the first is drawn lowest, as the first story is.
+        sets: one to six posteriors.
+        bounds: (p, 2) prior bounds.
+
+    Raises:
+        ReportError: there are no samples or too many sets.
+    """
+    cases = looks_of(sets)
+    rows = np.arange(len(names), dtype=np.float64)
+    band = ROW_HEIGHT * len(cases) + BETWEEN_ROWS
+    figure = new_figure(8.5, 0.75 + band * len(names))
+    panel = figure.subplots()
+    panel.use_sticky_edges = False
+    thick = 0.8 * (band - 0.14) / band
+    panel.barh(
+        rows, np.ptp(bounds, axis=1), thick, bounds[:, 0], color=FAINT, label="Prior", zorder=1.0
+    )
+    shown = [Interval.of(one.samples, one.label or "Posterior", k) for k, one in enumerate(cases)]
+    for place, one in enumerate(shown):
+        heights = rows + ((len(cases) - 1) / 2 - place) * ROW_HEIGHT / band
+        draw_intervals(panel, one, heights, label=one.name)
+        _write_figures(panel, one, heights)
+    panel.set(yticks=rows, yticklabels=names, ylim=(-0.6, len(names) - 0.4))
+    panel.tick_params(axis="y", length=0, labelsize=10.0)
+    panel.grid(visible=False, axis="y")
+    panel.spines["left"].set_visible(False)
+    panel.set_xlabel("Stiffness over that in the building file")
+    short = short_note(panel, shown)
+    order = "Lines of a row are in the order of the legend" if len(cases) > 1 else ""
+    read = f"{short}: read the figures at the right" if short else ""
+    add_head(figure, title, note="\n".join(one for one in (order, read) if one))
+    return figure
+
+
+def short_note(panel: Axes, shown: Sequence[Interval]) -> str:
+    """What to say where an interval is shorter than the stroke at its mean."""
+    low, high = panel.get_xlim()
+    if min((one.high - one.low).min() for one in shown) > _VISIBLE * (high - low):
+        return ""
+    return "Some intervals are shorter than the stroke at their mean"
+
+
+def draw_intervals(panel: Axes, one: Interval, heights: Floats, label: str = "") -> None:
+    """Lines from end to end at some heights (r,), and the means as strokes."""
+    color = hue(one.series)
+    panel.hlines(heights, one.low, one.high, color=color, linewidth=3.2, label=label, zorder=2.0)
+    # A stroke covers less of a short interval than a dot does.
+    panel.plot(one.mean, heights, "|", color=color, markersize=10.0, mew=1.4)
+
+
+def _write_figures(panel: Axes, one: Interval, heights: Floats) -> None:
+    """Means and ends, with two figures of the narrowest interval."""
+    narrowest = np.maximum(one.high - one.low, 1e-3 * np.abs(one.mean)).min()
+    digits = int(np.clip(1 - np.floor(np.log10(max(narrowest, 1e-4))), 0, 4))
+    for height, *values in zip(heights, one.mean, one.low, one.high, strict=True):
+        middle, start, end = (f"{value:.{digits}f}" for value in values)
+        panel.annotate(
+            f"{middle}   [{start}, {end}]",
+            (1.02, height),
+            xycoords=("axes fraction", "data"),
+            va="center",
+            fontsize=8.5,
+            color=hue(one.series),
+        )

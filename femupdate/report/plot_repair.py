@@ -15,10 +15,10 @@ from femupdate.report.curves import Curve, Interval
 from femupdate.report.figure import add_head, new_figure
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import drawn
-from femupdate.report.marked_building import draw_marked
 from femupdate.report.plot_diagnosis import ResidualMap, draw_misfit, largest_misfit
-from femupdate.report.plot_intervals import draw_intervals, short_note
+from femupdate.report.plot_posterior import draw_intervals, short_note
 from femupdate.report.rendering import Renderer
+from femupdate.report.scenes import draw_marked
 from femupdate.report.style import BLUE, DASHES, MEASURED, ORANGE, styled
 from femupdate.units import capital
 

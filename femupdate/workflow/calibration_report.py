@@ -169,8 +169,7 @@ class CalibrationReport(Result):
     def figures(self) -> Iterator[Picture]:
         """The FRF fit, pairs of parameters and intervals."""
         from femupdate.report.plot_curves import frf_fit
-        from femupdate.report.plot_intervals import theta_intervals
-        from femupdate.report.plot_posterior import SampleSet, posterior_pairs
+        from femupdate.report.plot_posterior import SampleSet, posterior_pairs, theta_intervals
 
         posterior, factors = self.posterior, self.posterior.of("stiffness")
         floors = ", ".join(posterior.observation.floors)

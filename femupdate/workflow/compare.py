@@ -167,8 +167,7 @@ class CompareReport(Result):
 
     def intervals(self) -> "Figure":
         """The intervals of all factors before and after."""
-        from femupdate.report.plot_intervals import theta_intervals
-        from femupdate.report.plot_posterior import SampleSet
+        from femupdate.report.plot_posterior import SampleSet, theta_intervals
 
         return theta_intervals(
             self.titles,

@@ -176,8 +176,8 @@ class PredictionReport(Result):
             floor_history_bands,
             floor_spectra_bands,
             member_force_bands,
+            story_shear_drift,
         )
-        from femupdate.report.plot_drift import story_shear_drift
 
         summary, motion, spectra = self.summary, self.motion, self.floor_spectra
         title = f"Floor acceleration, mean ± 2 sd: {motion.title} (peak {motion.peak:.2f} m/s²)"

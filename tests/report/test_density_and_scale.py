@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from femupdate.report.density import density_1d, density_2d, mass_level
+from femupdate.report.plot_posterior import density_1d, density_2d, mass_level
 from femupdate.report.scale import force_scale, length_scale, plus_minus
 
 NORMAL = np.random.default_rng(2).normal(size=(2, 40000))

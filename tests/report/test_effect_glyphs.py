@@ -11,7 +11,7 @@ from femupdate.effects.structure import structure_of
 from femupdate.errors import ReportError
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import drawn
-from femupdate.report.marked_building import draw_marked
+from femupdate.report.scenes import draw_marked
 
 
 @pytest.fixture(scope="module", params=["shear_4dof", "two_story_openings"])

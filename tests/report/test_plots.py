@@ -23,12 +23,17 @@ from femupdate.report.plot_curves import (
     floor_spectra_bands,
     frf_fit,
     member_force_bands,
+    story_shear_drift,
     strong_part,
 )
 from femupdate.report.plot_diagnosis import Ranked, ResidualMap, ranking, residual_map
-from femupdate.report.plot_drift import story_shear_drift
-from femupdate.report.plot_intervals import theta_intervals
-from femupdate.report.plot_posterior import SampleSet, correlation, most_correlated, posterior_pairs
+from femupdate.report.plot_posterior import (
+    SampleSet,
+    correlation,
+    most_correlated,
+    posterior_pairs,
+    theta_intervals,
+)
 from femupdate.report.plot_sticks import stick_mode_shapes
 
 FLOORS = ("2F", "3F", "4F", "5F", "6F", "RF")
@@ -453,7 +458,7 @@ def test_drawing_needs_no_pyplot_and_importing_no_vtk():
     code = (
         "import sys, femupdate.report.scenes, femupdate.report.curves;"
         "import femupdate.report.plot_curves, femupdate.report.plot_sticks;"
-        "import femupdate.report.plot_intervals;"
+        "import femupdate.report.plot_posterior;"
         "found = {'matplotlib.pyplot', 'pyvista', 'torch'} & set(sys.modules);"
         "sys.exit(', '.join(found) or 0)"
     )

@@ -16,10 +16,9 @@ from femupdate.report.curves import history_curves, response_curves
 from femupdate.report.figure import add_head, new_figure, thin_band_note
 from femupdate.report.plot_curves import frf_fit, member_force_bands, strong_part
 from femupdate.report.plot_diagnosis import Ranked, ranking
-from femupdate.report.plot_intervals import theta_intervals
 from femupdate.report.plot_measured import inspected
 from femupdate.report.plot_poles import stabilisation
-from femupdate.report.plot_posterior import SampleSet, posterior_pairs
+from femupdate.report.plot_posterior import SampleSet, posterior_pairs, theta_intervals
 from femupdate.report.plot_sticks import stick_mode_shapes
 from femupdate.report.scale import plus_minus
 from femupdate.workflow.identify import Identified
