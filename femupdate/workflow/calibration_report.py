@@ -8,18 +8,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.random import default_rng
 
 from femupdate.arrays import Floats
 from femupdate.building.parameters import factor_titles
+from femupdate.dynamics.system import System
 from femupdate.inference.identifiability import Identifiability
+from femupdate.inference.next_event import drawn_error
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck
-from femupdate.report.curves import Curve
+from femupdate.measurement.observation import on_all_floors
+from femupdate.report.curves import Curve, response_curves
 from femupdate.report.scale import plus_minus
 from femupdate.result import Item, Note, Notes, Picture, Result, plain
+from femupdate.seeds import spawn
 from femupdate.study import Study, write_text
 from femupdate.tables import Column, Table
-from femupdate.workflow.fitted_curves import fitted_curves
+from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.prediction_quantities import Quantity, floor_table, tidy_table
 from femupdate.workflow.summary import (
@@ -204,3 +209,28 @@ class CalibrationReport(Result):
             "notes": self.notes,
         }
         write_text(study.result(SUMMARY), json.dumps(plain(content), indent=1) + "\n")
+
+
+def fitted_curves(system: System, model: StudyModel, posterior: Posterior) -> tuple[Curve, ...]:
+    """|H| of every floor, the top floor first, measured and predicted."""
+    predicted = predictive_log_frf(system, model, posterior)
+    seen = on_all_floors(posterior.observation, model.building.floors)
+    return response_curves(predicted, seen, _with_errors(model, posterior, predicted))
+
+
+def _with_errors(
+    model: StudyModel, posterior: Posterior, predicted: Floats
+) -> tuple[Floats, Floats] | None:
+    """(f, k) 5 and 95 % of ln|H| with errors of the model as large as learned, and elsewhere."""
+    errors = posterior.model_error
+    if errors is None:
+        return None
+    rows, frequency = posterior.rows(len(predicted), 0), model.frequency_hz.numpy()
+    floors = predicted.shape[1]
+    streams = spawn(0, len(rows))
+    moved = [
+        own + drawn_error(errors.amplitude, row, errors, floors, frequency, default_rng(stream))
+        for own, row, stream in zip(predicted, rows, streams, strict=True)
+    ]
+    low, high = np.quantile(moved, [0.05, 0.95], axis=0)
+    return low, high

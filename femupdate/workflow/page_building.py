@@ -18,8 +18,7 @@ from femupdate.report.scale import mass_scale
 from femupdate.study import as_written
 from femupdate.tables import Table
 from femupdate.workflow.modes import StudyMode, mode_table
-from femupdate.workflow.page_done import read_json
-from femupdate.workflow.page_parts import PageStudy
+from femupdate.workflow.page_parts import PageStudy, read_json
 from femupdate.workflow.prediction_quantities import heights_of
 
 

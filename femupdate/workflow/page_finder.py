@@ -12,8 +12,7 @@ from femupdate.report.page import Block, Chart, Remarks, Section, Text
 from femupdate.report.page_charts import bar_figure, interval_figure
 from femupdate.study import as_written
 from femupdate.tables import Table
-from femupdate.workflow.page_done import read_json
-from femupdate.workflow.page_parts import PageStudy, searched
+from femupdate.workflow.page_parts import PageStudy, read_json, searched
 
 _SHOWN = 8
 _LEAST_P = 1e-6  # below it a p-value says no more

@@ -1,20 +1,24 @@
-"""What all sections of the page are made from, and how they write numbers."""
+"""What all sections of the page are made from, with the sections on steps, files and warnings."""
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from femupdate.dynamics.system import System
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior
+from femupdate.report.page import Block, Remarks, Section, Text
 from femupdate.storage import read_tree
-from femupdate.study import REPAIRED, Artefact, Study
+from femupdate.study import BUILDING_FILE, REPAIRED, Artefact, Study, file_hash
+from femupdate.tables import Table
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, find_modes, posterior_modes
-from femupdate.workflow.status import StatusReport
-from femupdate.workflow.summary import parameter_titles
+from femupdate.workflow.status import CURRENT, Holding, StatusReport, files_beside_of, sources_of
+from femupdate.workflow.summary import kept_summary, parameter_titles
 
 _MODES = 6
 
@@ -86,3 +90,115 @@ def searched(page: PageStudy) -> Study:
     if own.folder.name == REPAIRED and not own.path("repair.json").exists():
         return Study(own.folder.parent)
     return own
+
+
+_SHORT = 16  # figures of a hash that are shown
+
+
+def done_section(page: PageStudy) -> Section:
+    """Steps with version, time and files."""
+    blocks: list[Block] = []
+    rows = tuple(_row(page.study, item) for item in page.status.holds)
+    blocks.append(
+        Table.of(
+            name="what_was_done",
+            caption="Steps, in the order in which they were made",
+            head=("result", "by", "version", "time (UTC)", "state", "file", "SHA-256"),
+            rows=rows,
+            note=f"The first {_SHORT} figures of each hash; the whole ones are in study.json.",
+        )
+    )
+    building = (BUILDING_FILE, file_hash(page.study.path(BUILDING_FILE))[:_SHORT])
+    used: dict[tuple[str, str], list[str]] = {building: ["the building, as the study keeps it"]}
+    for item in page.status.holds:
+        for key in _sources(page.study.artefacts()[item.name], item.sources):
+            used.setdefault(key, []).append(item.name)
+    for key, name in _of_repair(page):
+        used.setdefault(key, []).append(name)
+    blocks.append(
+        Table.of(
+            name="files_used",
+            caption="Files that were used",
+            head=("file", "for", "SHA-256 when used"),
+            rows=tuple((file, ", ".join(names), hash_) for (file, hash_), names in used.items()),
+        )
+    )
+    return Section("done", "What was done", tuple(blocks))
+
+
+def bad_items(page: PageStudy) -> tuple[str, ...]:
+    """What is stale, damaged or missing, in sentences."""
+    return tuple(_bad(item) for item in page.status.holds if item.state != CURRENT)
+
+
+def _bad(item: Holding) -> str:
+    reason = f": {item.reason}" if item.reason else ""
+    return f"The {item.name} is {item.state}{reason}. What this page shows of it does not hold."
+
+
+def _row(study: Study, item: Holding) -> tuple[str, ...]:
+    digest = study.artefacts()[item.name].sha256[:_SHORT]
+    command = f"femupdate {item.command}"
+    time = item.created.replace("T", " ")[:16]
+    return (item.name, command, item.version, time, item.state, item.file, digest)
+
+
+def _of_repair(page: PageStudy) -> list[tuple[tuple[str, str], str]]:
+    """Files of the diagnosis and the repair that made the building of a repaired study."""
+    folder = searched(page)
+    if folder.folder == page.study.folder:
+        return []
+    recorded = folder.artefacts()
+    return [
+        (key, f"{name} that made this model")
+        for name in ("diagnosis", "repair")
+        if name in recorded
+        for key in _sources(recorded[name], sources_of(recorded[name]))
+    ]
+
+
+def _sources(artefact: Artefact, sources: Sequence[str]) -> list[tuple[str, str]]:
+    """Files outside the study, each with the hash that it had."""
+    recorded = artefact.made_from
+    hashes = [recorded[key] for key in recorded if key.startswith(("observation", "record"))]
+    hashes += [""] * (len(sources) - len(hashes))
+    beside = files_beside_of(artefact)
+    hashes += [recorded.get(option, "") for option in beside]
+    pairs = zip((*sources, *beside.values()), hashes, strict=True)
+    return [(Path(name).name, digest[:_SHORT]) for name, digest in pairs]
+
+
+def warnings_section(page: PageStudy) -> Section:
+    """What the posterior says of itself, unfinished work, and how to read the page."""
+    told = () if page.posterior is None else page.posterior.observation.notes
+    notes = tuple(note for note in posterior_notes(page) if note not in told)
+    blocks: list[Block] = []
+    if notes:
+        blocks.append(Text(("Stored with the posterior:",)))
+        blocks.append(Remarks(notes))
+    if page.status.unfinished:
+        blocks.append(Remarks(page.status.unfinished, warning=True))
+    blocks.append(
+        Text(
+            (
+                "Intervals are those of the posterior: with the model, the priors and the noise "
+                "as stated, the value lies inside with the probability given. They do not cover "
+                "errors that the notes name and that nothing on this page accounts for.",
+            )
+        )
+    )
+    return Section("notes", "Notes and warnings", tuple(blocks))
+
+
+def posterior_notes(page: PageStudy) -> tuple[str, ...]:
+    """Every note and warning kept with the posterior, in its summary or in its file."""
+    kept = kept_summary(page.study)
+    found = [str(note) for key in ("notes", "warnings") for note in kept.get(key) or ()]
+    settings = {} if page.posterior is None else page.posterior.settings
+    found += [str(note) for key in ("notes", "warnings") for note in settings.get(key) or ()]
+    return tuple(dict.fromkeys(found))
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object of the study; empty where the file is missing."""
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}

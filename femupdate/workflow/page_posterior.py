@@ -16,7 +16,7 @@ from femupdate.report.page_charts import (
 )
 from femupdate.tables import Table
 from femupdate.workflow.calibrate_notes import error_notes
-from femupdate.workflow.fitted_curves import fitted_curves
+from femupdate.workflow.calibration_report import fitted_curves
 from femupdate.workflow.page_parts import PageStudy
 from femupdate.workflow.summary import identified, kept_summary, parameter_table
 
