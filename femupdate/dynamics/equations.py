@@ -17,7 +17,7 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel, reduce_terms
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import UNSCALED, Hinges, Placed, Springs, Terms
+from femupdate.effects.effect import UNSCALED, Hinges, Placed, SpringTerms, Terms
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
 from femupdate.fe.driven import Factored, driven_shapes
 from femupdate.fe.factorization import factorize
@@ -37,7 +37,7 @@ class Equations:
     """
 
     stiffness: csc_matrix
-    springs: Springs
+    springs: SpringTerms
     mass: csc_matrix
     force: Floats
     rigid_mass: Floats
@@ -55,7 +55,7 @@ class WithSprings:
     """
 
     without: Factored
-    springs: Springs
+    springs: SpringTerms
 
     def apply(self, rhs: Floats) -> Floats:
         """Displacement (n, m) under forces (n, m)."""
@@ -81,7 +81,7 @@ class WithSprings:
 
 
 @dataclass(frozen=True, eq=False)
-class Sensors:
+class SensorRows:
     """What is observed of the full model along the motion.
 
     Attributes:
@@ -147,7 +147,7 @@ def equations_at(
             rigid = rigid + size * terms.mass.rigid
             inertia = inertia + size * terms.mass.above
             story_rigid = story_rigid + size * terms.mass.above_rigid
-    between = Springs(np.concatenate(rows), np.concatenate(springs))
+    between = SpringTerms(np.concatenate(rows), np.concatenate(springs))
     known = csc_matrix(stiffness), between, csc_matrix(mass)
     return Equations(*known, force, rigid, inertia, story_rigid)
 
@@ -165,7 +165,7 @@ def driven_system(
     sizes: Floats,
     top_hz: float,
     law: DampingLaw,
-    sensors: Sensors | None = None,
+    sensors: SensorRows | None = None,
     turns: bool = False,
 ) -> DrivenSystem:
     """Solve the full model at one sample.
@@ -192,7 +192,7 @@ def driven_system(
     held = structure.operators
     factors = factorize(whole.stiffness) if held is None else factorize_held(held, whole.stiffness)
     sprung = WithSprings(factors, whole.springs)
-    seen = sensors or Sensors(structure.floors, structure.floor_rows, structure.levels)
+    seen = sensors or SensorRows(structure.floors, structure.floor_rows, structure.levels)
     found = driven_shapes(
         sprung, whole.mass, forces, structure.floor_rows, top_hz, watched=seen.watched
     )
@@ -205,7 +205,7 @@ def driven_system(
 
 
 def _on_shapes(
-    structure: Structure, whole: Equations, seen: Sensors, frequency_hz: Floats, shapes: Floats
+    structure: Structure, whole: Equations, seen: SensorRows, frequency_hz: Floats, shapes: Floats
 ) -> ReducedModel:
     """A model without stiffness factors, on shapes (n, r) on which it is diagonal."""
     size, force = shapes.shape[1], shapes.T @ whole.force

@@ -39,7 +39,7 @@ _BLOCK = 2048  # frequencies at a time
 
 
 @dataclass(frozen=True)
-class Histories:
+class ResponseHistories:
     """Response histories of S samples at the instants 0, time_step, 2 time_step, ...
 
     Attributes:
@@ -108,7 +108,7 @@ def floor_histories(
     time_step: float,
     *,
     settings: HistorySettings | None = None,
-) -> Histories:
+) -> ResponseHistories:
     """Return the response of every sample, from rest, to one record of base acceleration.
 
     A base that turns adds to the motion of all floors; drifts are those against it as it turns.
@@ -132,9 +132,9 @@ def floor_histories(
     return join_histories(list(batches))
 
 
-def join_histories(parts: list[Histories]) -> Histories:
+def join_histories(parts: list[ResponseHistories]) -> ResponseHistories:
     """Join histories of the same model and record into one."""
-    return Histories(
+    return ResponseHistories(
         parts[0].time_step,
         parts[0].floors,
         np.concatenate([p.floor_acceleration for p in parts]),
@@ -153,7 +153,7 @@ def history_batches(
     settings: HistorySettings | None = None,
     level: OwnLevel | None = None,
     progress: Progress = SILENT,
-) -> Iterator[Histories]:
+) -> Iterator[ResponseHistories]:
     """Check the input, then yield the histories of `settings.batch` samples at a time.
 
     Arguments and errors as for `floor_histories`; `progress` advances by one a sample. With a
@@ -201,14 +201,16 @@ class _Task:
         windows = steps.windows(record_points(self.record, factor))
         return np.asarray(modes.project(windows, torch.from_numpy(self.record)).numpy())
 
-    def named(self, response: Floats) -> Histories:
+    def named(self, response: Floats) -> ResponseHistories:
         """Tell the rows of (S, o, n) apart; they come in the order of `story_rows`."""
         floors, stories = len(self.system.floors), len(self.system.model.story_mass)
         acceleration, shear, drift = np.split(response, [floors, floors + stories], axis=1)
-        return Histories(self.time_step, self.system.floors, acceleration, shear, drift)
+        return ResponseHistories(self.time_step, self.system.floors, acceleration, shear, drift)
 
 
-def _walk(task: _Task, parameters: Tensor, zeta: Tensor, progress: Progress) -> Iterator[Histories]:
+def _walk(
+    task: _Task, parameters: Tensor, zeta: Tensor, progress: Progress
+) -> Iterator[ResponseHistories]:
     """Histories batch by batch."""
     transform = task.system.complex_modes
     step = 1 if transform else task.settings.batch
@@ -226,7 +228,7 @@ def _walk(task: _Task, parameters: Tensor, zeta: Tensor, progress: Progress) -> 
 
 def _follow(
     task: _Task, parameters: Tensor, zeta: Tensor, level: OwnLevel, progress: Progress
-) -> Iterator[Histories]:
+) -> Iterator[ResponseHistories]:
     """Histories batch by batch, at the level that each has itself."""
     theta, sizes = task.system.split(parameters[:1])
     period = 2.0 * np.pi / float(task.system.modes(theta, sizes).omega.min())
@@ -250,7 +252,7 @@ def _settled(
     own: Integers,
     rounds: int,
     first: int,
-) -> tuple[Histories, Integers]:
+) -> tuple[ResponseHistories, Integers]:
     """Histories of samples, and the number (S, w) of the level in each window."""
     sizes, factor = task.system.split(parameters)[1], task.settings.oversampling
     modes, ratio = task.modes(parameters, zeta, first)

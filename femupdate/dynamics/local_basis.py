@@ -27,7 +27,7 @@ from femupdate.fe.driven import Factored
 from femupdate.fe.factorization import factorize
 from femupdate.fe.mechanism import factorize_held
 from femupdate.fe.products import along, combined, symmetric_times
-from femupdate.fe.solve import Modes, modes_below
+from femupdate.fe.solve import NaturalModes, modes_below
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
 from femupdate.workers import everywhere
@@ -42,7 +42,7 @@ Sized = tuple[tuple[Placed, float], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class _Question:
+class _Asked:
     """What is solved: terms of some sizes at stiffness factors theta (p,)."""
 
     added: tuple[tuple[Terms, float], ...]
@@ -89,8 +89,8 @@ def _answers(
     """Weighted shapes (n, c) of every question (see `local_structure`)."""
     assert structure.operators is not None
     sets = _of_catalogue(structure) if present is None else _about(structure, present)
-    questions = [_Question(one, theta) for one in sets]
-    questions += [_Question(sets[0], near) for near in _neighbours(theta, spread)]
+    questions = [_Asked(one, theta) for one in sets]
+    questions += [_Asked(sets[0], near) for near in _neighbours(theta, spread)]
     middle = equations_at(structure, theta, sets[0])
     alone = _alone(structure.operators, middle)
     factors = factorize_held(alone, middle.stiffness)
@@ -183,7 +183,7 @@ class KnownModes:
     mass: Floats
 
     @staticmethod
-    def of(equations: Equations, modes: Modes) -> "KnownModes":
+    def of(equations: Equations, modes: NaturalModes) -> "KnownModes":
         """From the modes of the equations."""
         shapes, image = modes.shapes, symmetric_times(equations.mass, modes.shapes)
         held = symmetric_times(equations.stiffness, shapes)
@@ -210,7 +210,7 @@ class KnownModes:
 
 
 def _answer(
-    structure: Structure, known: KnownModes, target: ReductionTarget, question: _Question
+    structure: Structure, known: KnownModes, target: ReductionTarget, question: _Asked
 ) -> Singles:
     """See `nearby_shapes`."""
     equations = equations_at(structure, question.theta, question.added)

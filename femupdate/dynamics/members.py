@@ -19,7 +19,7 @@ from femupdate.building.document import Building
 from femupdate.building.shear import ShearBuilding
 from femupdate.building.wall_cuts import WallCut, wall_cut
 from femupdate.dynamics.damping import DampingLaw, damping_law
-from femupdate.dynamics.equations import Sensors, driven_system
+from femupdate.dynamics.equations import SensorRows, driven_system
 from femupdate.dynamics.history import displacement_histories
 from femupdate.dynamics.summary import Statistics, statistics
 from femupdate.dynamics.system import Rows, changes_in_run
@@ -192,7 +192,7 @@ class Member:
 
 
 @dataclass(frozen=True)
-class BaseMotion:
+class BaseRecord:
     """An acceleration history of the base.
 
     Attributes:
@@ -321,7 +321,7 @@ def member_forces(
     chosen: ChosenMembers,
     parameters: Floats,
     zeta: Floats,
-    motion: BaseMotion,
+    motion: BaseRecord,
     top_hz: float,
     progress: Progress = SILENT,
 ) -> tuple[MemberForces, ...]:
@@ -359,13 +359,13 @@ def _over_draws(member: Member, histories: Floats) -> MemberForces:
 
 
 def _at_draw(
-    chosen: ChosenMembers, motion: BaseMotion, top_hz: float, draw: tuple[Floats, float]
+    chosen: ChosenMembers, motion: BaseRecord, top_hz: float, draw: tuple[Floats, float]
 ) -> Floats:
     """Histories of all members' forces at one draw, (k, n)."""
     structure, law = chosen.structure, chosen.law
     theta, sizes = np.split(draw[0], [len(structure.stiffness_terms)])
     groups = chosen.rows(theta)
-    seen = Sensors(structure.floors, structure.floor_rows, structure.levels, groups)
+    seen = SensorRows(structure.floors, structure.floor_rows, structure.levels, groups)
     found = driven_system(structure, chosen.added, theta, sizes, top_hz, law, seen)
     shapes = torch.from_numpy(np.concatenate(groups) @ found.shapes)
     # A rigid motion of the base strains no member.

@@ -13,9 +13,9 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.effects.effect import (
     UNSCALED,
-    AddedMass,
     Array,
     Hinges,
+    MassTerms,
     Placed,
     Port,
     Stiffness,
@@ -289,7 +289,7 @@ def _reduced_hinges(basis: Floats, hinges: Hinges) -> Hinges:
     return Hinges(*(torch.as_tensor(part) for part in (coupling, hinges.inner, hinges.spring)))
 
 
-def _reduced_mass(basis: Floats, mass: AddedMass) -> AddedMass:
+def _reduced_mass(basis: Floats, mass: MassTerms) -> MassTerms:
     parts = (
         projected(basis, mass.matrix),
         along(mass.force.T, basis).T,
@@ -297,7 +297,7 @@ def _reduced_mass(basis: Floats, mass: AddedMass) -> AddedMass:
         along(mass.above, basis),
         mass.above_rigid,
     )
-    return AddedMass(*(torch.from_numpy(np.asarray(part)) for part in parts))
+    return MassTerms(*(torch.from_numpy(np.asarray(part)) for part in parts))
 
 
 _SOFT = 1e-3  # frequency on the springs over the building's first one

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
 from femupdate.arrays import Flags, Floats
-from femupdate.dynamics.history import Histories, join_histories
+from femupdate.dynamics.history import ResponseHistories, join_histories
 from femupdate.errors import ModelError
 from femupdate.tables import Table
 from femupdate.units import percent
@@ -51,7 +51,7 @@ class HistorySummary:
     peak_shear: Floats
     peak_drift: Floats
     story_stiffness: Floats
-    examples: Histories
+    examples: ResponseHistories
 
     def __len__(self) -> int:
         return len(self.peak_acceleration)
@@ -70,7 +70,9 @@ def statistics(values: ArrayLike) -> Statistics:
     return Statistics(moments.mean, _sd(moments), q05, q95)
 
 
-def summarise(histories: Histories | Iterable[Histories], examples: int = 100) -> HistorySummary:
+def summarise(
+    histories: ResponseHistories | Iterable[ResponseHistories], examples: int = 100
+) -> HistorySummary:
     """Summarise histories batch by batch, such as those of `history_batches`.
 
     Args:
@@ -80,10 +82,10 @@ def summarise(histories: Histories | Iterable[Histories], examples: int = 100) -
     Raises:
         ModelError: there are no histories, or a story does not drift (a base at rest).
     """
-    moments: _Moments | None = None
+    moments: _RunningMoments | None = None
     rows: list[tuple[Floats, ...]] = []
-    kept: list[Histories] = []
-    for batch in [histories] if isinstance(histories, Histories) else histories:
+    kept: list[ResponseHistories] = []
+    for batch in [histories] if isinstance(histories, ResponseHistories) else histories:
         fresh = _moments(batch.floor_acceleration)
         moments = fresh if moments is None else _merge(moments, fresh)
         rows.append(_per_sample(batch))
@@ -127,7 +129,7 @@ def story_stiffness(shear: Floats, drift: Floats) -> Floats:
 
 
 def _assemble(
-    moments: "_Moments", rows: list[tuple[Floats, ...]], examples: Histories
+    moments: "_RunningMoments", rows: list[tuple[Floats, ...]], examples: ResponseHistories
 ) -> HistorySummary:
     columns = [np.concatenate(column) for column in zip(*rows, strict=True)]
     return HistorySummary(
@@ -142,7 +144,7 @@ def _assemble(
     )
 
 
-def _per_sample(batch: Histories) -> tuple[Floats, ...]:
+def _per_sample(batch: ResponseHistories) -> tuple[Floats, ...]:
     return (
         _peak(batch.floor_acceleration),
         _peak(batch.story_shear),
@@ -155,9 +157,9 @@ def _peak(values: Floats) -> Floats:
     return np.maximum(values.max(axis=-1), -values.min(axis=-1))
 
 
-def _first(batch: Histories, count: int) -> Histories:
+def _first(batch: ResponseHistories, count: int) -> ResponseHistories:
     """Copies of the first samples: views would keep the whole batch in memory."""
-    return Histories(
+    return ResponseHistories(
         batch.time_step,
         batch.floors,
         batch.floor_acceleration[:count].copy(),
@@ -167,7 +169,7 @@ def _first(batch: Histories, count: int) -> Histories:
 
 
 @dataclass(frozen=True)
-class _Moments:
+class _RunningMoments:
     """Count, mean and sum of squared deviations, which merge without cancellation."""
 
     count: int
@@ -175,20 +177,22 @@ class _Moments:
     squares: Floats
 
 
-def _moments(values: Floats) -> _Moments:
+def _moments(values: Floats) -> _RunningMoments:
     mean = values.mean(axis=0)
-    return _Moments(len(values), mean, ((values - mean) ** 2).sum(axis=0))
+    return _RunningMoments(len(values), mean, ((values - mean) ** 2).sum(axis=0))
 
 
-def _merge(a: _Moments, b: _Moments) -> _Moments:
+def _merge(a: _RunningMoments, b: _RunningMoments) -> _RunningMoments:
     """Moments of both together (Chan, Golub and LeVeque 1979)."""
     count = a.count + b.count
     shift = b.mean - a.mean
     mean = a.mean + shift * (b.count / count)
-    return _Moments(count, mean, a.squares + b.squares + shift**2 * (a.count * b.count / count))
+    return _RunningMoments(
+        count, mean, a.squares + b.squares + shift**2 * (a.count * b.count / count)
+    )
 
 
-def _sd(moments: _Moments) -> Floats:
+def _sd(moments: _RunningMoments) -> Floats:
     return np.sqrt(moments.squares / max(moments.count - 1, 1))
 
 

@@ -32,8 +32,8 @@ from femupdate.effects.effect import (
     ALL_STORIES,
     UNSCALED,
     Effect,
+    EffectParameter,
     LevelChange,
-    Parameter,
     Placed,
     Terms,
 )
@@ -534,7 +534,7 @@ def _different(values: Tensor) -> tuple[Tensor, Tensor]:
     return one.scatter_(0, kinds, torch.arange(len(kinds), device=kinds.device)), kinds
 
 
-def parameters_of(placed: Sequence[Placed]) -> list[Parameter]:
+def parameters_of(placed: Sequence[Placed]) -> list[EffectParameter]:
     """The parameters of effects, one effect after the other."""
     return [parameter for one in placed for parameter in one.effect.parameters]
 

@@ -26,7 +26,7 @@ _REACH = 5.0  # standard deviations of the prior, beyond which nothing is looked
 
 
 @dataclass(frozen=True)
-class Parameter:
+class EffectParameter:
     """One number that says how large an effect is or how it is tuned.
 
     Attributes:
@@ -96,7 +96,7 @@ class Port:
 
 
 @dataclass(frozen=True, eq=False)
-class AddedMass:
+class MassTerms:
     """Mass of an effect.
 
     Attributes:
@@ -134,7 +134,7 @@ class Stiffness(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Springs:
+class SpringTerms:
     """Springs that an effect puts between sums over many degrees of freedom, c of them.
 
     As a matrix a spring between the means of two floors would join every point of both, millions
@@ -193,9 +193,9 @@ class Terms:
     """
 
     stiffness: tuple[Stiffness, ...] = ()
-    springs: Springs | None = None
+    springs: SpringTerms | None = None
     hinges: Hinges | None = None
-    mass: AddedMass | None = None
+    mass: MassTerms | None = None
     flexibility: tuple[float, float] = (0.0, 0.0)
     pitch: float = 0.0
     port: Port | None = None
@@ -287,7 +287,7 @@ class Effect(ABC):
     sits: ClassVar[str]
     contains: ClassVar[tuple[str, ...]] = ()
     settled_by: ClassVar[str]
-    parameters: ClassVar[tuple[Parameter, ...]]
+    parameters: ClassVar[tuple[EffectParameter, ...]]
     instrument: ClassVar[bool] = False
     correction: ClassVar[bool] = False
     needs_phase: ClassVar[bool] = False
@@ -425,7 +425,7 @@ def mass_terms(structure: Structure, values: Floats) -> Terms:
     points = structure.points
     matrix = csc_matrix(points.motion.T @ diags(values) @ points.motion)
     force = values[:, None] * points.rigid
-    mass = AddedMass(
+    mass = MassTerms(
         matrix, points.motion.T @ force, points.rigid.T @ force, *structure.inertia_above(values)
     )
     return Terms(mass=mass)

@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class NodeMotions:
     """Every component of every node's motion, m of them, held and tied ones too.
 
     Attributes:
@@ -91,7 +91,7 @@ class Structure:
     levels: Floats
     position: Floats
     axis: Integers
-    points: Points
+    points: NodeMotions
     direction: int
     mesh: BuildingMesh | None = None
     operators: AffineOperators | None = None
@@ -281,7 +281,7 @@ def _stick(building: ShearBuilding) -> Structure:
         levels=heights,
         position=position,
         axis=axis,
-        points=Points(position, axis, masses, shapes, csr_matrix(np.eye(count))),
+        points=NodeMotions(position, axis, masses, shapes, csr_matrix(np.eye(count))),
         direction=0,
     )
 
@@ -326,13 +326,13 @@ def _rigid_shapes(nodes: Floats, direction: int) -> Floats:
     return shapes.reshape(-1, 2)
 
 
-def _points(mesh: BuildingMesh, operators: AffineOperators, shapes: Floats) -> Points:
+def _points(mesh: BuildingMesh, operators: AffineOperators, shapes: Floats) -> NodeMotions:
     mass = np.zeros(operators.dof)
     for axis in range(3):
         unit = operators.rigid_translation(axis)
         mass += unit * (operators.mass_full @ unit)
     position = np.repeat(mesh.model.nodes, DOF_PER_NODE, axis=0)
-    return Points(
+    return NodeMotions(
         position, np.arange(operators.dof) % DOF_PER_NODE, mass, shapes, _motion(operators)
     )
 

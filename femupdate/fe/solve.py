@@ -27,7 +27,7 @@ _CLOSE = 1e-6  # relative; of components as close as this to the largest, the fi
 
 
 @dataclass(frozen=True)
-class Modes:
+class NaturalModes:
     """Natural modes, lowest first.
 
     Attributes:
@@ -63,7 +63,7 @@ def static_displacement(operators: AffineOperators, theta: Floats, load: Floats)
 
 def lowest_modes(
     operators: AffineOperators, theta: Floats, count: int, shift_hz: float | None = None
-) -> Modes:
+) -> NaturalModes:
     """Lowest natural modes by the shift-invert Lanczos method.
 
     A Sturm count confirms that no mode below the highest ones returned is missing.
@@ -93,7 +93,7 @@ def _massive(operators: AffineOperators) -> int:
 
 def _lowest(
     operators: AffineOperators, problem: "_Problem", count: int, below: float = np.inf
-) -> Modes:
+) -> NaturalModes:
     """The lowest modes; exactly `count` eigenvalues are known to lie under a finite `below`."""
     massive = _massive(operators)
     if massive <= max(_FEW, 3 * count):
@@ -130,7 +130,7 @@ def modes_below(
     theta: Floats,
     top_hz: float,
     factorization: Factorization | None = None,
-) -> Modes:
+) -> NaturalModes:
     """Return all modes below a frequency, at least one.
 
     How many there are is known beforehand: as many as K - w^2 M has negative pivots (Sylvester's
@@ -258,14 +258,14 @@ def _count_negative(matrix: csc_matrix, order: Integers | None) -> int | None:
     return None if pivots is None else int(np.count_nonzero(pivots < 0.0))
 
 
-def _modes(problem: _Problem, values: Floats, shapes: Floats) -> Modes:
+def _modes(problem: _Problem, values: Floats, shapes: Floats) -> NaturalModes:
     image = symmetric_times(problem.mass, shapes)
     norm = np.sqrt(np.einsum("ij,ij->j", shapes, image))
     magnitude = np.abs(shapes)
     largest = (magnitude >= (1.0 - _CLOSE) * magnitude.max(axis=0)).argmax(axis=0)
     sign = np.sign(shapes[largest, np.arange(len(values))])
     frequency = np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
-    return Modes(frequency, shapes * (sign / norm))
+    return NaturalModes(frequency, shapes * (sign / norm))
 
 
 def _residual(problem: _Problem, values: Floats, shapes: Floats) -> float:

@@ -20,7 +20,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from femupdate.arrays import Complexes, Floats, Integers
-from femupdate.dynamics.history import Histories
+from femupdate.dynamics.history import ResponseHistories
 from femupdate.inference.error_draws import ErrorDraws, SizeDraws
 from femupdate.inference.model_error import MODEL_ERROR, Harmonics
 from femupdate.inference.posterior import Posterior
@@ -51,7 +51,7 @@ class EventErrors:
     def _streams(self) -> list[Seed]:
         return list(spawn(self.seed, len(self.rows)))
 
-    def applied(self, batches: Iterable[Histories]) -> Iterator[Histories]:
+    def applied(self, batches: Iterable[ResponseHistories]) -> Iterator[ResponseHistories]:
         """Histories of the draws, with their errors."""
         first = 0
         for batch in batches:
@@ -60,7 +60,7 @@ class EventErrors:
                 yield self._erring(some, first + start)
             first += len(batch)
 
-    def _erring(self, some: Histories, first: int) -> Histories:
+    def _erring(self, some: ResponseHistories, first: int) -> ResponseHistories:
         count = some.floor_acceleration.shape[-1]
         padded = count + round(EVENT.silence_s / some.time_step)
         frequency = np.asarray(np.fft.rfftfreq(padded, some.time_step), dtype=np.float64)
@@ -226,7 +226,7 @@ def drawn_error(
     return np.asarray(coefficients @ values.T)
 
 
-def _samples(batch: Histories, some: slice) -> Histories:
+def _samples(batch: ResponseHistories, some: slice) -> ResponseHistories:
     return replace(
         batch,
         floor_acceleration=batch.floor_acceleration[some],

@@ -20,7 +20,7 @@ from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.quantities import ALL
 from femupdate.building.shear import ShearBuilding
 from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.equations import Sensors, driven_system
+from femupdate.dynamics.equations import SensorRows, driven_system
 from femupdate.dynamics.history import OwnLevel, history_batches, transformed_sensors
 from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.system import System
@@ -294,7 +294,7 @@ def truth_of(
     return Truth(fine, found.system, np.zeros(0), values, found.frequency_hz[below], share)
 
 
-def _sensors(fine: FineModel) -> Sensors:
+def _sensors(fine: FineModel) -> SensorRows:
     """Every sensor of a frame along the motion."""
     structure, mesh, operators = fine.structure, fine.structure.mesh, fine.structure.operators
     if mesh is None or operators is None:
@@ -304,4 +304,4 @@ def _sensors(fine: FineModel) -> Sensors:
     rows[np.arange(len(nodes)), DOF_PER_NODE * nodes + structure.direction] = 1.0
     floors = tuple(channel.floor for channel in fine.channels)
     heights = np.array([structure.levels[structure.floors.index(floor)] for floor in floors])
-    return Sensors(floors, operators.gather(rows.T).T, heights)
+    return SensorRows(floors, operators.gather(rows.T).T, heights)

@@ -9,9 +9,9 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.shear import require_heights
-from femupdate.dynamics.history import Histories, OwnLevel, history_batches
+from femupdate.dynamics.history import OwnLevel, ResponseHistories, history_batches
 from femupdate.dynamics.members import (
-    BaseMotion,
+    BaseRecord,
     MemberForces,
     choose_members,
     member_forces,
@@ -334,7 +334,7 @@ def _in_another_event(task: PredictionTask, draws: PredictionDraws) -> HistorySu
 
 def _histories(
     task: PredictionTask, draws: PredictionDraws
-) -> tuple[Iterator[Histories], tuple[str, ...]]:
+) -> tuple[Iterator[ResponseHistories], tuple[str, ...]]:
     values, told = at_reached_level(task, draws)
     theta, zeta = values.of_structure, values.zeta
     record = task.motion.inputs, task.motion.time_step
@@ -400,7 +400,7 @@ def _members(
         chosen,
         theta.numpy(),
         zeta.numpy(),
-        BaseMotion(motion.acceleration, motion.time_step),
+        BaseRecord(motion.acceleration, motion.time_step),
         1.3 * float(model.frequency_hz[-1]),
         show,
     )

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from femupdate.arrays import Floats
 from femupdate.building.document import Building
 from femupdate.building.parameters import factor_ranges, factor_titles
-from femupdate.effects.effect import Parameter, Placed
+from femupdate.effects.effect import EffectParameter, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import StudyError
 from femupdate.inference.identifiability import Identifiability, identifiability
@@ -96,7 +96,7 @@ def parameter_titles(building: Building, names: Sequence[str]) -> Mapping[str, s
     return {name: known.get(name) or effect_title(name) for name in names}
 
 
-def effect_parameter(name: str) -> Parameter | None:
+def effect_parameter(name: str) -> EffectParameter | None:
     """The parameter of the catalogue that one such as "added_mass@3F.size" is."""
     effect_name, _, rest = name.partition("@")
     effect = CATALOGUE.get(effect_name)

@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 from femupdate.building.files import load_building
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.history import (
-    Histories,
+    ResponseHistories,
     floor_histories,
     history_batches,
     transformed_outputs,
@@ -53,7 +53,7 @@ def transformed(system, theta, sizes=()):
     found = transformed_outputs(system, sample(system, theta, sizes), RECORD, STEP)
     floors, stories = len(system.floors), len(system.model.story_mass)
     parts = np.split(found[None], [floors, floors + stories], axis=1)
-    return Histories(STEP, system.floors, *parts)
+    return ResponseHistories(STEP, system.floors, *parts)
 
 
 def seen_by_sensors(system, theta, sizes):

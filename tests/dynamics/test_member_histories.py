@@ -11,7 +11,7 @@ from femupdate.building.files import load_building
 from femupdate.building.mesh import mesh_building
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.members import (
-    BaseMotion,
+    BaseRecord,
     choose_members,
     member_forces,
     write_member_forces,
@@ -105,7 +105,7 @@ def wall_frame():
 def slow():
     """A ground acceleration that rises to 1 m/s2 and falls again within 20 s."""
     t = np.linspace(0.0, 20.0, 1001)
-    return BaseMotion(np.sin(np.pi * t / 20.0) ** 2, 0.02)
+    return BaseRecord(np.sin(np.pi * t / 20.0) ** 2, 0.02)
 
 
 def forces(building, theta, zeta, wanted, motion=None):
@@ -206,7 +206,7 @@ def test_with_columns_means_those_at_its_ends_as_well(wall_frame):
 def test_the_band_is_that_of_the_draws(table):
     draws = np.array([[0.6], [1.0], [1.9]])
     t = np.linspace(0.0, 4.0, 201)
-    motion = BaseMotion(np.sin(9.0 * t) * np.sin(np.pi * t / 4.0), 0.02)
+    motion = BaseRecord(np.sin(9.0 * t) * np.sin(np.pi * t / 4.0), 0.02)
     (found,) = forces(table, draws, 0.05, [(0, 0, 0.5)], motion)
     each = [forces(table, one, 0.05, [(0, 0, 0.5)], motion)[0] for one in draws]
     histories = np.stack([one.mean for one in each])

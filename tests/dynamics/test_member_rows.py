@@ -8,10 +8,10 @@ from scipy.sparse.linalg import splu
 
 from femupdate.building.document import from_document, to_document
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.equations import Sensors, driven_system, equations_at
+from femupdate.dynamics.equations import SensorRows, driven_system, equations_at
 from femupdate.dynamics.history import HistorySettings, displacement_histories
 from femupdate.dynamics.members import (
-    BaseMotion,
+    BaseRecord,
     beam_end_rows,
     choose_members,
     cut_rows,
@@ -61,7 +61,7 @@ def turned_frame(direction):
 
 def solved(structure, watched, top_hz):
     """The full model at THETA, whose response must be right along groups of rows, too."""
-    seen = Sensors(structure.floors, structure.floor_rows, structure.levels, watched)
+    seen = SensorRows(structure.floors, structure.floor_rows, structure.levels, watched)
     nothing = np.zeros(0)
     return driven_system(structure, (), THETA, nothing, top_hz, ConstantDamping(), seen)
 
@@ -172,7 +172,7 @@ def test_with_effects_against_direct_integration_of_their_equations():
     (rows,) = chosen.rows(THETA)
     wanted = (rows @ u)[:, ::fine]
     sample = np.array([[*THETA, 0.4, 0.3]])
-    (found,) = member_forces(chosen, sample, np.zeros(1), BaseMotion(record[::fine], step), 150.0)
+    (found,) = member_forces(chosen, sample, np.zeros(1), BaseRecord(record[::fine], step), 150.0)
     for ours, exact in zip(np.split(found.mean, 4), np.split(wanted, 4), strict=True):
         # Newmark's own period error.
         np.testing.assert_allclose(ours, exact, atol=0.02 * np.abs(exact).max())

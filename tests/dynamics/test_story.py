@@ -8,7 +8,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from femupdate.dynamics.history import Histories, story_rows
+from femupdate.dynamics.history import ResponseHistories, story_rows
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel
 from femupdate.dynamics.summary import statistics, story_stiffness, summarise
 from femupdate.dynamics.system import System
@@ -17,18 +17,20 @@ from femupdate.errors import ModelError
 FLOORS = ("2F", "3F", "RF")
 
 
-def random_histories(samples: int, seed: int = 3) -> Histories:
+def random_histories(samples: int, seed: int = 3) -> ResponseHistories:
     rng = np.random.default_rng(seed)
     drift = rng.normal(size=(samples, 3, 400)) * 1e-3
     shear = drift * rng.uniform(1e7, 9e7, (samples, 3, 1)) + rng.normal(size=drift.shape) * 1e3
     offset = rng.normal(size=(1, 3, 400)) * 5.0  # a mean far from zero: no cancellation allowed
-    return Histories(0.01, FLOORS, offset + rng.normal(size=(samples, 3, 400)) * 0.1, shear, drift)
+    return ResponseHistories(
+        0.01, FLOORS, offset + rng.normal(size=(samples, 3, 400)) * 0.1, shear, drift
+    )
 
 
-def pieces(histories: Histories, *stops: int) -> list[Histories]:
+def pieces(histories: ResponseHistories, *stops: int) -> list[ResponseHistories]:
     bounds = [0, *stops, len(histories)]
     return [
-        Histories(
+        ResponseHistories(
             histories.time_step,
             histories.floors,
             histories.floor_acceleration[a:b],

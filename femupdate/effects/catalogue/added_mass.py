@@ -4,7 +4,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms, mass_terms
+from femupdate.effects.effect import Effect, EffectParameter, Terms, mass_terms
 from femupdate.effects.structure import Structure
 
 
@@ -21,7 +21,7 @@ class AddedMass(Effect):
     sits = "every floor"
     settled_by = "a look at what stands on the floor, and its weight"
     parameters = (
-        Parameter("size", "1", 0.1, lower=-0.5, upper=1.0, text="share of the floor's mass"),
+        EffectParameter("size", "1", 0.1, lower=-0.5, upper=1.0, text="share of the floor's mass"),
     )
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:

@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import ALL_STORIES, Effect, LevelChange, Parameter, Terms
+from femupdate.effects.effect import ALL_STORIES, Effect, EffectParameter, LevelChange, Terms
 from femupdate.effects.structure import Structure
 
 
@@ -22,7 +22,7 @@ class AmplitudeSoftening(Effect):
     settled_by = "a third record at another level"
     needs_levels = True
     parameters = (
-        Parameter(
+        EffectParameter(
             "size",
             "1",
             0.05,
@@ -30,7 +30,7 @@ class AmplitudeSoftening(Effect):
             upper=0.0,
             text="change of stiffness with every doubling of the amplitude",
         ),
-        Parameter(
+        EffectParameter(
             "damping",
             "1",
             0.2,

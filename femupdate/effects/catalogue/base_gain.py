@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter
+from femupdate.effects.effect import Effect, EffectParameter
 
 
 class BaseGain(Effect):
@@ -17,7 +17,9 @@ class BaseGain(Effect):
     sits = "the base"
     settled_by = "two sensors side by side on the base in one run: their readings must agree"
     parameters = (
-        Parameter("size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"),
+        EffectParameter(
+            "size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"
+        ),
     )
     instrument = True
 

@@ -1,7 +1,7 @@
 """A base that slides on the ground."""
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.effect import Effect, EffectParameter, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
 
 
@@ -18,7 +18,7 @@ class BaseSway(Effect):
     sits = "the base"
     settled_by = "a sensor on the foundation beside the one on the ground or the table"
     parameters = (
-        Parameter(
+        EffectParameter(
             "size", "1", 0.1, lower=0.0, upper=2.0, text="sway over static roof displacement"
         ),
     )

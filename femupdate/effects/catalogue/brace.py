@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Springs, Terms
+from femupdate.effects.effect import Effect, EffectParameter, SpringTerms, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
 
 _GROUND = "ground"
@@ -23,7 +23,7 @@ class Brace(Effect):
     clause = "A brace {where} has {size} of the building's stiffness"
     settled_by = "a look at the facades, stairs and shafts, and behind the cladding"
     parameters = (
-        Parameter(
+        EffectParameter(
             "size", "1", 0.2, lower=0.0, upper=3.0, text="stiffness over that of the building"
         ),
     )
@@ -61,7 +61,7 @@ class Brace(Effect):
         rows = np.vstack([np.zeros(structure.floor_means.shape[1]), structure.floor_means])
         shear = float(structure.rigid_mass[TRANSLATION, TRANSLATION])
         spring = shear / float(structure.floor_rows[-1] @ structure.static)
-        return Terms(springs=Springs((rows[high] - rows[low])[None], np.array([spring])))
+        return Terms(springs=SpringTerms((rows[high] - rows[low])[None], np.array([spring])))
 
 
 def _levels(structure: Structure, place: str) -> tuple[int, int]:

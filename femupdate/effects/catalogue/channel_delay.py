@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from femupdate.effects.effect import Parameter
+from femupdate.effects.effect import EffectParameter
 from femupdate.effects.families import ChannelEffect
 
 
@@ -15,7 +15,7 @@ class ChannelDelay(ChannelEffect):
     sentence = "One floor's channel is late against the base: a phase that falls with frequency."
     settled_by = "all sensors side by side on the base in one run: their phases must agree"
     parameters = (
-        Parameter("size", "s", 0.002, lower=-0.05, upper=0.05, text="delay against the base"),
+        EffectParameter("size", "s", 0.002, lower=-0.05, upper=0.05, text="delay against the base"),
     )
     needs_phase = True
 

@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from femupdate.effects.effect import Parameter
+from femupdate.effects.effect import EffectParameter
 from femupdate.effects.families import ChannelEffect
 
 
@@ -19,7 +19,9 @@ class ChannelGain(ChannelEffect):
     words = ("too much", "too little")
     settled_by = "all sensors side by side on the base in one run: their readings must agree"
     parameters = (
-        Parameter("size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"),
+        EffectParameter(
+            "size", "1", 0.05, lower=-0.5, upper=1.0, text="relative error of the gain"
+        ),
     )
 
     def factor(self, omega: Tensor, sizes: Tensor) -> Tensor:

@@ -1,6 +1,6 @@
 """Cracked beams, separate from the rest of the story."""
 
-from femupdate.effects.effect import Parameter
+from femupdate.effects.effect import EffectParameter
 from femupdate.effects.families import MemberStiffness
 
 
@@ -19,7 +19,7 @@ class CrackedBeams(MemberStiffness):
     clause = "The beams have lost {lost} of their second moments of area {where}"
     settled_by = "the beams' cracks, or the rotation of their ends"
     parameters = (
-        Parameter(
+        EffectParameter(
             "size",
             "1",
             0.4,

@@ -1,6 +1,6 @@
 """Cracked columns, separate from the rest of the story."""
 
-from femupdate.effects.effect import Parameter
+from femupdate.effects.effect import EffectParameter
 from femupdate.effects.families import MemberStiffness
 
 
@@ -18,7 +18,7 @@ class CrackedColumns(MemberStiffness):
     clause = "The columns have lost {lost} of their second moments of area {where}"
     settled_by = "the columns' cracks, or the rotation of their ends"
     parameters = (
-        Parameter(
+        EffectParameter(
             "size",
             "1",
             0.4,

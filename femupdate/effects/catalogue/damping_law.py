@@ -4,14 +4,14 @@ import torch
 from torch import Tensor
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.effect import Effect, EffectParameter, Terms
 from femupdate.effects.structure import Structure
 
 _LAWS = {"rayleigh": "Rayleigh's law", "proportional": "a law proportional to frequency"}
 _ANCHORS = (1.0, 6.0)  # of the first frequency
 
 
-class DampingLaw(Effect):
+class OtherDampingLaw(Effect):
     """A mixture of the model's law with another one."""
 
     name = "damping_law"
@@ -22,7 +22,7 @@ class DampingLaw(Effect):
     )
     settled_by = "the decay of free vibration in each mode"
     parameters = (
-        Parameter("size", "1", 0.5, lower=-0.9, upper=3.0, text="share of the other law"),
+        EffectParameter("size", "1", 0.5, lower=-0.9, upper=3.0, text="share of the other law"),
     )
 
     def places(self, structure: Structure) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from femupdate.effects.effect import Parameter
+from femupdate.effects.effect import EffectParameter
 from femupdate.effects.families import ChannelEffect
 
 
@@ -24,7 +24,7 @@ class DriftingClock(ChannelEffect):
     contains = ("channel_delay",)
     settled_by = "the delay found in either half of the record alone, or a common trigger"
     parameters = (
-        Parameter(
+        EffectParameter(
             "size",
             "s",
             0.02,
@@ -34,7 +34,9 @@ class DriftingClock(ChannelEffect):
             # Phases turn by several radians, and a fit ends where it begins.
             trials=(-5.0, -2.0, 0.5, 2.0, 5.0),
         ),
-        Parameter("start", "s", 0.002, lower=-0.05, upper=0.05, text="delay at its beginning"),
+        EffectParameter(
+            "start", "s", 0.002, lower=-0.05, upper=0.05, text="delay at its beginning"
+        ),
     )
     needs_phase = True
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms, mass_terms
+from femupdate.effects.effect import Effect, EffectParameter, Terms, mass_terms
 from femupdate.effects.structure import Structure
 
 
@@ -19,7 +19,7 @@ class Eccentricity(Effect):
     clause = "The masses lie {size} of the plan's depth beside the middle"
     settled_by = "two sensors on each floor, at opposite sides of the plan"
     parameters = (
-        Parameter("size", "1", 0.05, lower=0.0, upper=0.15, text="shift over plan depth"),
+        EffectParameter("size", "1", 0.05, lower=0.0, upper=0.15, text="shift over plan depth"),
     )
 
     def places(self, structure: Structure) -> tuple[str, ...]:

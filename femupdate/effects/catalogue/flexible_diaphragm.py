@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from femupdate.effects.effect import Parameter
+from femupdate.effects.effect import EffectParameter
 from femupdate.effects.families import MemberStiffness
 from femupdate.effects.infill import onto_free
 from femupdate.effects.structure import Structure
@@ -26,7 +26,9 @@ class FlexibleDiaphragm(MemberStiffness):
     clause = "The slabs are {lost} softer in their plane {where}"
     settled_by = "sensors at the ends and in the middle of one floor, kept apart"
     parameters = (
-        Parameter("size", "1", 0.3, lower=-0.95, upper=0.0, text="change of in-plane stiffness"),
+        EffectParameter(
+            "size", "1", 0.3, lower=-0.95, upper=0.0, text="change of in-plane stiffness"
+        ),
     )
     kinds = ("slab",)
     elements = Shells

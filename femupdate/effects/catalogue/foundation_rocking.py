@@ -3,7 +3,7 @@
 import numpy as np
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.effect import Effect, EffectParameter, Terms
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
 
 
@@ -21,7 +21,7 @@ class FoundationRocking(Effect):
     settled_by = "two vertical sensors at opposite edges of the foundation"
     turns_base = True
     parameters = (
-        Parameter(
+        EffectParameter(
             "size", "1", 0.1, lower=0.0, upper=2.0, text="rocking over static roof displacement"
         ),
     )

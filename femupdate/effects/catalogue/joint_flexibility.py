@@ -2,7 +2,7 @@
 
 from femupdate.effects.bars import turning_beams, turning_floors
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.effect import Effect, EffectParameter, Terms
 from femupdate.effects.structure import Structure
 
 _ALL = "all"
@@ -23,7 +23,7 @@ class JointFlexibility(Effect):
     )
     settled_by = "gyroscopes or pairs of vertical sensors beside a joint"
     parameters = (
-        Parameter(
+        EffectParameter(
             "size",
             "1",
             0.05,

@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from femupdate.effects.effect import Parameter
+from femupdate.effects.effect import EffectParameter
 from femupdate.effects.families import ChannelEffect
 
 
@@ -19,7 +19,7 @@ class NoiseFloor(ChannelEffect):
     sits = "all floors together"
     settled_by = "FRFs estimated from the histories instead of a ratio of amplitudes"
     parameters = (
-        Parameter("size", "1", 0.05, lower=0.0, upper=1.0, text="noise over base amplitude"),
+        EffectParameter("size", "1", 0.05, lower=0.0, upper=1.0, text="noise over base amplitude"),
     )
     # H1 averages noise of the floors away; a ratio of amplitudes does not.
     tables_only = True

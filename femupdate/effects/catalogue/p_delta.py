@@ -4,7 +4,7 @@ import numpy as np
 
 from femupdate.building.shear import ShearBuilding
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Springs, Terms
+from femupdate.effects.effect import Effect, SpringTerms, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.units import STANDARD_GRAVITY
 
@@ -47,4 +47,4 @@ class PDelta(Effect):
         heights = np.diff(structure.levels, prepend=0.0)
         weight = STANDARD_GRAVITY * structure.story_rigid[:, TRANSLATION]
         drift = np.diff(structure.floor_means, axis=0, prepend=0.0)
-        return Terms(springs=Springs(drift, -weight / heights))
+        return Terms(springs=SpringTerms(drift, -weight / heights))

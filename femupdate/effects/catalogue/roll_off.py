@@ -2,7 +2,7 @@
 
 from torch import Tensor, pi
 
-from femupdate.effects.effect import Parameter, as_complex
+from femupdate.effects.effect import EffectParameter, as_complex
 from femupdate.effects.families import ChannelEffect
 
 _REFERENCE_HZ = 10.0
@@ -20,7 +20,7 @@ class RollOff(ChannelEffect):
     sits = "all floors together"
     settled_by = "the sensors' data sheets, or floor and base sensors side by side in one run"
     parameters = (
-        Parameter(
+        EffectParameter(
             "size", "1", 0.03, lower=0.0, upper=4.0, text="(10 Hz over the corner frequency)^2"
         ),
     )

@@ -1,6 +1,6 @@
 """Participation of the slabs, separate from the rest of the story."""
 
-from femupdate.effects.effect import Parameter
+from femupdate.effects.effect import EffectParameter
 from femupdate.effects.families import MemberStiffness
 
 
@@ -16,6 +16,8 @@ class SlabParticipation(MemberStiffness):
     clause = "The slabs are {change} than modelled {where}"
     settled_by = "the slab's cracks, or strains of the slab beside a beam"
     parameters = (
-        Parameter("size", "1", 0.3, lower=-0.9, upper=3.0, text="change of the slabs' stiffness"),
+        EffectParameter(
+            "size", "1", 0.3, lower=-0.9, upper=3.0, text="change of the slabs' stiffness"
+        ),
     )
     kinds = ("slab",)

@@ -6,7 +6,7 @@ from torch import Tensor
 from femupdate.arrays import Flags
 from femupdate.building.frame import FrameBuilding
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Port, Terms, as_complex, story_port
+from femupdate.effects.effect import Effect, EffectParameter, Port, Terms, as_complex, story_port
 from femupdate.effects.structure import Structure
 
 
@@ -27,7 +27,9 @@ class StoryDamper(Effect):
     sits = "every story, named after the floor above it"
     settled_by = "what may rub or slip in the story, or the decay of free vibration in each mode"
     parameters = (
-        Parameter("size", "1", 0.02, lower=0.0, upper=0.5, text="damping ratio in the first mode"),
+        EffectParameter(
+            "size", "1", 0.02, lower=0.0, upper=0.5, text="damping ratio in the first mode"
+        ),
     )
 
     def points(self, structure: Structure) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms
+from femupdate.effects.effect import Effect, EffectParameter, Terms
 from femupdate.effects.structure import Structure
 
 
@@ -21,7 +21,9 @@ class TablePitch(Effect):
     settled_by = "two vertical sensors at opposite ends of the table"
     turns_base = True
     parameters = (
-        Parameter("size", "rad/m", 0.02, lower=-0.2, upper=0.2, text="rotation per translation"),
+        EffectParameter(
+            "size", "rad/m", 0.02, lower=-0.2, upper=0.2, text="rotation per translation"
+        ),
     )
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:

@@ -4,7 +4,7 @@ import numpy as np
 from torch import Tensor
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Parameter, Terms, as_complex, floor_port
+from femupdate.effects.effect import Effect, EffectParameter, Terms, as_complex, floor_port
 from femupdate.effects.structure import Structure
 
 
@@ -22,10 +22,10 @@ class TunedAppendage(Effect):
     settled_by = "a sensor on the thing itself (tank, mast, machine)"
     parameters = (
         # What is lighter stands for a damping ratio of one mode that the model has not.
-        Parameter(
+        EffectParameter(
             "size", "1", 0.02, lower=0.0, upper=0.3, least=0.01, text="share of the floor's mass"
         ),
-        Parameter(
+        EffectParameter(
             "tuning",
             "1",
             1.0,
@@ -35,7 +35,7 @@ class TunedAppendage(Effect):
             text="frequency over the building's first at theta = 1",
             tuning=True,
         ),
-        Parameter(
+        EffectParameter(
             "damping", "1", 0.02, neutral=0.02, lower=0.002, upper=0.3, text="damping ratio of it"
         ),
     )

@@ -1,6 +1,6 @@
 """Stiffness of the walls, separate from the rest of the story."""
 
-from femupdate.effects.effect import Parameter
+from femupdate.effects.effect import EffectParameter
 from femupdate.effects.families import MemberStiffness
 
 
@@ -16,6 +16,8 @@ class WallStiffness(MemberStiffness):
     clause = "The walls are {change} than modelled {where}"
     settled_by = "the walls' cracks, or strains at their feet"
     parameters = (
-        Parameter("size", "1", 0.25, lower=-0.9, upper=3.0, text="change of the walls' stiffness"),
+        EffectParameter(
+            "size", "1", 0.25, lower=-0.9, upper=3.0, text="change of the walls' stiffness"
+        ),
     )
     kinds = ("wall",)

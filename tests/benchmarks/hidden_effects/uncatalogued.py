@@ -9,7 +9,7 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.effects.catalogue.added_mass import AddedMass
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import UNSCALED, Effect, Parameter, Stiffness, Terms, as_complex
+from femupdate.effects.effect import UNSCALED, Effect, EffectParameter, Stiffness, Terms, as_complex
 from femupdate.effects.families import ChannelEffect
 from femupdate.effects.structure import Structure
 from femupdate.fe.assembly import assemble
@@ -25,7 +25,7 @@ class GroundTie(Effect):
     name = "ground_tie"
     title = "Tie to the ground"
     sentence = "The floor is held by something that stands on the ground beside the building."
-    parameters = (Parameter("size", "1", 0.1, lower=0.0, upper=2.0),)
+    parameters = (EffectParameter("size", "1", 0.1, lower=0.0, upper=2.0),)
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every floor but the two lowest, which the catalogue's brace ties to the ground."""
@@ -55,7 +55,7 @@ class SensorResonance(ChannelEffect):
     name = "sensor_resonance"
     title = "Resonance of a sensor's mount"
     sentence = "The sensor of one floor shakes on its own mount."
-    parameters = (Parameter("size", "1", 0.3, lower=0.0, upper=1.0),)
+    parameters = (EffectParameter("size", "1", 0.3, lower=0.0, upper=1.0),)
 
     def factor(self, omega: Tensor, sizes: Tensor) -> Tensor:
         """A share of the signal comes through a mount of 0.4 times the top frequency."""
@@ -71,7 +71,7 @@ class CornerMass(AddedMass):
     name = "corner_mass"
     title = "Mass at a corner"
     sentence = "One corner of the floor carries more than the model gives it."
-    parameters = (Parameter("size", "1", 0.15, lower=0.0, upper=1.0),)
+    parameters = (EffectParameter("size", "1", 0.15, lower=0.0, upper=1.0),)
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every floor of a frame."""
@@ -93,7 +93,7 @@ class LocalCrack(Effect):
     name = "local_crack"
     title = "Crack at the foot of a wall"
     sentence = "One end of the story's walls is cracked at its foot."
-    parameters = (Parameter("size", "1", 0.4, lower=-0.95, upper=0.0),)
+    parameters = (EffectParameter("size", "1", 0.4, lower=-0.95, upper=0.0),)
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Every story with walls."""
