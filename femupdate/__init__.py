@@ -23,11 +23,11 @@ _NOUNS = {
     "Observation": "measurement.observation",
     "Parameters": "inference.parameters",
     "Posterior": "inference.posterior",
-    "Prediction": "workflow.predict:PredictionReport",
+    "Prediction": "workflow.predict",
     "Recording": "measurement.recording",
     "Structure": "effects.structure",
     "Study": "study",
-    "Surrogate": "surrogate.storage:TrainedSurrogate",
+    "Surrogate": "surrogate.storage",
     "System": "dynamics.system",
 }
 _VERBS = (
@@ -60,8 +60,8 @@ if _TYPE_CHECKING:
     from femupdate.measurement.record import GroundMotion
     from femupdate.measurement.recording import Recording
     from femupdate.study import Study
-    from femupdate.surrogate.storage import TrainedSurrogate as Surrogate
-    from femupdate.workflow.predict import PredictionReport as Prediction
+    from femupdate.surrogate.storage import Surrogate
+    from femupdate.workflow.predict import Prediction
 
 
 def __getattr__(name: str) -> _Any:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from femupdate.workflow.diagnose import DiagnosisReport
     from femupdate.workflow.inspect_files import InspectedFiles
     from femupdate.workflow.model import StudyModel
-    from femupdate.workflow.predict import PredictionReport
+    from femupdate.workflow.predict import Prediction
     from femupdate.workflow.repair import RepairReport
     from femupdate.workflow.report import ReportReport
     from femupdate.workflow.train import TrainReport
@@ -136,7 +136,7 @@ def predict(
     columns: Mapping[str, str] | None = None,
     progress: Progress = SILENT,
     **settings: Any,
-) -> "PredictionReport":
+) -> "Prediction":
     """Predict the response of a calibrated building to a ground motion.
 
     Args:

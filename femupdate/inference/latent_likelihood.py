@@ -20,7 +20,7 @@ from femupdate.seeds import torch_generator
 from femupdate.surrogate.gauss_newton import LatentData
 from femupdate.surrogate.latent import LatentQuadratics
 from femupdate.surrogate.network import Mvae
-from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.surrogate.storage import Surrogate
 from femupdate.surrogate.visibility import Visibility
 
 _CPU_ROWS = 4096
@@ -61,7 +61,7 @@ class LatentLikelihood:
 
     def __init__(
         self,
-        surrogate: TrainedSurrogate,
+        surrogate: Surrogate,
         system: System,
         observation: Observation,
         *,

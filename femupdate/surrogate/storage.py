@@ -1,8 +1,13 @@
-"""Trained surrogates on disk: safetensors with the purpose of the training in the header."""
+"""Trained surrogates on disk: safetensors with the purpose of the training in the header.
+
+A study keeps its own; some buildings come with one.
+"""
 
 import json
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +16,11 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
+from femupdate.building.document import Building
+from femupdate.building.files import mechanics_hash
 from femupdate.errors import SurrogateError
 from femupdate.storage import write_bytes
+from femupdate.study import Study, StudyPart
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.sizes import NetworkSizes
 
@@ -66,7 +74,7 @@ class SurrogateInfo:
 
 
 @dataclass(frozen=True)
-class TrainedSurrogate:
+class Surrogate:
     """The networks and their purpose.
 
     >>> import femupdate
@@ -81,7 +89,7 @@ class TrainedSurrogate:
     info: SurrogateInfo
 
 
-def save_surrogate(surrogate: TrainedSurrogate, path: Path) -> None:
+def save_surrogate(surrogate: Surrogate, path: Path) -> None:
     """Write a surrogate, atomically."""
     tensors = {name: _packed(name, tensor) for name, tensor in surrogate.mvae.state_dict().items()}
     info = surrogate.info
@@ -100,7 +108,7 @@ def save_surrogate(surrogate: TrainedSurrogate, path: Path) -> None:
     write_bytes(path, save(tensors, metadata={"femupdate": json.dumps(header)}))
 
 
-def load_surrogate(path: Path) -> TrainedSurrogate:
+def load_surrogate(path: Path) -> Surrogate:
     """Read a surrogate.
 
     Raises:
@@ -110,7 +118,7 @@ def load_surrogate(path: Path) -> TrainedSurrogate:
         with safe_open(path, framework="pt") as file:
             header = json.loads((file.metadata() or {})["femupdate"])
             state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
-        return TrainedSurrogate(_filled(header.pop("sizes"), state), _info(header))
+        return Surrogate(_filled(header.pop("sizes"), state), _info(header))
     except _UNREADABLE as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise SurrogateError(
@@ -140,3 +148,49 @@ def _info(header: Mapping[str, Any]) -> SurrogateInfo:
 def _packed(name: str, tensor: Tensor) -> Tensor:
     half = name.startswith(_HALF_PRECISION)
     return tensor.detach().to("cpu", torch.float16 if half else torch.float32).contiguous()
+
+
+TRAINED = StudyPart(
+    "surrogate",
+    "surrogate.safetensors",
+    "train",
+    save_surrogate,
+    load_surrogate,
+    lambda value: {"samples": value.info.settings["samples"]},
+)
+
+
+def find_surrogate(study: Study, building: Building) -> tuple[Surrogate, Path] | None:
+    """The study's own surrogate, or the shipped one, if it was trained for this building."""
+    own = study.kept(TRAINED, {"building": mechanics_hash(building)})
+    return _shipped(building) if own is None else (own, study.path(TRAINED.file))
+
+
+def require_surrogate(study: Study, building: Building, asked: str | None = None) -> Surrogate:
+    """A surrogate that fits the building.
+
+    Args:
+        asked: name or path by which the building was chosen, for the message.
+
+    Raises:
+        SurrogateError: there is none.
+    """
+    found = find_surrogate(study, building)
+    if found is None:
+        options = f"--study {shlex.quote(str(study.folder))}"
+        options += f" --building {shlex.quote(asked)}" if asked else ""
+        raise SurrogateError(
+            f"no trained surrogate fits the building {building.name}; run `femupdate train "
+            f"{options}` (once for each building), or calibrate with --exact"
+        )
+    return found[0]
+
+
+def _shipped(building: Building) -> tuple[Surrogate, Path] | None:
+    resource = files("femupdate.models") / f"{building.name}.safetensors"
+    if not resource.is_file():
+        return None
+    with as_file(resource) as path:
+        surrogate = load_surrogate(path)
+        fits = surrogate.info.mechanics_hash == mechanics_hash(building)
+        return (surrogate, path) if fits else None

@@ -10,18 +10,18 @@ from femupdate.inference.posterior import save_posterior
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
 from femupdate.study import BUILDING_FILE, Study
+from femupdate.surrogate.storage import require_surrogate
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.calibrate_effects import fitted_effects, with_levels
 from femupdate.workflow.calibrate_exact import sample_exact
 from femupdate.workflow.calibrate_latent import sample_latent
-from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings
+from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings, unserved
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.kinds import measured_of, read_measured_of
 from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel, choose_building
 from femupdate.workflow.observed import ObservationSource, check_readable
-from femupdate.workflow.surrogates import require_surrogate, unserved
 
 
 def calibrate_study(

@@ -9,6 +9,7 @@ from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.progress import Progress
 from femupdate.seeds import Seed, spawn
 from femupdate.study import Study
+from femupdate.surrogate.storage import find_surrogate
 from femupdate.workflow.calibrate_effects import FittedEffects
 from femupdate.workflow.calibrate_notes import (
     elsewhere_warnings,
@@ -33,7 +34,6 @@ from femupdate.workflow.sampling import (
     sampled_by_particles,
     sampled_by_trajectories,
 )
-from femupdate.workflow.surrogates import find_surrogate
 
 
 def sample_exact(

@@ -7,13 +7,13 @@ from femupdate.inference.smc import TemperedSmc
 from femupdate.progress import Progress
 from femupdate.seeds import Seed, spawn
 from femupdate.study import Study
+from femupdate.surrogate.storage import require_surrogate
 from femupdate.workflow.calibrate_notes import calibration_notes, latent_notes, misfit_warnings
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, drawn_by
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import settled_likelihood
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.sampling import sampled_chains
-from femupdate.workflow.surrogates import require_surrogate
 
 
 def sample_latent(

@@ -6,10 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import logsumexp
 
+from femupdate.building.document import Building
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import DrawnBy
+from femupdate.inference.priors import damping_parameter, theta_prior
 from femupdate.inference.smc import SmcSettings
 from femupdate.inference.tempering import SamplerRun
 
@@ -108,3 +110,11 @@ def plain_settings(settings: CalibrationSettings) -> dict[str, object]:
         "walk_scale": settings.smc.walk_scale,
         "independence_moves": settings.smc.independence_moves,
     }
+
+
+def unserved(building: Building) -> str:
+    """Why no surrogate can serve a building, in words; empty where one can."""
+    if building.effects:
+        return "lists effects"
+    count = theta_prior(building).size + damping_parameter(building).free
+    return f"has {count} parameters" if count > FEW else ""

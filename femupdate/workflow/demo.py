@@ -19,7 +19,7 @@ from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import DEFAULT_BUILDING
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.pictures_modes import draw_model
-from femupdate.workflow.predict import PredictionReport, predict_study
+from femupdate.workflow.predict import Prediction, predict_study
 from femupdate.workflow.prediction_inputs import RecordSource
 from femupdate.workflow.prediction_quantities import quantity_tables
 from femupdate.workflow.render import RenderReport, render_study
@@ -54,7 +54,7 @@ class DemoReport(Result):
     all_floors: CalibrationReport
     roof_alone: CalibrationReport
     truth: tuple[float, ...]
-    predicted: PredictionReport
+    predicted: Prediction
     rendered: RenderReport
     seconds: float
 

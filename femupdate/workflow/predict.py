@@ -71,7 +71,7 @@ _EXAMPLES = 100
 
 
 @dataclass(frozen=True, kw_only=True)
-class PredictionReport(Result):
+class Prediction(Result):
     """What was predicted.
 
         >>> import femupdate
@@ -259,7 +259,7 @@ def predict_study(
     measured: Path | None = None,
     columns: Mapping[str, str] | None = None,
     progress: Progress = SILENT,
-) -> PredictionReport:
+) -> Prediction:
     """Predict floor histories and story shears for a ground motion.
 
     Args:
@@ -293,7 +293,7 @@ def predict_study(
     members = _members(study, model, draws, task)
     path = study.result("prediction.nc")
     save_prediction(summary, alone, motion, path, draws.damping, spectra, reference)
-    report = PredictionReport(
+    report = Prediction(
         summary=summary,
         alone=alone,
         path=path,
@@ -367,7 +367,7 @@ def _record(
     study: Study,
     model: StudyModel,
     record: RecordSource,
-    report: PredictionReport,
+    report: Prediction,
     measured: Path | None,
 ) -> None:
     """Note in the study what the prediction was made from, and how well it met measured floors."""

@@ -24,8 +24,8 @@ from femupdate.study import (
 )
 from femupdate.tables import Table
 from femupdate.units import capital
+from femupdate.workflow.calibrate_settings import unserved
 from femupdate.workflow.summary import kept_summary
-from femupdate.workflow.surrogates import unserved
 
 CURRENT, STALE, DAMAGED, MISSING = "current", "stale", "changed by hand", "missing"
 # Commands that need no files. Others do their work on the way, and so much more as well.

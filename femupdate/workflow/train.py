@@ -17,14 +17,16 @@ from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_datas
 from femupdate.surrogate.loss import LossSettings
 from femupdate.surrogate.sizes import NetworkSizes
 from femupdate.surrogate.storage import (
+    TRAINED,
+    Surrogate,
     SurrogateInfo,
-    TrainedSurrogate,
+    find_surrogate,
     load_surrogate,
 )
 from femupdate.surrogate.training import TrainingResult, TrainingSettings, TrainingTask, train_mvae
+from femupdate.workflow.calibrate_settings import unserved
 from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel, choose_building
-from femupdate.workflow.surrogates import TRAINED, find_surrogate, unserved
 
 _CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
@@ -60,7 +62,7 @@ class TrainReport(Result):
         seconds: spent on the data set and on the training, now.
     """
 
-    surrogate: TrainedSurrogate
+    surrogate: Surrogate
     path: Path
     trained: bool
     dataset_seconds: float
@@ -186,7 +188,7 @@ def train_study(
 
 def _described(
     model: StudyModel, result: TrainingResult, settings: TrainingSettings, how: dict[str, Any]
-) -> TrainedSurrogate:
+) -> Surrogate:
     """The trained networks with what they were trained for, and how."""
     info = SurrogateInfo(
         model.building.name,
@@ -197,7 +199,7 @@ def _described(
         how,
         result.metrics,
     )
-    return TrainedSurrogate(result.mvae, info)
+    return Surrogate(result.mvae, info)
 
 
 def default_settings(model: StudyModel, **changes: Any) -> TrainingSettings:

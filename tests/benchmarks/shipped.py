@@ -8,7 +8,7 @@ from femupdate.building.files import load_building
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.system import System
 from femupdate.inference.priors import damping_parameter, theta_prior
-from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate
+from femupdate.surrogate.storage import Surrogate, load_surrogate
 from femupdate.workflow.model import StudyModel, reduce_building
 
 
@@ -27,7 +27,7 @@ def benchmark_model(name: str = "shear_4dof") -> StudyModel:
     )
 
 
-def shipped_surrogate(building: Building) -> TrainedSurrogate:
+def shipped_surrogate(building: Building) -> Surrogate:
     """The surrogate that is shipped with a building.
 
     Raises:
@@ -37,7 +37,7 @@ def shipped_surrogate(building: Building) -> TrainedSurrogate:
         return load_surrogate(path)
 
 
-def surrogate_mark(surrogate: TrainedSurrogate) -> str:
+def surrogate_mark(surrogate: Surrogate) -> str:
     """A hash of all weights and the power: cases of another likelihood are other cases."""
     digest = hashlib.sha256(repr(surrogate.info.likelihood_power).encode())
     for tensor in surrogate.mvae.state_dict().values():

@@ -16,7 +16,7 @@ from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.surrogate.network import Mvae
 from femupdate.surrogate.sizes import NetworkSizes
-from femupdate.surrogate.storage import SurrogateInfo, TrainedSurrogate
+from femupdate.surrogate.storage import Surrogate, SurrogateInfo
 
 FLOORS = ("2F", "3F", "RF")
 MASS, SPRING = np.array([3.0, 2.0, 1.5]), np.array([4000.0, 3000.0, 1500.0])
@@ -194,7 +194,7 @@ def surrogate():
     mvae.upper.fill_(3.0)
     for parameter in mvae.parameters():
         torch.nn.init.normal_(parameter, std=0.2)
-    return TrainedSurrogate(mvae.eval(), SurrogateInfo("toy", "", FLOORS, 0.2, "0", {}, {}))
+    return Surrogate(mvae.eval(), SurrogateInfo("toy", "", FLOORS, 0.2, "0", {}, {}))
 
 
 def test_latent_likelihood_is_the_integral_of_its_gaussians(model, surrogate):

@@ -12,8 +12,8 @@ from safetensors.torch import save_file
 
 from femupdate.errors import StudyError, SurrogateError
 from femupdate.surrogate.storage import (
+    Surrogate,
     SurrogateInfo,
-    TrainedSurrogate,
     load_surrogate,
     save_surrogate,
 )
@@ -32,7 +32,7 @@ def surrogate(trained):
         settings={"samples": 2000, "training": TrainingSettings().as_dict()},
         metrics=trained[0].metrics,
     )
-    return TrainedSurrogate(trained[0].mvae, info)
+    return Surrogate(trained[0].mvae, info)
 
 
 @pytest.fixture

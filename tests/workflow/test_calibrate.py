@@ -21,7 +21,7 @@ from femupdate.simulation.simulate import (
     write_simulation,
 )
 from femupdate.study import Study
-from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.surrogate.storage import Surrogate, require_surrogate
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_draws import predictive_log_frf
@@ -29,7 +29,6 @@ from femupdate.workflow.calibrate_notes import elsewhere_warnings, reduction_war
 from femupdate.workflow.calibrate_settings import FEW, CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, observation_of
-from femupdate.workflow.surrogates import require_surrogate
 from femupdate.workflow.train import train_study
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
@@ -448,7 +447,7 @@ def marked(learned, monkeypatch):
     info = replace(surrogate.info, likelihood_power=0.5, calibration=kept)
     monkeypatch.setattr(
         "femupdate.workflow.calibrate_latent.require_surrogate",
-        lambda *_: TrainedSurrogate(surrogate.mvae, info),
+        lambda *_: Surrogate(surrogate.mvae, info),
     )
     return learned
 

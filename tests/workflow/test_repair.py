@@ -21,6 +21,7 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.report.figure import draw
 from femupdate.study import Study
+from femupdate.surrogate.storage import require_surrogate
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
@@ -29,7 +30,6 @@ from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 from femupdate.workflow.render import render_study
 from femupdate.workflow.repair import repair_study
-from femupdate.workflow.surrogates import require_surrogate
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 THETA, ZETA, STEP = np.array([0.8, 1.4, 1.1]), 0.04, 0.01

@@ -17,11 +17,10 @@ from safetensors import safe_open
 from femupdate.building.files import load_building
 from femupdate.errors import SurrogateError
 from femupdate.study import Study
-from femupdate.surrogate.storage import load_surrogate
+from femupdate.surrogate import storage as surrogates
+from femupdate.surrogate.storage import find_surrogate, load_surrogate, require_surrogate
 from femupdate.surrogate.training import TrainingSettings
-from femupdate.workflow import surrogates
 from femupdate.workflow.model import open_study
-from femupdate.workflow.surrogates import find_surrogate, require_surrogate
 from femupdate.workflow.train import (
     check_samples,
     default_settings,

@@ -11,13 +11,12 @@ from femupdate.measurement.record import GroundMotion
 from femupdate.report.figure import draw
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study, check_calibration
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.calibrate_settings import CalibrationSettings, unserved
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
-from femupdate.workflow.surrogates import unserved
 from femupdate.workflow.train import check_training
 
 BUILDING = """\

@@ -13,7 +13,7 @@ from femupdate.inference.predictive_check import PredictiveCheck, predictive_che
 from femupdate.inference.smc import LogLikelihood, TemperedSmc
 from femupdate.inference.tempering import SamplerRun
 from femupdate.measurement.observation import Observation
-from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
+from femupdate.surrogate.storage import ANY_FLOORS, Surrogate
 from femupdate.workflow.calibrate_draws import latent_zeta
 from femupdate.workflow.likelihoods import on_fewer_modes, stated_likelihood
 from femupdate.workflow.model import StudyModel
@@ -141,7 +141,7 @@ def _response(model: StudyModel, theta: torch.Tensor, zeta: torch.Tensor) -> tor
 
 
 def calibration_case(
-    model: StudyModel, surrogate: TrainedSurrogate, settings: CaseSettings, number: int
+    model: StudyModel, surrogate: Surrogate, settings: CaseSettings, number: int
 ) -> CalibrationCase:
     """Simulate one building and sample its posteriors.
 

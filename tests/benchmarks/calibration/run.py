@@ -9,7 +9,7 @@ import numpy as np
 from femupdate.building.files import load_building
 from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
-from femupdate.surrogate.storage import ANY_FLOORS, TrainedSurrogate
+from femupdate.surrogate.storage import ANY_FLOORS, Surrogate
 from femupdate.workflow.model import StudyModel, open_study
 
 from ..log import ResumableLog
@@ -122,12 +122,12 @@ def _intro(plan: CalibrationPlan) -> str:
 
 
 def calibrated(
-    surrogate: TrainedSurrogate,
+    surrogate: Surrogate,
     model: StudyModel,
     cases: int = 200,
     seed: int = 12345,
     progress: Progress = SILENT,
-) -> TrainedSurrogate:
+) -> Surrogate:
     """A surrogate with its likelihood power, found over random sets of observed floors.
 
     The simulations are fresh draws from the prior: the training has seen none of them.
@@ -152,7 +152,7 @@ def calibrated(
             "date": datetime.now(UTC).date().isoformat(),
         },
     )
-    return TrainedSurrogate(surrogate.mvae, info)
+    return Surrogate(surrogate.mvae, info)
 
 
 def _model(folder: Path, name: str, progress: Progress) -> StudyModel:
@@ -164,7 +164,7 @@ def _model(folder: Path, name: str, progress: Progress) -> StudyModel:
 
 def _cases(
     model: StudyModel,
-    surrogate: TrainedSurrogate,
+    surrogate: Surrogate,
     settings: CaseSettings,
     count: int,
     progress: Progress,

@@ -20,7 +20,7 @@ from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.smc import TemperedSmc
 from femupdate.inference.tempering import LogLikelihood
 from femupdate.measurement.observation import Observation
-from femupdate.surrogate.storage import TrainedSurrogate
+from femupdate.surrogate.storage import Surrogate
 from femupdate.workflow.model import (
     StudyModel,
 )
@@ -81,7 +81,7 @@ class Shear4dof:
     """The building with its surrogate, and one observation with its exact posterior."""
 
     model: StudyModel
-    surrogate: TrainedSurrogate
+    surrogate: Surrogate
     case: Case
     exact: ExactPosterior
 

@@ -18,7 +18,7 @@ from femupdate.benchmarks.shear4dof.case import roof_log_frf
 from femupdate.benchmarks.shipped import benchmark_model, shipped_surrogate, surrogate_mark
 
 from femupdate.inference.predictive_check import PredictiveCheck
-from femupdate.surrogate.storage import TrainedSurrogate, load_surrogate, save_surrogate
+from femupdate.surrogate.storage import Surrogate, load_surrogate, save_surrogate
 
 
 @pytest.fixture(scope="module")
@@ -43,9 +43,7 @@ def test_cases_of_other_weights_or_another_power_are_told_apart(model):
     power = replace(surrogate.info, likelihood_power=0.5 * surrogate.info.likelihood_power)
     weights = copy.deepcopy(surrogate)
     weights.mvae.lower[0] += 0.01
-    marks = {
-        surrogate_mark(one) for one in (surrogate, TrainedSurrogate(surrogate.mvae, power), weights)
-    }
+    marks = {surrogate_mark(one) for one in (surrogate, Surrogate(surrogate.mvae, power), weights)}
     assert len(marks) == 3
     assert surrogate_mark(shipped_surrogate(model.building)) in marks
 
