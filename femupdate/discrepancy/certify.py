@@ -18,9 +18,9 @@ import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, about, fit, log_posterior, settle
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.inference.event_scatter import DEFAULT
+from femupdate.inference.likelihood import Likelihood
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,12 @@ class Tested:
 
 
 def certify(
-    problem: Problem, base: Fit, fits: Sequence[Fit], tried: int, false_share: float
+    problem: Likelihood, base: Fit, fits: Sequence[Fit], tried: int, false_share: float
 ) -> dict[str, Tested]:
     """Test fitted effects half against half, by label; none where the data cannot be parted.
 
     Args:
-        problem: structure and data.
+        problem: the likelihood of the data.
         base: the model without the effects, fitted to all data.
         fits: with one effect more each.
         tried: number of effects from which these were chosen.
@@ -75,7 +75,7 @@ def missed_in_turn(fitted: Fit) -> float:
     NaN where the data cannot be parted. Unlike in `certify`, stiffness and damping too are those of
     the other half.
     """
-    problem = fitted.problem
+    problem = fitted.likelihood
     if not problem.divisible:
         return float("nan")
     halves = [_Half.of(problem, fitted, number) for number in (0, 1)]
@@ -83,14 +83,14 @@ def missed_in_turn(fitted: Fit) -> float:
     return float(np.mean([mean_square(other, own) for other, own in pairs]))
 
 
-def mean_square(problem: Problem, fitted: Fit) -> float:
+def mean_square(problem: Likelihood, fitted: Fit) -> float:
     """Mean squared residual of other data, by the noise alone, at the parameters of a fit."""
     error = problem.error
-    residual = error.tame(problem.missed(fitted.system, fitted.split), error.first)
+    residual = error.tame(problem.of(fitted.likelihood).raw(fitted.parameters), error.first)
     return float((residual**2).sum()) / max(problem.effective, 1.0)
 
 
-def gain_elsewhere(elsewhere: Problem, before: Fit, after: Fit) -> float:
+def gain_elsewhere(elsewhere: Likelihood, before: Fit, after: Fit) -> float:
     """Log density of another event's data by a fit with one effect more over that without it.
 
     Each predicts that event by its own posterior and what events differ by.
@@ -99,29 +99,34 @@ def gain_elsewhere(elsewhere: Problem, before: Fit, after: Fit) -> float:
         elsewhere: the other data, for the structure of the fits.
         before, after: without and with the effect.
     """
-    alike = elsewhere.same_tables(after.problem)
-    own = about(replace(elsewhere, rows_kept=after.problem.rows_kept if alike else None), before)
-    row = before.problem.row if alike else own.error.start
+    known = after.likelihood
+    alike = [one.name for one in elsewhere.data] == [one.name for one in known.data]
+    kept = (
+        replace(elsewhere, error=elsewhere.error.with_rows_of(known.error)) if alike else elsewhere
+    )
+    own = about(kept, before)
+    row = before.likelihood.row if alike else own.error.start
     without = settle(own, as_event(own.at_row(row), before))
-    row = after.problem.row if alike else without.problem.row
+    row = after.likelihood.row if alike else without.likelihood.row
     with_it = settle(own, as_event(own.at_row(row), after))
     return _log_predictive(own, with_it) - _log_predictive(own, without)
 
 
-def as_event(elsewhere: Problem, fitted: Fit) -> Fit:
+def as_event(elsewhere: Likelihood, fitted: Fit) -> Fit:
     """Another event by a fit's model: its own posterior and the scatter of events are the prior."""
-    where, covariance = fitted.coordinates, fitted.within_limits()
+    where, covariance = fitted.steps, fitted.within_limits()
     covariance[: where.stories, : where.stories] += float(DEFAULT.stiffness) ** 2
     if where.has_zeta:
         covariance[where.stories, where.stories] += float(DEFAULT.damping) ** 2
     prior = where.about(fitted.z, covariance)
-    return fit(elsewhere, fitted.placed, fitted.z, FIT.steps, fitted.system, prior)
+    own = elsewhere.of(fitted.likelihood)
+    return fit(own, fitted.placed, fitted.z, FIT.steps, prior)
 
 
-def _log_predictive(problem: Problem, event: Fit) -> float:
+def _log_predictive(problem: Likelihood, event: Fit) -> float:
     """Log density of the data by the prior of an event, in Laplace's approximation."""
     gained = torch.linalg.slogdet(event.hessian()).logabsdet
-    known = torch.linalg.slogdet(event.coordinates.precision).logabsdet
+    known = torch.linalg.slogdet(event.steps.precision).logabsdet
     return log_posterior(problem, event) - 0.5 * float(gained - known)
 
 
@@ -150,13 +155,13 @@ class _Half:
         base: the model.
     """
 
-    problem: Problem
+    problem: Likelihood
     base: Fit
 
     @staticmethod
-    def of(problem: Problem, base: Fit, number: int) -> "_Half":
+    def of(problem: Likelihood, base: Fit, number: int) -> "_Half":
         own = about(problem.half(number), base)
-        return _Half(own, fit(own, base.placed, base.z, FIT.first_steps, base.system))
+        return _Half(own, fit(own, base.placed, base.z, FIT.first_steps))
 
     def values(self, one: Fit) -> Tensor:
         """Parameters of the last effect of a fit, by this half."""
@@ -170,9 +175,9 @@ class _Half:
 
     def _fitted(self, one: Fit, start: Tensor, held: Tensor | None = None) -> Fit:
         """A fit to this half by the errors that are likeliest for all data."""
-        at = self.problem.at_row(one.problem.row)
-        where = one.coordinates if held is None else one.coordinates.holding(held)
-        return fit(at, one.placed, start, FIT.first_steps, one.system, where)
+        at = self.problem.at_row(one.likelihood.row)
+        where = one.steps if held is None else one.steps.holding(held)
+        return fit(at, one.placed, start, FIT.first_steps, where)
 
 
 def _count(one: Fit) -> int:

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.problem import Problem
+from femupdate.inference.likelihood import Likelihood
 
 
 @dataclass(frozen=True)
@@ -27,15 +27,15 @@ class Consequence:
         return self.frequency >= frequency or self.response >= response
 
 
-def consequence(problem: Problem, base: Fit, fitted: Fit) -> Consequence:
+def consequence(problem: Likelihood, base: Fit, fitted: Fit) -> Consequence:
     """What the last effect of a fit changes, beside the model without it as it is fitted."""
-    placed, where = fitted.placed[-1], fitted.coordinates
+    placed, where = fitted.placed[-1], fitted.steps
     if placed.exchange:
         return Consequence(0.0, 1.0)
     theta, zeta, sizes = fitted.split
     count = len(placed.effect.parameters)
     without = sizes.clone()
-    without[:, -count:] = where.neutral[-count:]
+    without[:, -count:] = where.centres[-count:]
     both = [(theta, zeta, one) for one in (sizes, without)]
     instrument = placed.effect.instrument
     system, known = (fitted.system, both[1]) if instrument else (base.system, base.split)
@@ -52,7 +52,7 @@ def consequence(problem: Problem, base: Fit, fitted: Fit) -> Consequence:
 
 
 def _moved(
-    problem: Problem, fitted: Fit, both: list[tuple[Tensor, Tensor, Tensor]], level: float
+    problem: Likelihood, fitted: Fit, both: list[tuple[Tensor, Tensor, Tensor]], level: float
 ) -> float:
     """Largest change of a natural frequency up to the top of the band, at one level of motion."""
     found = []

@@ -27,12 +27,12 @@ from femupdate.discrepancy.fit import (
 )
 from femupdate.discrepancy.further_measurements import MeasurementValue, measurement_values
 from femupdate.discrepancy.observability import same_to_sensors, unobservable_effects
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.remains import Remains, remains
 from femupdate.discrepancy.residual_map import Cell, p_value, residual_cells
 from femupdate.discrepancy.score import Score, candidates, score, without_phase
 from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
 from femupdate.effects.effect import Placed
+from femupdate.inference.likelihood import Likelihood
 from femupdate.progress import SILENT, Progress, counted
 from femupdate.units import percent
 from femupdate.workers import in_threads
@@ -105,7 +105,7 @@ class Finding:
     @property
     def mass(self) -> float | None:
         """What it adds, kg; None where it adds none, or the model's masses are nominal."""
-        if self.fitted.problem.reduced.structure.building.forces_are_relative:
+        if self.fitted.likelihood.reduced.structure.building.forces_are_relative:
             return None
         own = self.fitted.system.terms[-1].mass
         return None if own is None else self.size * float(own.rigid[0, 0])
@@ -192,7 +192,7 @@ class Diagnosis:
 
 
 def diagnose(
-    problem: Problem,
+    problem: Likelihood,
     settings: DiagnosisSettings | None = None,
     base: Fit | None = None,
     progress: Progress = SILENT,
@@ -202,7 +202,7 @@ def diagnose(
     """Find where a model fails, and rank what could be missing.
 
     Args:
-        problem: structure and data.
+        problem: the likelihood of the data.
         settings: thresholds.
         base: the model so far, fitted; by default that without effects.
         progress: advances by one a step, with a note of what is being done.
@@ -213,10 +213,10 @@ def diagnose(
     progress.advance(note="fitting the model as it is")
     if base is None:
         base = fit_baseline(problem, seed=chosen.seed)[0]
-    if problem.known is None:
+    if not problem.error.knows:
         problem = about(problem, base)
     base = narrowed(settle(problem, base))
-    problem = base.problem
+    problem = base.likelihood
     progress.advance(note="testing every effect")
     scores = _scored(problem, base)
     unobservable = (
@@ -235,7 +235,7 @@ def diagnose(
     left = remains(problem, best)
     sentence = _sentence(verdict, findings, twins, left, removed(base, best))
     problem.error.forget()
-    if verdict == NONE and problem.effective < VERDICT.fewest_points * base.coordinates.size:
+    if verdict == NONE and problem.effective < VERDICT.fewest_points * base.steps.size:
         sentence = _few_points(problem, base)
     return Diagnosis(
         base,
@@ -252,14 +252,14 @@ def diagnose(
     )
 
 
-def _scored(problem: Problem, base: Fit) -> list[Score]:
+def _scored(problem: Likelihood, base: Fit) -> list[Score]:
     """The tests of all candidates, the strongest first."""
     found = in_threads(partial(score, problem, base), candidates(problem, base.placed))
     return sorted(found, key=lambda one: -abs(one.statistic))
 
 
 def _fitted(
-    problem: Problem,
+    problem: Likelihood,
     base: Fit,
     scores: list[Score],
     settings: DiagnosisSettings,
@@ -309,7 +309,7 @@ def _chosen(
 
 
 def _with_exchanges(
-    problem: Problem, base: Fit, scores: list[Score], fits: list[Fit], seed: int
+    problem: Likelihood, base: Fit, scores: list[Score], fits: list[Fit], seed: int
 ) -> list[Fit]:
     """The fits with channels exchanged: without the exchange theta may lie far off."""
     exchanges = [one.placed for one in scores if one.placed.exchange]
@@ -320,13 +320,13 @@ def _with_exchanges(
     return [*(one for one in fits if one.placed[-1] not in redone), *again]
 
 
-def _much_left(problem: Problem, fits: list[Fit], settings: DiagnosisSettings) -> bool:
+def _much_left(problem: Likelihood, fits: list[Fit], settings: DiagnosisSettings) -> bool:
     """Whether even the best of fits leaves an error that an engineer would notice."""
     best = max(fits, key=lambda one: log_posterior(problem, one))
     return remains(problem, best).size >= settings.least_response
 
 
-def _sharper(problem: Problem, fits: list[Fit]) -> list[Fit]:
+def _sharper(problem: Likelihood, fits: list[Fit]) -> list[Fit]:
     """Fits of which the leading ones were sought again as if nothing but noise were left.
 
     A fit that is allowed an error may stay where the error makes up for what needs none farther on.
@@ -335,9 +335,9 @@ def _sharper(problem: Problem, fits: list[Fit]) -> list[Fit]:
     sharp = problem.at_row(problem.error.first)
 
     def sharpened(one: Fit) -> Fit:
-        if one not in leading or one.problem.row == sharp.row:
+        if one not in leading or one.likelihood.row == sharp.row:
             return one
-        other = settle(problem, fit(sharp, one.placed, one.z, FIT.steps, one.system))
+        other = settle(problem, fit(sharp, one.placed, one.z, FIT.steps))
         return max(one, other, key=lambda two: log_posterior(problem, two))
 
     return in_threads(sharpened, fits)
@@ -363,7 +363,7 @@ def _with(leading: list[Score], scores: list[Score], placed: Placed) -> list[Sco
 
 
 def _fit_candidates(
-    problem: Problem,
+    problem: Likelihood,
     base: Fit,
     tests: list[Score],
     distant: Fit | None,
@@ -375,7 +375,7 @@ def _fit_candidates(
     Where nothing but noise is left, those that gain less than half of the `least` log evidence of a
     name take two steps on all shapes.
     """
-    small = problem.on_fewer()
+    small = problem.on_fewer(FIT.fewer_shapes)
     froms = _froms(small, fit(small, base.placed, base.z, 0), distant)
     known = base.jacobian if distant is None else None
     of_noise = problem.row == problem.error.first
@@ -401,7 +401,7 @@ def _fit_candidates(
 
 
 def _others(
-    problem: Problem,
+    problem: Likelihood,
     base: Fit,
     scores: list[Score],
     fits: list[Fit],
@@ -414,7 +414,7 @@ def _others(
     not see it; the first steps of a fit without such errors do.
     """
     known = {one.placed[-1].label for one in fits}
-    small = problem.on_fewer().at_row(problem.error.first)
+    small = problem.on_fewer(FIT.fewer_shapes).at_row(problem.error.first)
     without = fit(small, base.placed, base.z, FIT.first_steps)
     froms = _froms(small, without, distant)
     tests = [one for one in scores if one.placed.label not in known]
@@ -433,14 +433,16 @@ def _others(
     )
 
 
-def _worth_all(problem: Problem, base: Fit, fits: list[Fit], settings: DiagnosisSettings) -> bool:
+def _worth_all(
+    problem: Likelihood, base: Fit, fits: list[Fit], settings: DiagnosisSettings
+) -> bool:
     """Whether something may be named, or the model errs, so that every effect is due its chance.
 
     What a small effect does may be taken for an error of the model, in which no test sees it.
     """
     without = laplace(problem, base).log_evidence
     gain = max((laplace(problem, one).log_evidence for one in fits), default=without) - without
-    return gain > settings.over_none or base.problem.row != problem.error.first
+    return gain > settings.over_none or base.likelihood.row != problem.error.first
 
 
 def _enough(fits: Sequence[Begun | Fit]) -> float:
@@ -448,12 +450,12 @@ def _enough(fits: Sequence[Begun | Fit]) -> float:
     return FIT.far_behind * min((one.misfit for one in fits), default=0.0) + FIT.behind
 
 
-def _froms(problem: Problem, without: Fit, distant: Fit | None) -> list[Fit]:
+def _froms(problem: Likelihood, without: Fit, distant: Fit | None) -> list[Fit]:
     """The fits without an effect from which those with one begin: the base, and far from it."""
     if distant is None:
         return [without]
     there = distant.z[: len(without.z)]
-    return [without, fit(problem, without.placed, there, 0, without.system)]
+    return [without, fit(problem, without.placed, there, 0)]
 
 
 def _glanced(froms: list[Fit], steps: int, distant: Fit | None, one: Score) -> Begun:
@@ -461,7 +463,7 @@ def _glanced(froms: list[Fit], steps: int, distant: Fit | None, one: Score) -> B
 
     The distant fit tells the size of its own effect.
     """
-    starts = [_start(froms[0].problem, froms[0], one)] * len(froms)
+    starts = [_start(froms[0].likelihood, froms[0], one)] * len(froms)
     if distant is not None and distant.placed[-1].label == one.placed.label:
         starts[-1] = distant.known[len(froms[-1].known) :]
     pairs = [*zip(froms, starts, strict=True), *((froms[0], large) for large in _large(one))]
@@ -482,7 +484,7 @@ def _large(one: Score) -> list[Floats]:
     return [np.array([own, *one.start[1:]]) for own in np.unique(sizes)]
 
 
-def _start(problem: Problem, base: Fit, one: Score) -> Floats:
+def _start(problem: Likelihood, base: Fit, one: Score) -> Floats:
     """An effect's parameters where a fit begins: of its test, or with the size that this tells.
 
     What grows as the square of a size, as smeared peaks do, is taken for far too large by the
@@ -495,28 +497,26 @@ def _start(problem: Problem, base: Fit, one: Score) -> Floats:
     return nearest(problem, base, one.placed, (told, tested))
 
 
-def _further(problem: Problem, begun: Begun | Fit, steps: int = FIT.steps) -> Fit:
+def _further(problem: Likelihood, begun: Begun | Fit, steps: int = FIT.steps) -> Fit:
     near = begun.jacobian if isinstance(begun, Fit) else begun.near
     return fit(problem, begun.placed, begun.z, steps, near=near)
 
 
-def _as_good(problem: Problem, base: Fit, fits: list[Fit]) -> Fit:
+def _as_good(problem: Likelihood, base: Fit, fits: list[Fit]) -> Fit:
     """The model as it is, from where those with an effect more lie best.
 
     Else an effect would be credited with a search that it led to a better place.
     """
     leading = sorted(fits, key=lambda one: -log_posterior(problem, one))[: FIT.again]
     again = in_threads(
-        lambda one: settle(
-            problem, fit(problem, base.placed, one.z[: len(base.z)], FIT.steps, base.system)
-        ),
+        lambda one: settle(problem, fit(problem, base.placed, one.z[: len(base.z)], FIT.steps)),
         leading,
     )
     return max([base, *again], key=lambda one: log_posterior(problem, one))
 
 
 def _weigh(
-    problem: Problem,
+    problem: Likelihood,
     base: Fit,
     fits: list[Fit],
     scores: list[Score],
@@ -550,25 +550,23 @@ def _over(one: Evidence, reference: Evidence) -> Evidence:
     return Evidence(one.log_evidence - reference.log_evidence, error, one.effective)
 
 
-def _about_the_first(problem: Problem, base: Fit, fits: list[Fit]) -> list[float]:
+def _about_the_first(problem: Likelihood, base: Fit, fits: list[Fit]) -> list[float]:
     """Log evidence over the base with the errors known beforehand as they are about the first fit.
 
     They are taken along straight lines, which bend: a name must hold about either model.
     """
-    if problem.known is None:
+    if not problem.error.knows:
         return []
     there = about(problem, fits[0])
     values = in_threads(
-        lambda one: laplace(
-            there, settle(there, fit(there, one.placed, one.z, FIT.first_steps, one.system))
-        ),
+        lambda one: laplace(there, settle(there, fit(there, one.placed, one.z, FIT.first_steps))),
         [base, *fits],
     )
     return [one.log_evidence - values[0].log_evidence for one in values[1:]]
 
 
 def as_finding(
-    problem: Problem, base: Fit, fitted: Fit, test: Score, evidence: Evidence
+    problem: Likelihood, base: Fit, fitted: Fit, test: Score, evidence: Evidence
 ) -> Finding:
     """The last effect of a fit, beside the model without it as it is fitted; not yet tested."""
     size, sd = _first_size(fitted)
@@ -586,7 +584,7 @@ def _first_size(fitted: Fit) -> tuple[float, float]:
 
 
 def _certified(
-    problem: Problem,
+    problem: Likelihood,
     base: Fit,
     findings: tuple[Finding, ...],
     tried: int,
@@ -631,7 +629,7 @@ def _simplest_first(
 
 
 def _instrument_first(
-    problem: Problem, findings: tuple[Finding, ...], settings: DiagnosisSettings
+    problem: Likelihood, findings: tuple[Finding, ...], settings: DiagnosisSettings
 ) -> tuple[Finding, ...]:
     """The findings, led by an instrument's effect that is missing beside the first and is close.
 
@@ -655,7 +653,9 @@ def _instrument_first(
     return findings
 
 
-def _beside(problem: Problem, first: Finding, other: Finding, settings: DiagnosisSettings) -> bool:
+def _beside(
+    problem: Likelihood, first: Finding, other: Finding, settings: DiagnosisSettings
+) -> bool:
     """Whether an effect explains beside the first most of what it explains without it."""
     placed = (*first.fitted.placed, other.placed)
     own = other.fitted.known[len(other.fitted.known) - len(other.placed.effect.parameters) :]
@@ -673,7 +673,7 @@ def others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:
 
 
 def _verdict(
-    problem: Problem, base: Fit, findings: tuple[Finding, ...], settings: DiagnosisSettings
+    problem: Likelihood, base: Fit, findings: tuple[Finding, ...], settings: DiagnosisSettings
 ) -> tuple[str, tuple[str, ...]]:
     """The verdict and what the leading finding cannot be told from."""
     wrong = remains(problem, base).size >= settings.least_response
@@ -719,23 +719,23 @@ def _far_behind(other: Finding, first: Finding, settings: DiagnosisSettings) -> 
 
 
 def _worth(
-    problem: Problem, findings: tuple[Finding, ...], twins: tuple[str, ...]
+    problem: Likelihood, findings: tuple[Finding, ...], twins: tuple[str, ...]
 ) -> tuple[MeasurementValue, ...]:
     """What would tell the first finding from the first few of its twins."""
     others = [one.fitted for one in findings[1:] if one.placed.label in twins[: VERDICT.compared]]
     return measurement_values(problem, findings[0].fitted, others) if others else ()
 
 
-def _few_points(problem: Problem, base: Fit) -> str:
+def _few_points(problem: Likelihood, base: Fit) -> str:
     return (
         f"The data are too few: {problem.effective:.0f} independent points for "
-        f"{base.coordinates.size} unknowns. Measure longer, with less noise, or on more floors."
+        f"{base.steps.size} unknowns. Measure longer, with less noise, or on more floors."
     )
 
 
 def removed(base: Fit, best: Fit) -> float:
     """Share of the squared residuals beyond the noise that a better fit does without."""
-    return (base.chi2 - best.chi2) / max(base.chi2 - base.problem.effective, 1.0)
+    return (base.chi2 - best.chi2) / max(base.chi2 - base.likelihood.effective, 1.0)
 
 
 def mass_in_words(mass: float) -> str:

@@ -13,7 +13,6 @@ from scipy.special import log_ndtr
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, densities, raw_residuals
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import EVIDENCE
 from femupdate.inference.importance import (
     LogTarget,
@@ -22,6 +21,7 @@ from femupdate.inference.importance import (
     weighted_draws,
 )
 from femupdate.inference.joint_error import summed
+from femupdate.inference.likelihood import Likelihood
 from femupdate.seeds import Seed, torch_generator
 
 _AT_ONCE = 128  # points at a time: a thousand, with all their residuals, take a GB
@@ -42,7 +42,7 @@ class Evidence:
     effective: float = 0.0
 
 
-def laplace(problem: Problem, fitted: Fit) -> Evidence:
+def laplace(problem: Likelihood, fitted: Fit) -> Evidence:
     """Laplace's approximation, summed over what the model may err by.
 
     Args:
@@ -50,9 +50,9 @@ def laplace(problem: Problem, fitted: Fit) -> Evidence:
         fitted: the model at its most probable parameters by its likeliest row.
     """
     log_det = torch.linalg.slogdet(fitted.hessian() + _of_limits(fitted)).logabsdet
-    size = fitted.coordinates.size
+    size = fitted.steps.size
     value = float(summed(densities(problem, fitted)))
-    value += float(log_prior(problem, fitted, fitted.z[None])[0])
+    value += float(log_prior(fitted, fitted.z[None])[0])
     value += 0.5 * size * np.log(2.0 * np.pi) - 0.5 * float(log_det)
     return Evidence(value + _within_limits(fitted))
 
@@ -62,25 +62,26 @@ def _of_limits(fitted: Fit) -> Tensor:
 
     A damping ratio is left open by modes without any: its own curvature is zero.
     """
-    where = fitted.coordinates
+    where = fitted.steps
     width = where.upper - where.lower
     uniform = (where.precision.diagonal() == 0.0) & torch.isfinite(width) & (width > 0.0)
     return torch.diag(torch.where(uniform, 2.0 * torch.pi / width.square(), 0.0))
 
 
-def log_prior(problem: Problem, fitted: Fit, z: Tensor) -> Tensor:
+def log_prior(fitted: Fit, z: Tensor) -> Tensor:
     """Log prior density (N,) of the unknowns z (N, d) within their limits."""
-    where = fitted.coordinates
+    steps = fitted.steps
     # Of theta and zeta themselves, seen in their logarithms.
-    theta, zeta, _ = where.split(z)
-    value = problem.prior.log_density(torch.cat([theta, zeta[:, None]], dim=1))
-    value = value + z[:, : where.first_size].sum(dim=1)
-    precision = where.precision.diagonal()
+    uniform = fitted.likelihood.prior.of("stiffness", "damping")
+    own = steps.values(z)[:, : len(uniform.entries)]
+    value = uniform.log_density(own) + z[:, : steps.first_size].sum(dim=1)
+    precision = steps.precision.diagonal()
     normal = precision > 0
     root = precision[normal].sqrt()
-    scaled = (z[:, normal] - where.mean[normal]) * root
-    low = (where.lower[normal] - where.mean[normal]) * root
-    high = (where.upper[normal] - where.mean[normal]) * root
+    scaled, low, high = (
+        (one - steps.mean[normal]) * root
+        for one in (z[:, normal], steps.lower[normal], steps.upper[normal])
+    )
     mass = torch.special.ndtr(high) - torch.special.ndtr(low)
     density = -0.5 * scaled**2 - 0.5 * np.log(2.0 * np.pi) + root.log() - mass.log()
     return value + density.sum(dim=1)
@@ -91,7 +92,7 @@ def _within_limits(fitted: Fit) -> float:
 
     One unknown after the other; where the most probable value sits at its limit, half or less.
     """
-    where = fitted.coordinates
+    where = fitted.steps
     sd = fitted.covariance().diagonal().clamp_min(1e-30).sqrt()
     low = ((where.lower - fitted.z) / sd).numpy()
     high = ((where.upper - fitted.z) / sd).numpy()
@@ -99,7 +100,7 @@ def _within_limits(fitted: Fit) -> float:
     return float(np.log(np.clip(1.0 - lower_tail - upper_tail, 1e-12, 1.0)).sum())
 
 
-def sampled(problem: Problem, fitted: Fit, draws: int = 200, seed: Seed = 0) -> Evidence:
+def sampled(problem: Likelihood, fitted: Fit, draws: int = 200, seed: Seed = 0) -> Evidence:
     """Evidence from an importance sample about the most probable parameters."""
     proposal = student_about(fitted, EVIDENCE.widen, EVIDENCE.freedom)
     target = log_target(problem, fitted)
@@ -107,12 +108,12 @@ def sampled(problem: Problem, fitted: Fit, draws: int = 200, seed: Seed = 0) -> 
     return Evidence(found.log_evidence, found.log_evidence_error, found.effective)
 
 
-def log_target(problem: Problem, fitted: Fit) -> LogTarget:
+def log_target(problem: Likelihood, fitted: Fit) -> LogTarget:
     """Prior and likelihood of a model's unknowns z (n, d), impossible outside their limits.
 
     The likelihood is summed over the rows of the table of errors that count at the fit.
     """
-    where = fitted.coordinates
+    where = fitted.steps
     rows = problem.error.counting([own[None] for own in densities(problem, fitted)])
     error = problem.error.kept(rows)
 
@@ -123,7 +124,7 @@ def log_target(problem: Problem, fitted: Fit) -> LogTarget:
             parts = z[inside].split(_AT_ONCE)
             found = [error.log_density(raw_residuals(fitted, some)) for some in parts]
             log_likelihood[inside] = torch.cat(found)
-        return log_prior(problem, fitted, z), log_likelihood
+        return log_prior(fitted, z), log_likelihood
 
     return target
 

@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, coarse, fit, prior_draws
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT, SEARCH, VERDICT
 from femupdate.effects.effect import Placed
+from femupdate.inference.likelihood import Likelihood
 from femupdate.workers import in_threads
 
 _BATCH = 16
@@ -36,11 +36,13 @@ class Promise:
     share: float
 
 
-def exchange_fits(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 0) -> list[Fit]:
+def exchange_fits(
+    problem: Likelihood, base: Fit, exchanges: list[Placed], seed: int = 0
+) -> list[Fit]:
     """Fits with one exchange more, of those that explain much.
 
     Args:
-        problem: structure and data.
+        problem: the likelihood of the data.
         base: the model so far, fitted.
         exchanges: those to be tried.
         seed: of the draws.
@@ -51,7 +53,9 @@ def exchange_fits(problem: Problem, base: Fit, exchanges: list[Placed], seed: in
     )
 
 
-def promising(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 0) -> list[Promise]:
+def promising(
+    problem: Likelihood, base: Fit, exchanges: list[Placed], seed: int = 0
+) -> list[Promise]:
     """The exchanges with which theta may explain much, the best first.
 
     Args:
@@ -66,8 +70,9 @@ def promising(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 
     kept = _acting(problem, base)
     columns = _columns(base, kept)
     alone = fit(wide, tuple(base.placed[k] for k in kept), base.z[columns], FIT.rough_steps)
-    where = alone.coordinates
-    drawn = prior_draws(wide, where, alone.z[where.first_size :], SEARCH.exchange_draws, seed)
+    where = alone.steps
+    known = alone.z[where.first_size :]
+    drawn = prior_draws(alone.likelihood, known, SEARCH.exchange_draws, seed)
     z = torch.cat([alone.z[None], drawn])
     misfit = _misfits(wide, alone, exchanges, z)
     found = []
@@ -84,7 +89,7 @@ def promising(problem: Problem, base: Fit, exchanges: list[Placed], seed: int = 
     )
 
 
-def _acting(problem: Problem, base: Fit) -> list[int]:
+def _acting(problem: Likelihood, base: Fit) -> list[int]:
     """Which effects of a fit the basis for searching lets act."""
     serves = problem.search is None
     return [
@@ -96,7 +101,7 @@ def _acting(problem: Problem, base: Fit) -> list[int]:
 
 def _columns(base: Fit, kept: list[int]) -> list[int]:
     """Which unknowns of a fit belong to theta, zeta and some of its effects."""
-    first = base.coordinates.first_size
+    first = base.steps.first_size
     columns = list(range(first))
     for number, one in enumerate(base.placed):
         count = len(one.effect.parameters)
@@ -106,11 +111,11 @@ def _columns(base: Fit, kept: list[int]) -> list[int]:
     return columns
 
 
-def _misfits(problem: Problem, alone: Fit, exchanges: list[Placed], z: Tensor) -> Tensor:
+def _misfits(problem: Likelihood, alone: Fit, exchanges: list[Placed], z: Tensor) -> Tensor:
     """Sums of squared residuals (e, N) with each exchange at the unknowns z (N, d) without it."""
 
     def of_batch(batch: Tensor) -> Tensor:
-        values = alone.coordinates.split(batch)
+        values = alone.steps.split(batch)
         own = torch.zeros(len(exchanges), len(batch), dtype=torch.float64)
         for data in problem.data:
             predicted = data.predicted(alone.system, *values)

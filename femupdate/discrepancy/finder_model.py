@@ -11,8 +11,7 @@ from femupdate.building.document import Building, without_effects
 from femupdate.building.frame import FrameBuilding
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.near_basis import Bases
-from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.thresholds import MESH_ERROR, MODEL_ERROR
+from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.force_response import rest_about
 from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, lumped
@@ -21,6 +20,7 @@ from femupdate.effects.structure import Structure, require_story_factors, struct
 from femupdate.errors import BuildingError
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
+from femupdate.inference.likelihood import Likelihood, likelihood_of
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.priors import damping_parameter, theta_prior
 
@@ -68,20 +68,11 @@ def plain_structure(building: Building, reduced: ReducedModel) -> ReducedStructu
     return ReducedStructure(structure, reduced, np.zeros((len(structure.axis), 0)))
 
 
-def problem_of(reduced: ReducedStructure, building: Building, data: Sequence[Data]) -> Problem:
+def problem_of(reduced: ReducedStructure, building: Building, data: Sequence[Data]) -> Likelihood:
     """A building and what was observed of it, for the effect finder."""
-    return Problem(
-        reduced,
-        damping_law(building),
-        theta_prior(building) + Parameters((damping_parameter(building),)),
-        tuple(data),
-        own_error=error_of_sizes(building),
-    )
-
-
-def error_of_sizes(building: Building) -> float:
-    """Share of its size by which the model of any effect may err on a building."""
-    return 0.0 if building.kind == "shear" else MODEL_ERROR.size
+    system = System(reduced.model, damping_law(building))
+    prior = theta_prior(building) + Parameters((damping_parameter(building),))
+    return likelihood_of(data, system, prior, reduced=reduced)
 
 
 def check_sizes(building: Building, system: System, values: Sequence[float]) -> None:

@@ -7,7 +7,7 @@ The unknowns are ln theta and ln zeta (uniform priors on a box) and the sizes of
 units of their prior's standard deviation.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -16,12 +16,14 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import EVIDENCE, FIT, SEARCH
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.inference.joint_error import Row, summed
-from femupdate.linear import least_squares
+from femupdate.inference.likelihood import Likelihood
+from femupdate.inference.parameters import LogSteps
+from femupdate.inference.priors import own_errors
+from femupdate.maximise import Search, maximise
 from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.workers import in_threads
 
@@ -31,99 +33,44 @@ _COLUMNS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
-    """The unknowns of a model as one vector of d numbers.
+class _Target:
+    """A likelihood and priors as a search lessens them."""
 
-    Attributes:
-        lower, upper: (d,) limits.
-        mean: (d,) of the normal priors.
-        precision: (d, d) of them, the inverse of their covariance; 0 where the prior is uniform.
-        stories: number of stiffness factors, which come first.
-        known_zeta: the damping ratio where it is known; None where ln zeta follows the factors.
-        scales, neutral: (q,) of the effects' parameters, which follow.
-    """
-
-    lower: Tensor
-    upper: Tensor
-    mean: Tensor
-    precision: Tensor
-    stories: int
-    known_zeta: float | None
-    scales: Tensor
-    neutral: Tensor
-
-    def holding(self, values: Tensor) -> "Coordinates":
-        """The same with the last unknowns held at values (h,)."""
-        first = self.size - len(values)
-        lower, upper, precision = self.lower.clone(), self.upper.clone(), self.precision.clone()
-        lower[first:], upper[first:] = values, values
-        precision[first:], precision[:, first:] = 0.0, 0.0
-        return replace(self, lower=lower, upper=upper, precision=precision)
-
-    def about(self, mean: Tensor, covariance: Tensor) -> "Coordinates":
-        """The same with a normal prior of that mean (d,) and covariance (d, d)."""
-        return replace(self, mean=mean, precision=torch.linalg.inv(covariance))
-
-    def distance(self, z: Tensor) -> Tensor:
-        """Squared distance of unknowns z (d,) from the normal priors' means, in their units."""
-        away = z - self.mean
-        return away @ self.precision @ away
+    likelihood: Likelihood
+    steps: LogSteps
 
     @property
-    def size(self) -> int:
-        """d."""
-        return len(self.lower)
+    def lower(self) -> Tensor:
+        return self.steps.lower
 
     @property
-    def has_zeta(self) -> bool:
-        """Whether the damping ratio is an unknown."""
-        return self.known_zeta is None
+    def upper(self) -> Tensor:
+        return self.steps.upper
 
     @property
-    def first_size(self) -> int:
-        """Position of the first effect's size."""
-        return self.stories + int(self.has_zeta)
+    def mean(self) -> Tensor:
+        return self.steps.mean
 
-    def split(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """theta (N, p), zeta (N,), sizes (N, q) of z (N, d)."""
-        theta = z[:, : self.stories].exp()
-        if self.known_zeta is None:
-            zeta = z[:, self.stories].exp()
-        else:
-            zeta = z.new_full((len(z),), self.known_zeta)
-        count = len(self.scales)
-        sizes = self.neutral + self.scales * z[:, self.first_size : self.first_size + count]
-        return theta, zeta, sizes
+    @property
+    def precision(self) -> Tensor:
+        return self.steps.precision
 
-    def joined(self, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
-        """z (N, d) of theta (N, p), zeta (N,) and sizes (N, q)."""
-        parts = [theta.log(), (sizes - self.neutral) / self.scales]
-        if self.has_zeta:
-            parts.insert(1, zeta.log()[:, None])
-        return torch.cat(parts, dim=1)
+    def raw(self, z: Tensor) -> Tensor:
+        return self.likelihood.raw(self.steps.values(z))
 
+    def whitened(self, raw: Tensor) -> Tensor:
+        return self.likelihood.whitened(raw)
 
-def coordinates(problem: Problem, placed: tuple[Placed, ...]) -> Coordinates:
-    """The unknowns of a problem with effects."""
-    parameters = [p for one in placed for p in one.effect.parameters]
-    scales = torch.tensor([p.scale for p in parameters], dtype=torch.float64)
-    neutral = torch.tensor([p.neutral for p in parameters], dtype=torch.float64)
-    low = torch.tensor([p.lower for p in parameters], dtype=torch.float64)
-    high = torch.tensor([p.upper for p in parameters], dtype=torch.float64)
-    factors, damping = problem.prior.of("stiffness"), problem.prior.of("damping")
-    free = problem.prior if damping.size else factors
-    first, last = free.lower.log(), free.upper.log()
-    lower = torch.cat([first, (low - neutral) / scales])
-    return Coordinates(
-        lower,
-        torch.cat([last, (high - neutral) / scales]),
-        torch.zeros_like(lower),
-        torch.diag(torch.cat([torch.zeros_like(first), torch.ones_like(scales)])),
-        factors.size,
-        None if damping.size else float(damping.lower),
-        scales,
-        neutral,
-    )
+    def derivative(self, z: Tensor, residual: Tensor, first: int) -> Tensor:
+        """By differences into the box."""
+        step = torch.where(z + FIT.difference <= self.upper, FIT.difference, -FIT.difference)
+        count = z.shape[1] - first
+        if not count:  # an exchange has no size
+            return residual.new_zeros(*residual.shape, 0)
+        moved = (z[:, None] + torch.diag_embed(step)[:, first:]).flatten(0, 1)
+        parts = in_threads(lambda some: self.whitened(self.raw(some)), moved.split(_COLUMNS))
+        there = torch.cat(parts).view(len(z), count, -1)
+        return ((residual[:, None] - there) / step[:, first:, None]).mT
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,65 +78,71 @@ class Fit:
     """A model at its most probable parameters, were a row of the table of its errors true.
 
     Attributes:
-        placed: its effects.
-        coordinates: what z means.
+        likelihood: of the data by the model, with the row.
+        steps: what z means, and its priors.
         z: (d,) the unknowns.
         residual: (m,) whitened by the row.
         jacobian: (m, d) of the prediction by the unknowns, likewise.
         raw: (n,) residuals in the unit of the noise.
-        system: the model.
-        problem: structure and data, with the row.
     """
 
-    placed: tuple[Placed, ...]
-    coordinates: Coordinates
+    likelihood: Likelihood
+    steps: LogSteps
     z: Tensor
     residual: Tensor
     jacobian: Tensor
     raw: Tensor
-    system: System
-    problem: Problem
+
+    @property
+    def system(self) -> System:
+        """The model."""
+        return self.likelihood.system
+
+    @property
+    def placed(self) -> tuple[Placed, ...]:
+        """Its effects."""
+        return self.system.placed
 
     @property
     def known(self) -> Floats:
         """(q,) parameters of the effects at z."""
-        c = self.coordinates
-        return (c.neutral + c.scales * self.z[c.first_size :]).numpy()
+        return np.asarray(self.split[2][0].numpy())
+
+    @property
+    def parameters(self) -> Tensor:
+        """(1, p) all parameters, in the order of the likelihood's."""
+        return self.steps.values(self.z[None])
 
     @property
     def split(self) -> tuple[Tensor, Tensor, Tensor]:
         """theta (1, p), zeta (1,) and sizes (1, q)."""
-        return self.coordinates.split(self.z[None])
+        return self.steps.split(self.z[None])
 
     @property
     def misfit(self) -> float:
-        """What a search lessens: squares by the problem's row, with the distance from priors."""
+        """What a search lessens: squares by the row, with the distance from priors."""
         return float(self.residual @ self.residual) + self.penalty
 
     @cached_property
     def densities(self) -> tuple[Tensor, ...]:
         """(g,) log density of every kind of data by every row of its table of errors."""
-        return tuple(own[0] for own in self.problem.error.log_densities(self.raw[None]))
-
-    @cached_property
-    def left(self) -> Tensor:
-        """(m,) residuals of independent points by the noise alone."""
-        error = self.problem.error
-        return error.whiten(error.tame(self.raw[None], error.first), error.first)[0]
+        return tuple(own[0] for own in self.likelihood.error.log_densities(self.raw[None]))
 
     @property
     def chi2(self) -> float:
         """Sum of squared residuals, of independent points, by the noise alone."""
-        return float(self.left @ self.left)
+        error = self.likelihood.error
+        left = error.whiten(error.tame(self.raw[None], error.first), error.first)[0]
+        return float(left @ left)
 
     @property
     def penalty(self) -> float:
         """Squared distance from the normal priors' means, in their standard deviations."""
-        return float(self.coordinates.distance(self.z))
+        return float(self.steps.distance(self.z))
 
     def hessian(self) -> Tensor:
         """(d, d) curvature of minus the log posterior, Gauss and Newton's."""
-        return self.jacobian.T @ self.jacobian + self.coordinates.precision
+        return self.jacobian.T @ self.jacobian + self.steps.precision
 
     def covariance(self) -> Tensor:
         """(d, d) of the unknowns."""
@@ -200,7 +153,7 @@ class Fit:
 
         A uniform density has the variance of its width squared over twelve.
         """
-        width = self.coordinates.upper - self.coordinates.lower
+        width = self.steps.upper - self.steps.lower
         limits = torch.where(
             torch.isfinite(width), 12.0 / width.clamp_min(EVIDENCE.ridge) ** 2, 0.0
         )
@@ -211,17 +164,18 @@ class Fit:
 
     def theta(self) -> tuple[Floats, Floats]:
         """Stiffness factors and their standard deviations, (p,) each."""
-        count = self.coordinates.stories
+        count = self.steps.stories
         theta = self.z[:count].exp()
         sd = theta * self.covariance().diagonal()[:count].clamp_min(0.0).sqrt()
         return theta.numpy(), sd.numpy()
 
     def sizes(self) -> tuple[Floats, Floats]:
         """Parameters of the effects and their standard deviations, (q,) each."""
-        c = self.coordinates
-        variance = c.scales**2 * self.covariance().diagonal()[c.first_size :].clamp_min(0.0)
-        own = self.problem.own_errors(self.placed).numpy() * (self.known - c.neutral.numpy())
-        return self.known, np.hypot(variance.sqrt().numpy(), own)
+        steps = self.steps
+        variance = self.covariance().diagonal()[steps.first_size :].clamp_min(0.0)
+        away = self.known - steps.centres.numpy()
+        own = own_errors(self.placed, self.likelihood.building) * away
+        return self.known, np.hypot((steps.scales * variance.sqrt()).numpy(), own)
 
     @property
     def zeta(self) -> float:
@@ -229,41 +183,33 @@ class Fit:
         return float(self.split[1])
 
 
-def evaluate(problem: Problem, system: System, where: Coordinates, z: Tensor) -> Tensor:
-    """Whitened residuals (N, n) at the unknowns z (N, d)."""
-    return problem.residuals(system, *where.split(z))
-
-
-def misfits(problem: Problem, system: System, where: Coordinates, z: Tensor) -> Tensor:
+def misfits(likelihood: Likelihood, z: Tensor) -> Tensor:
     """Sums of squared residuals (N,) at many unknowns z (N, d), without their priors."""
+    target = _Target(likelihood, likelihood.prior.steps)
 
     def of_some(rows: Tensor) -> Tensor:
-        return evaluate(problem, system, where, rows).square().sum(dim=1)
+        return target.whitened(target.raw(rows)).square().sum(dim=1)
 
     return torch.cat(in_threads(of_some, z.split(_DRAWS)))
 
 
-def error_left(problem: Problem, fitted: Fit) -> float:
+def error_left(likelihood: Likelihood, fitted: Fit) -> float:
     """Root mean square of what the factors of a fit leave as if noise were coarse, in ln|H|."""
-    rough = coarse(problem)
-    split = fitted.split
-    missed = rough.missed(rough.system(fitted.placed), split)
-    return FIT.coarse_noise * float(missed.square().mean().sqrt())
+    rough = coarse(likelihood).with_effects(fitted.placed)
+    return FIT.coarse_noise * float(rough.raw(fitted.parameters).square().mean().sqrt())
 
 
 def raw_residuals(fitted: Fit, z: Tensor) -> Tensor:
     """Residuals (N, n) in the unit of the noise at the unknowns z (N, d) of a fit's model."""
-    problem = fitted.problem
-    return problem.missed(fitted.system, fitted.coordinates.split(z))
+    return fitted.likelihood.raw(fitted.steps.values(z))
 
 
 def fit(
-    problem: Problem,
+    likelihood: Likelihood,
     placed: tuple[Placed, ...],
     start: Tensor,
-    iterations: int = 15,
-    system: System | None = None,
-    unknowns: Coordinates | None = None,
+    iterations: int = FIT.steps,
+    steps: LogSteps | None = None,
     near: Tensor | None = None,
 ) -> Fit:
     """Fit a model with effects from a starting point z (d,).
@@ -271,35 +217,24 @@ def fit(
     Between the first step and the last the Jacobian is mended by what every step has shown.
 
     Args:
-        problem: structure and data, with the row of the table of errors that is taken for true.
+        likelihood: of the data, with the row of the table of errors that is taken for true.
         placed: the effects.
         start: the unknowns.
         iterations: steps, at most.
-        system: the model, where it is at hand.
-        unknowns: with their priors; by default all that the effects and the problem have.
+        steps: the unknowns with their priors; by default those of the likelihood's prior.
         near: Jacobian (m, k) by the first unknowns at a point near the start, if known.
     """
-    model = system or problem.system(placed)
-    where = unknowns or coordinates(problem, placed)
-    z = torch.minimum(torch.maximum(start.clone(), where.lower), where.upper)
-
-    def anew(point: _Point) -> _Linear:
-        return _Linear(point, _jacobian(problem, model, where, point))
-
-    here = _points(problem, model, where, z[None])[0]
-    begun = anew(here) if near is None else _continued(problem, model, where, here, near)
-    found = _search(problem, model, where, begun, iterations, _mended, anew)
-    reached = found.at
-    return Fit(
-        placed,
-        where,
-        reached.z,
-        reached.residual,
-        found.jacobian,
-        reached.raw,
-        model,
-        problem,
+    own = likelihood.with_effects(placed)
+    target = _Target(own, steps or own.prior.steps)
+    how = Search(
+        iterations=iterations,
+        small=FIT.smallest_decrease,
+        most_damping=FIT.most_damping,
+        longest=1.0,
+        mended=True,
     )
+    found = maximise(target, start[None], how, near)
+    return Fit(own, target.steps, found.z[0], found.residual[0], found.jacobian[0], found.raw[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,65 +258,61 @@ def glance(without: Fit, one: Placed, start: Floats, steps: int) -> Begun:
     """Some steps of a fit with one effect more, by the Jacobian of the model without it.
 
     A fit's own Jacobian costs one response an unknown, at every step. Here only the effect's part
-    is made anew; the rest is mended by what every step has shown (Broyden, 1965).
+    is made anew; the rest is mended by what every step has shown.
 
     Args:
-        without: the model without the effect, and the problem.
+        without: the model without the effect, and the data.
         one: the effect.
         start: its parameters, where the search starts.
         steps: at most.
     """
-    problem, placed = without.problem, (*without.placed, one)
-    where, model = coordinates(problem, placed), problem.system(placed)
-    z = extended(problem, without, placed, np.concatenate([without.known, start]))
-    z = torch.minimum(torch.maximum(z, where.lower), where.upper)
-    first = len(without.z)
-    here = _points(problem, model, where, z[None])[0]
-    if not bool(here.residual.isfinite().all()):  # or no structure is left
-        return Begun(placed, z, np.inf, without.jacobian)
-    begun = _continued(problem, model, where, here, without.jacobian)
+    placed = (*without.placed, one)
+    own = without.likelihood.with_effects(placed)
+    z = extended(own, without, placed, np.concatenate([without.known, start]))
+    how = Search(
+        iterations=steps,
+        small=FIT.smallest_decrease,
+        most_damping=FIT.most_damping,
+        longest=1.0,
+        mended=True,
+        renewed=False,
+        fresh=len(without.z),
+    )
+    found = maximise(_Target(own, own.prior.steps), z[None], how, without.jacobian)
+    # There may be no structure left.
+    misfit = float(found.objective[0].nan_to_num(nan=torch.inf))
+    return Begun(placed, found.z[0], misfit, without.jacobian)
 
-    def followed(point: _Point, before: _Linear) -> _Linear:
-        mended = _mended(point, before)
-        mended.jacobian[:, first:] = _jacobian(problem, model, where, point, first)
-        return mended
 
-    found = _search(problem, model, where, begun, steps, followed).at
-    return Begun(placed, found.z, _objective(where, found), without.jacobian)
-
-
-def nearest(problem: Problem, base: Fit, one: Placed, starts: Sequence[Floats]) -> Floats:
+def nearest(likelihood: Likelihood, base: Fit, one: Placed, starts: Sequence[Floats]) -> Floats:
     """Which parameters (q,) of an effect more leave least, all else as it was fitted."""
     placed = (*base.placed, one)
-    own = [extended(problem, base, placed, np.concatenate([base.known, s])) for s in starts]
-    left = evaluate(problem, problem.system(placed), coordinates(problem, placed), torch.stack(own))
-    misfit = (left**2).sum(dim=1).nan_to_num(nan=torch.inf)
-    return starts[int(misfit.argmin())]
+    own = [extended(likelihood, base, placed, np.concatenate([base.known, s])) for s in starts]
+    left = misfits(likelihood.with_effects(placed), torch.stack(own)).nan_to_num(nan=torch.inf)
+    return starts[int(left.argmin())]
 
 
-def about(problem: Problem, fitted: Fit) -> Problem:
-    """The problem with the errors that are known beforehand as they are about a fit."""
-    if problem.left_open is None:
-        return problem
-    return replace(problem, known=problem.left_open(problem, fitted.placed, *fitted.split))
+def about(likelihood: Likelihood, fitted: Fit) -> Likelihood:
+    """The likelihood beside the errors that are known beforehand as they are about a fit."""
+    own = likelihood.with_effects(fitted.placed).about(fitted.parameters)
+    return replace(likelihood, error=own.error)
 
 
-def settle(problem: Problem, fitted: Fit, steps: int = FIT.steps) -> Fit:
+def settle(likelihood: Likelihood, fitted: Fit, iterations: int = FIT.steps) -> Fit:
     """The fit by the likeliest row of the table of errors at it, followed until it stays.
 
     Args:
-        problem: structure and data.
+        likelihood: of the data.
         fitted: where the search starts; of any row.
-        steps: of each fit, at most.
+        iterations: of each fit, at most.
     """
+    same = fitted.likelihood.reduced is likelihood.reduced
+    own = likelihood.of(fitted.likelihood) if same else likelihood
     for _ in range(FIT.rounds):
-        row = likeliest_row(problem, fitted)
-        if fitted.problem.row == row and fitted.problem.same_errors(problem):
+        row = likeliest_row(likelihood, fitted)
+        if fitted.likelihood.row == row and fitted.likelihood.error is likelihood.error:
             break
-        same = fitted.problem.reduced is problem.reduced
-        model = fitted.system if same else None
-        own = fitted.coordinates
-        fitted = fit(problem.at_row(row), fitted.placed, fitted.z, steps, model, own)
+        fitted = fit(own.at_row(row), fitted.placed, fitted.z, iterations, fitted.steps)
     return fitted
 
 
@@ -390,178 +321,29 @@ def narrowed(fitted: Fit) -> Fit:
 
     What explains more leaves errors no larger, or such as count already.
     """
-    error, row = fitted.problem.error, fitted.problem.row
+    error, row = fitted.likelihood.error, fitted.likelihood.row
     counting = error.counting([own[None] for own in fitted.densities])
     rows = tuple(
         tuple(sorted({*own, *smaller, 0}))
         for own, smaller in zip(counting, error.no_larger(row), strict=True)
     )
-    return replace(fitted, problem=fitted.problem.with_rows(rows))
+    return replace(fitted, likelihood=fitted.likelihood.kept(rows))
 
 
-def likeliest_row(problem: Problem, fitted: Fit) -> Row:
+def likeliest_row(likelihood: Likelihood, fitted: Fit) -> Row:
     """Row of every table of errors that residuals make most likely."""
-    return tuple(int(own.argmax()) for own in densities(problem, fitted))
+    return tuple(int(own.argmax()) for own in densities(likelihood, fitted))
 
 
-def densities(problem: Problem, fitted: Fit) -> tuple[Tensor, ...]:
+def densities(likelihood: Likelihood, fitted: Fit) -> tuple[Tensor, ...]:
     """(g,) log density of every kind of data at a fit by every row of its table of errors."""
-    if fitted.problem.error is problem.error:
+    if fitted.likelihood.error is likelihood.error:
         return fitted.densities
-    return tuple(own[0] for own in problem.error.log_densities(fitted.raw[None]))
-
-
-@dataclass(frozen=True, eq=False)
-class _Point:
-    """Unknowns z (d,) and the residuals there: in the unit of the noise (n,), and whitened (m,)."""
-
-    z: Tensor
-    raw: Tensor
-    residual: Tensor
-
-
-@dataclass(frozen=True, eq=False)
-class _Linear:
-    """A point, and the Jacobian (m, d) of the prediction there."""
-
-    at: _Point
-    jacobian: Tensor
-    mended: bool = False
-
-
-def _points(problem: Problem, system: System, where: Coordinates, z: Tensor) -> list[_Point]:
-    """The residuals at unknowns z (N, d)."""
-    raw = problem.missed(system, where.split(z))
-    return [_Point(*own) for own in zip(z, raw, problem.whitened(raw), strict=True)]
-
-
-def _objective(where: Coordinates, point: _Point) -> float:
-    return float(point.residual @ point.residual + where.distance(point.z))
-
-
-def _continued(
-    problem: Problem, system: System, where: Coordinates, point: _Point, near: Tensor
-) -> _Linear:
-    """A Jacobian of which the first columns (m, k) are known from near by."""
-    others = _jacobian(problem, system, where, point, near.shape[1])
-    return _Linear(point, torch.cat([near, others], dim=1), mended=True)
-
-
-def _mended(point: _Point, before: _Linear) -> _Linear:
-    """A Jacobian by what a step has shown (Broyden, 1965)."""
-    moved = point.z - before.at.z
-    missed = before.at.residual - point.residual - before.jacobian @ moved
-    jacobian = before.jacobian + torch.outer(missed / (moved @ moved), moved)
-    return _Linear(point, jacobian, mended=True)
-
-
-def _search(
-    problem: Problem,
-    system: System,
-    where: Coordinates,
-    begun: _Linear,
-    iterations: int,
-    followed: Callable[[_Point, _Linear], _Linear],
-    anew: Callable[[_Point], _Linear] | None = None,
-) -> _Linear:
-    """Levenberg and Marquardt's steps from a point.
-
-    Args:
-        problem, system, where: what is fitted.
-        begun: the point.
-        iterations: steps, at most.
-        followed: the Jacobian at a point reached, from that before.
-        anew: it without that before: far off, where no step helps and at the end; never if None.
-    """
-    damping, most = FIT.damping
-    now, objective = begun, _objective(where, begun.at)
-    for left in reversed(range(iterations)):
-        step = _tried(problem, system, where, now, (damping,), objective)
-        step = step or _tried(problem, system, where, now, (10 * damping, 100 * damping), objective)
-        if step is None and now.mended and anew is not None:
-            now = anew(now.at)
-            continue
-        if step is None:
-            damping *= 1000.0
-            if damping > most:
-                break
-            continue
-        gain = (objective - step.objective) / max(objective, 1.0)
-        objective, damping = step.objective, max(step.damping / 10.0, 1e-6)
-        small = gain < FIT.smallest_decrease
-        if (small and not now.mended) or (anew is None and (small or not left)):
-            return replace(now, at=step.to)
-        if anew is not None and (small or gain > FIT.large_decrease):
-            now = anew(step.to)
-        else:
-            now = followed(step.to, now)
-    return anew(now.at) if now.mended and anew is not None else now
-
-
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """A step that lessens the objective: where it leads, and its damping."""
-
-    to: _Point
-    objective: float
-    damping: float
-
-
-def _tried(
-    problem: Problem,
-    system: System,
-    where: Coordinates,
-    now: _Linear,
-    dampings: tuple[float, ...],
-    objective: float,
-) -> _Step | None:
-    """The best of steps of several lengths, where one lessens the objective."""
-    trials = torch.stack([now.at.z + _step(where, now, d) for d in dampings])
-    trials = torch.minimum(torch.maximum(trials, where.lower), where.upper)
-    found = _points(problem, system, where, trials)
-    values = [_objective(where, one) for one in found]
-    best = int(np.argmin(values))
-    if not values[best] < objective:
-        return None
-    return _Step(found[best], values[best], dampings[best])
-
-
-def _jacobian(
-    problem: Problem, system: System, where: Coordinates, point: _Point, first: int = 0
-) -> Tensor:
-    """Change (m, d) of the prediction by the unknowns, by differences into the box.
-
-    Args:
-        point: where.
-        first: the first of the unknowns.
-    """
-    z = point.z
-    steps = torch.where(z + FIT.difference <= where.upper, FIT.difference, -FIT.difference)[first:]
-    if not len(steps):  # an exchange has no size
-        return point.residual.new_zeros(len(point.residual), 0)
-    points = z.repeat(len(steps), 1)
-    points[:, first:] += torch.diag(steps)
-    some = partial(evaluate, problem, system, where)
-    residuals = torch.cat(in_threads(some, points.split(_COLUMNS)))
-    return ((point.residual - residuals) / steps[:, None]).T
-
-
-def _step(where: Coordinates, now: _Linear, damping: float) -> Tensor:
-    """Damped Gauss-Newton step that leaves alone what is held at its limit."""
-    z, residual, jacobian = now.at.z, now.at.residual, now.jacobian
-    gradient = jacobian.T @ residual - where.precision @ (z - where.mean)
-    held = ((z <= where.lower) & (gradient < 0)) | ((z >= where.upper) & (gradient > 0))
-    free = (~held).nonzero()[:, 0]
-    normal = jacobian.T @ jacobian + where.precision
-    normal = normal[free][:, free]
-    ridge = damping * torch.diag(normal.diagonal().clamp_min(1e-6))
-    step = torch.zeros_like(z)
-    step[free] = least_squares(normal + ridge, gradient[free])
-    return step.clamp(-1.0, 1.0)
+    return tuple(own[0] for own in likelihood.error.log_densities(fitted.raw[None]))
 
 
 def fit_baseline(
-    problem: Problem,
+    likelihood: Likelihood,
     placed: tuple[Placed, ...] = (),
     sizes: tuple[float, ...] = (),
     seed: int = 0,
@@ -574,77 +356,74 @@ def fit_baseline(
     maximum. Further draws tell: it goes on until two searches end at the same place.
 
     Args:
-        problem: structure and data.
+        likelihood: of the data by a model without effects.
         placed: effects that the model has already.
         sizes: their parameters, where the search starts.
         seed: of the draws.
         samples: draws of stiffness factors and damping ratio.
         starts: how many of them are fitted.
     """
-    where, system = coordinates(problem, placed), problem.system(placed)
-    known = (torch.tensor(sizes, dtype=torch.float64) - where.neutral) / where.scales
+    own = likelihood.with_effects(placed)
+    known = own.prior.steps.sizes(sizes)
 
     def found(stream: Seed) -> list[Fit]:
-        z = prior_draws(problem, where, known, samples, stream)
-        return _fitted_draws(problem, placed, system, z, starts)
+        return _fitted_draws(own, prior_draws(own, known, samples, stream), starts)
 
     fits = found(seed)
     for stream in spawn(seed, FIT.baseline_again):
-        if error_left(problem, fits[0]) < SEARCH.right:
+        if error_left(likelihood, fits[0]) < SEARCH.right:
             break
-        best, further = log_posterior(problem, fits[0]), found(stream)
-        fits = _best_first(problem, [*fits, *further])
-        if abs(log_posterior(problem, further[0]) - best) < FIT.same_maximum:
+        best, further = log_posterior(likelihood, fits[0]), found(stream)
+        fits = _best_first(likelihood, [*fits, *further])
+        if abs(log_posterior(likelihood, further[0]) - best) < FIT.same_maximum:
             break
     return fits
 
 
-def _fitted_draws(
-    problem: Problem, placed: tuple[Placed, ...], system: System, z: Tensor, starts: int
-) -> list[Fit]:
+def _fitted_draws(likelihood: Likelihood, z: Tensor, starts: int) -> list[Fit]:
     """Fits from the best of unknowns z (N, d), best first."""
     # Far from the data every point is many times the noise off, whichever way is better: first
     # they are compared as if they were coarse.
-    rough = coarse(problem)
-    misfit = misfits(rough, system, coordinates(problem, placed), z)
-    roughly = partial(fit, rough, placed, iterations=FIT.rough_steps, system=system)
+    placed = likelihood.system.placed
+    rough = coarse(likelihood).with_effects(placed)
+    misfit = misfits(rough, z)
+    roughly = partial(fit, rough, placed, iterations=FIT.rough_steps)
     near = in_threads(roughly, z[misfit.argsort()[:starts]])
     near.sort(key=lambda one: one.misfit)
     # No few points decide while the model may err much.
-    wide = problem.at_row(problem.error.start)
+    wide = likelihood.at_row(likelihood.error.start)
 
     def settled(one: Fit) -> Fit:
-        return settle(problem, fit(wide, placed, one.z, FIT.far_steps, system))
+        return settle(likelihood, fit(wide, placed, one.z, FIT.far_steps))
 
-    return _best_first(problem, in_threads(settled, near[: max(2, starts // 3)]))
-
-
-def _best_first(problem: Problem, fits: list[Fit]) -> list[Fit]:
-    return sorted(fits, key=lambda one: -log_posterior(problem, one))
+    return _best_first(likelihood, in_threads(settled, near[: max(2, starts // 3)]))
 
 
-def log_posterior(problem: Problem, fitted: Fit) -> float:
+def _best_first(likelihood: Likelihood, fits: list[Fit]) -> list[Fit]:
+    return sorted(fits, key=lambda one: -log_posterior(likelihood, one))
+
+
+def log_posterior(likelihood: Likelihood, fitted: Fit) -> float:
     """Log density of data and normal priors at a fit, summed over the table of errors."""
-    return float(summed(densities(problem, fitted))) - 0.5 * fitted.penalty
+    return float(summed(densities(likelihood, fitted))) - 0.5 * fitted.penalty
 
 
-def prior_draws(
-    problem: Problem, where: Coordinates, known: Tensor, count: int, seed: Seed
-) -> Tensor:
+def prior_draws(likelihood: Likelihood, known: Tensor, count: int, seed: Seed) -> Tensor:
     """Unknowns (count, d) with theta and zeta drawn from the prior, the others (q,) as known."""
     generator = torch_generator(seed)
-    drawn = problem.prior.sample(count, generator)[:, : where.first_size]
+    prior = likelihood.prior
+    drawn = prior.of("stiffness", "damping").sample(count, generator)[:, : prior.steps.first_size]
     return torch.cat([drawn.log(), known.expand(count, -1)], dim=1)
 
 
-def coarse(problem: Problem) -> Problem:
-    """The problem as if its noise were coarse, and every point erred alone."""
-    return problem.coarse(FIT.coarse_noise)
+def coarse(likelihood: Likelihood) -> Likelihood:
+    """The same on fewer shapes as if noise were coarse and every point erred alone; no effects."""
+    return likelihood.on_fewer(FIT.fewer_shapes).coarse(FIT.coarse_noise)
 
 
-def extended(problem: Problem, base: Fit, placed: tuple[Placed, ...], sizes: Floats) -> Tensor:
+def extended(
+    likelihood: Likelihood, base: Fit, placed: tuple[Placed, ...], sizes: Floats
+) -> Tensor:
     """Unknowns of a model with effects: those of the base fit, with given effect parameters."""
-    where = coordinates(problem, placed)
-    first = base.coordinates.first_size
-    own = (torch.from_numpy(np.asarray(sizes, dtype=np.float64)) - where.neutral) / where.scales
-    return torch.cat([base.z[:first], own])
+    own = likelihood.with_effects(placed).prior.steps.sizes(sizes)
+    return torch.cat([base.z[: base.steps.first_size], own])

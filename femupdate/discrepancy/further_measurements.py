@@ -15,10 +15,10 @@ from torch import Tensor
 
 from femupdate.arrays import Flags
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.thresholds import FIT, FOLLOW
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
+from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.thresholds import JUDGED
 from femupdate.linear import least_squares
 
@@ -39,14 +39,14 @@ class MeasurementValue:
 
 
 def measurement_values(
-    problem: Problem, first: Fit, others: Sequence[Fit]
+    problem: Likelihood, first: Fit, others: Sequence[Fit]
 ) -> tuple[MeasurementValue, ...]:
     """What further measurements would tell a model from others, the best first.
 
     A floor's noise is taken to be that of the floors measured.
 
     Args:
-        problem: structure and data.
+        problem: the likelihood of the data.
         first: the leading model, fitted.
         others: those that it is not told from, fitted.
     """
@@ -104,10 +104,10 @@ def _expected(
     The first of the data are the FRFs of all floors, of which options leave some out. The other
     model follows by steps of Gauss and Newton with the derivatives where it is.
     """
-    where = other.coordinates
+    where = other.steps
 
     def predicted(fitted: Fit, z: Tensor) -> list[Tensor]:
-        known = fitted.coordinates.split(z)
+        known = fitted.steps.split(z)
         return [one.predicted(fitted.system, *known) for one in data]
 
     def moved(from_: list[Tensor], to: list[Tensor]) -> list[Tensor]:

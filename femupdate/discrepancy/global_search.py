@@ -14,26 +14,29 @@ from torch import Tensor
 from femupdate.discrepancy.fit import (
     Fit,
     coarse,
-    coordinates,
     fit,
     misfits,
     prior_draws,
 )
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import Score
 from femupdate.discrepancy.thresholds import FIT, SEARCH
 from femupdate.effects.effect import Placed
+from femupdate.inference.likelihood import Likelihood
 from femupdate.seeds import spawn, torch_generator
 from femupdate.workers import in_threads
 
 
 def global_fit(
-    problem: Problem, base: Fit, scores: Sequence[Score], leading: Sequence[Placed], seed: int = 0
+    problem: Likelihood,
+    base: Fit,
+    scores: Sequence[Score],
+    leading: Sequence[Placed],
+    seed: int = 0,
 ) -> Fit | None:
     """A rough fit with one effect more that explains most of what the model leaves.
 
     Args:
-        problem: structure and data.
+        problem: the likelihood of the data.
         base: the model so far, fitted.
         scores: tests of every effect, the strongest first.
         leading: what explains most near the base.
@@ -50,8 +53,7 @@ def global_fit(
         together = (*base.placed, placed)
         drawn = _draws if placed.label in most else _own
         z = drawn(rough, alone, together, seed)
-        where = coordinates(rough, together)
-        misfit = misfits(rough, rough.system(together), where, z)
+        misfit = misfits(rough.with_effects(together), z)
         nearest = misfit.sort()
         return float(nearest.values[0]), together, z[nearest.indices[: SEARCH.starts]]
 
@@ -67,7 +69,7 @@ def global_fit(
     return min(best, *_everywhere(rough, best, seed), key=lambda one: one.misfit)
 
 
-def _of_usual_size(problem: Problem, alone: Fit, scores: Sequence[Score]) -> list[Fit]:
+def _of_usual_size(problem: Likelihood, alone: Fit, scores: Sequence[Score]) -> list[Fit]:
     """Fits from theta as it is with every effect by itself, a prior's deviation large.
 
     Where damping is low a draw of the prior seldom meets the peaks; steps lead there.
@@ -81,36 +83,33 @@ def _of_usual_size(problem: Problem, alone: Fit, scores: Sequence[Score]) -> lis
     begun.sort(key=lambda one: one.misfit)
     leading = {one.placed[-1].label: one for one in reversed(begun)}
     chosen = sorted(leading.values(), key=lambda one: one.misfit)[: SEARCH.searched]
-    return in_threads(lambda one: fit(problem, one.placed, one.z, FIT.steps, one.system), chosen)
+    return in_threads(lambda one: fit(problem, one.placed, one.z, FIT.steps), chosen)
 
 
 def _either_sign(
-    problem: Problem, alone: Fit, placed: Placed
+    problem: Likelihood, alone: Fit, placed: Placed
 ) -> Iterator[tuple[tuple[Placed, ...], Tensor]]:
     """An effect with its first parameter a deviation of its prior to either side, if it can be."""
     together, own = (*alone.placed, placed), len(placed.effect.parameters)
-    where = coordinates(problem, together)
+    where = problem.with_effects(together).prior.steps
     for size in (-1.0, 1.0):
         start = torch.cat([alone.z, alone.z.new_zeros(own)])
         start[-own] = size
-        start = torch.minimum(torch.maximum(start, where.lower), where.upper)
+        start = where.inside(start)
         if float(start[-own]) * size > 0.0:
             yield together, start
 
 
-def _everywhere(problem: Problem, found: Fit, seed: int) -> list[Fit]:
+def _everywhere(problem: Likelihood, found: Fit, seed: int) -> list[Fit]:
     """Fits with the effect that was found, from the best of many draws of theta."""
-    where = found.coordinates
-    z = prior_draws(
-        problem, where, found.z[where.first_size :], SEARCH.many_draws, spawn(seed, 1)[0]
-    )
-    misfit = misfits(problem, found.system, where, z)
-    nearest = misfit.argsort()[: SEARCH.many_starts]
-    followed = partial(fit, problem, found.placed, iterations=FIT.steps, system=found.system)
+    own, sizes = found.likelihood, found.z[found.steps.first_size :]
+    z = prior_draws(own, sizes, SEARCH.many_draws, spawn(seed, 1)[0])
+    nearest = misfits(own, z).argsort()[: SEARCH.many_starts]
+    followed = partial(fit, own, found.placed, iterations=FIT.steps)
     return in_threads(followed, z[nearest])
 
 
-def _most(problem: Problem, scores: Sequence[Score], leading: Sequence[Placed]) -> set[str]:
+def _most(problem: Likelihood, scores: Sequence[Score], leading: Sequence[Placed]) -> set[str]:
     """Labels of what gets all draws: what leads, and the strongest place of every effect."""
     if problem.reduced.model.size <= SEARCH.cheap:
         return {one.placed.label for one in scores}
@@ -118,25 +117,25 @@ def _most(problem: Problem, scores: Sequence[Score], leading: Sequence[Placed]) 
     return {*chosen.values(), *(one.label for one in leading[: SEARCH.leading])}
 
 
-def _draws(problem: Problem, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
+def _draws(problem: Likelihood, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
     """Unknowns (n, d) with the last effect: half from the prior, half of theta as it is but for one
     story, the effect's parameters from their prior."""
     drawn, half = _from_prior(problem, alone, together, SEARCH.draws, seed), SEARCH.draws // 2
-    stories = torch.arange(half) % alone.coordinates.stories
+    stories = torch.arange(half) % alone.steps.stories
     return torch.cat([_one_story(alone, drawn[:half], stories), drawn[half:]])
 
 
-def _own(problem: Problem, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
+def _own(problem: Likelihood, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
     """Unknowns (n, d) with theta as it is but for the story in which the last effect sits."""
     drawn = _from_prior(problem, alone, together, SEARCH.few_draws, seed)
     story = _story(problem, together[-1].place)
-    stories = torch.arange(SEARCH.few_draws) % alone.coordinates.stories
+    stories = torch.arange(SEARCH.few_draws) % alone.steps.stories
     return _one_story(
         alone, drawn, stories if story is None else torch.full((SEARCH.few_draws,), story)
     )
 
 
-def _story(problem: Problem, place: str) -> int | None:
+def _story(problem: Likelihood, place: str) -> int | None:
     """The story that a place, such as "S2", "X1/S2" or "3F", lies in; None for another place."""
     structure, last = problem.reduced.structure, place.split("/")[-1]
     for names in (structure.building.story_names, structure.floors):
@@ -146,23 +145,24 @@ def _story(problem: Problem, place: str) -> int | None:
 
 
 def _from_prior(
-    problem: Problem, alone: Fit, together: tuple[Placed, ...], count: int, seed: int
+    problem: Likelihood, alone: Fit, together: tuple[Placed, ...], count: int, seed: int
 ) -> Tensor:
     """Unknowns (count, d) with theta, zeta and the last effect from their priors."""
-    where = coordinates(problem, together)
-    known = alone.z[alone.coordinates.first_size :]
+    where = problem.with_effects(together).prior.steps
+    known = alone.z[alone.steps.first_size :]
     own = len(together[-1].effect.parameters)
     stories, sizes = spawn(seed, 3)[1:]
-    drawn = prior_draws(problem, where, torch.cat([known, known.new_zeros(own)]), count, stories)
+    sizes_of = torch.cat([known, known.new_zeros(own)])
+    drawn = prior_draws(problem.with_effects(together), sizes_of, count, stories)
     generator = torch_generator(sizes)
     size = torch.randn(count, own, generator=generator, dtype=torch.float64)
     drawn[:, -own:] = SEARCH.wider * size
-    return torch.minimum(torch.maximum(drawn, where.lower), where.upper)
+    return where.inside(drawn)
 
 
 def _one_story(alone: Fit, drawn: Tensor, stories: Tensor) -> Tensor:
     """Draws whose stiffness factors, but for one story each, and damping are those of a fit."""
-    rows, first = torch.arange(len(drawn)), alone.coordinates.first_size
+    rows, first = torch.arange(len(drawn)), alone.steps.first_size
     near = drawn.clone()
     near[:, :first] = alone.z[:first]
     near[rows, stories] = drawn[rows, stories]

@@ -8,12 +8,12 @@ from femupdate.arrays import Floats
 from femupdate.discrepancy.certify import as_event, gain_elsewhere, mean_square
 from femupdate.discrepancy.finder_model import FinderModel, problem_of, with_rest_about
 from femupdate.discrepancy.fit import Fit, about, settle
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair
 from femupdate.dynamics.history import transformed_sensors
 from femupdate.errors import MeasurementError
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
+from femupdate.inference.likelihood import Likelihood
 from femupdate.measurement.columns import BASE
 from femupdate.measurement.histories import Histories, rotation_of
 
@@ -84,7 +84,7 @@ class KeptOut:
     histories: Histories | None
     direction: str
 
-    def gain(self, problem: Problem, before: Fit, after: Fit) -> float:
+    def gain(self, problem: Likelihood, before: Fit, after: Fit) -> float:
         """Their log density by the second of two fits over that by the first, as another event.
 
         No more than zero where they are not predicted better as the fits stand, too: what any event
@@ -94,16 +94,16 @@ class KeptOut:
         better = self.chi2(problem, after) < self.chi2(problem, before)
         return found if better else min(found, 0.0)
 
-    def chi2(self, problem: Problem, fitted: Fit) -> float:
+    def chi2(self, problem: Likelihood, fitted: Fit) -> float:
         """Mean squared whitened residual at the parameters of a fit."""
         return mean_square(self._seen_by(problem, fitted), fitted)
 
-    def fitted(self, problem: Problem, fitted: Fit) -> Fit:
+    def fitted(self, problem: Likelihood, fitted: Fit) -> Fit:
         """The model as of the event that the data show."""
         own = about(self._seen_by(problem, fitted), fitted)
         return settle(own, as_event(own.at_row(own.error.start), fitted))
 
-    def _seen_by(self, problem: Problem, fitted: Fit) -> Problem:
+    def _seen_by(self, problem: Likelihood, fitted: Fit) -> Likelihood:
         """The data as a problem of the structure of a fit, at their level of motion."""
         data = tuple(
             one.at_level(self.level) if isinstance(one, FrfData) else one for one in self.data
@@ -113,7 +113,7 @@ class KeptOut:
         return problem_of(problem.reduced, self.model.building, data)
 
 
-def hold(kept: KeptOut, problem: Problem, done: Repair) -> Held:
+def hold(kept: KeptOut, problem: Likelihood, done: Repair) -> Held:
     """Both models against data that neither has seen, at their level of motion.
 
     Args:

@@ -6,36 +6,25 @@ import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, likeliest_row
-from femupdate.discrepancy.problem import Problem
-from femupdate.effects.effect import Placed
 from femupdate.inference.likelihood import Likelihood
-from femupdate.inference.parameters import Parameters
-from femupdate.inference.priors import effect_parameters
 
 
-def likelihood_about(problem: Problem, fitted: Fit) -> Likelihood:
+def likelihood_about(fitted: Fit) -> Likelihood:
     """The likelihood of a fitted model's parameters, by the rows that count at the fit."""
+    own = fitted.likelihood
     # The tables by which a hundred fits are compared are too coarse for intervals.
-    error = problem.error.finer(likeliest_row(problem, fitted))
+    error = own.error.finer(likeliest_row(own, fitted))
     densities = error.log_densities(fitted.raw[None])
-    likeliest = tuple(int(own.argmax()) for own in densities)
+    likeliest = tuple(int(one.argmax()) for one in densities)
     rows = error.counting_beside(likeliest, densities)
-    parameters = parameters_of(problem, fitted.placed)
-    whole = Likelihood(problem.data, fitted.system, parameters, error, error.first)
-    # By the noise alone a right frame would miss: the fit counts on what its mesh may err by.
-    return replace(whole.kept(rows), known_is_met=True)
-
-
-def parameters_of(problem: Problem, placed: tuple[Placed, ...]) -> Parameters:
-    """The parameters of a problem with effects and their priors, the damping ratio last."""
-    prior = problem.prior
-    return prior.of("stiffness") + effect_parameters(placed) + prior.of("damping")
+    prior = own.prior.of("stiffness") + own.prior.of("effect") + own.prior.of("damping")
+    return replace(own, error=error, prior=prior).at_row(likeliest).kept(rows)
 
 
 def parameters_at(fitted: Fit) -> Tensor:
-    """Parameters (1, p) of a fit."""
+    """Parameters (1, p) of a fit, the damping ratio last."""
     theta, zeta, sizes = fitted.split
     return torch.cat([theta, sizes, zeta[:, None]], dim=1)
 
 
-__all__ = ["likelihood_about", "parameters_at", "parameters_of"]
+__all__ = ["likelihood_about", "parameters_at"]

@@ -11,20 +11,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.fit import Fit, coordinates, evaluate, extended
-from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.fit import Fit, extended, raw_residuals
 from femupdate.discrepancy.score import Score, alike
 from femupdate.discrepancy.thresholds import FOLLOW
+from femupdate.inference.likelihood import Likelihood
 from femupdate.workers import in_threads
 
 
 def unobservable_effects(
-    problem: Problem, base: Fit, scores: list[Score], least: float
+    problem: Likelihood, base: Fit, scores: list[Score], least: float
 ) -> tuple[str, ...]:
     """Labels of the effects whose strength is below `least` once the model has followed them.
 
     Args:
-        problem: structure and data.
+        problem: the likelihood of the data.
         base: the model without them, fitted.
         scores: their score tests.
         least: strength, the D per prior standard deviation of their size.
@@ -43,11 +43,11 @@ def unobservable_effects(
     return tuple(s.placed.label for s in scores if s.strength < least or s.placed.label in faint)
 
 
-def same_to_sensors(problem: Problem, base: Fit, tests: list[Score], cosine: float) -> bool:
+def same_to_sensors(problem: Likelihood, base: Fit, tests: list[Score], cosine: float) -> bool:
     """Whether several effects leave the same once the model has followed each of them.
 
     Args:
-        problem: structure and data.
+        problem: the likelihood of the data.
         base: the model without them, fitted.
         tests: their score tests, the first to be compared with all others.
         cosine: between what they leave, from which they count as the same.
@@ -59,7 +59,7 @@ def same_to_sensors(problem: Problem, base: Fit, tests: list[Score], cosine: flo
     return bool(((unit[1:] @ unit[0]).abs() >= cosine).all())
 
 
-def _left(problem: Problem, base: Fit, tests: list[Score]) -> list[float]:
+def _left(problem: Likelihood, base: Fit, tests: list[Score]) -> list[float]:
     """Share of what each effect changes that the refitted model does not follow."""
     if not tests:
         return []
@@ -67,10 +67,10 @@ def _left(problem: Problem, base: Fit, tests: list[Score]) -> list[float]:
     return [float(one) for one in remains.norm(dim=1) / target.norm(dim=1).clamp_min(1e-12)]
 
 
-def _follow(problem: Problem, base: Fit, tests: list[Score]) -> tuple[Tensor, Tensor]:
+def _follow(problem: Likelihood, base: Fit, tests: list[Score]) -> tuple[Tensor, Tensor]:
     """What each effect changes, and what of it the refitted model does not follow, (t, n)."""
     target = torch.stack(in_threads(partial(_change, problem, base), tests))  # (t, n)
-    where = base.coordinates
+    where = base.steps
     normal = base.jacobian.T @ base.jacobian
     ridge = 1e-9 * torch.diag(normal.diagonal().clamp_min(1e-12))
     inverse = torch.linalg.pinv(normal + ridge, hermitian=True)
@@ -79,7 +79,7 @@ def _follow(problem: Problem, base: Fit, tests: list[Score]) -> tuple[Tensor, Te
     for _ in range(FOLLOW.rounds):
         step = remains @ base.jacobian @ inverse
         trial = torch.minimum(torch.maximum(z + step.clamp(-1.0, 1.0), where.lower), where.upper)
-        followed = base.residual - evaluate(problem, base.system, where, trial)
+        followed = base.residual - base.likelihood.whitened(raw_residuals(base, trial))
         better = (target - followed).norm(dim=1) < remains.norm(dim=1)
         if not better.any():
             break
@@ -88,11 +88,11 @@ def _follow(problem: Problem, base: Fit, tests: list[Score]) -> tuple[Tensor, Te
     return target, remains
 
 
-def _change(problem: Problem, base: Fit, one: Score) -> Tensor:
+def _change(problem: Likelihood, base: Fit, one: Score) -> Tensor:
     """(n,) change of the whitened prediction by an effect."""
     together = (*base.placed, one.placed)
     neutral = one.placed.effect.parameters[0].neutral
     size = neutral + FOLLOW.step * (one.start[0] - neutral)
     z = extended(problem, base, together, np.array([*base.known, size, *one.start[1:]]))
-    changed = evaluate(problem, problem.system(together), coordinates(problem, together), z[None])
-    return base.residual - changed[0]
+    own = problem.with_effects(together)
+    return base.residual - own.residuals(own.prior.steps.values(z[None]))[0]

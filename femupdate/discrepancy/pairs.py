@@ -49,7 +49,7 @@ def with_pair(
     together = removed(found.base, both)
     if not (pair[1].carried(settings) and pair[1].matters(settings) and together > alone):
         return found
-    left = remains(both.problem, both)
+    left = remains(both.likelihood, both)
     text = (
         f"Two effects together: {pair[0].in_words}. {pair[1].in_words}. They remove "
         f"{share_in_words(together)} of the misfit beyond the noise, {first.placed.label} alone "
@@ -69,7 +69,7 @@ def with_pair(
 
 def denied(found: Diagnosis, one: Finding, settings: DiagnosisSettings) -> bool:
     """Whether the halves of the data do not certify what their sum carries."""
-    tested, problem = one.tested, found.base.problem
+    tested, problem = one.tested, found.base.likelihood
     if tested is None and one.evidence.log_evidence >= settings.over_none:
         tests = certify(problem, found.base, [one.fitted], len(found.scores), settings.false_share)
         tested = tests.get(one.placed.label)
@@ -99,11 +99,11 @@ def _best_pair(found: Diagnosis, settings: DiagnosisSettings, progress: Progress
 def _log_evidence(pair: Pair) -> float:
     """Of a model with both effects."""
     both = _both(*pair)
-    return laplace(both.problem, both).log_evidence
+    return laplace(both.likelihood, both).log_evidence
 
 
 def _both(first: Finding, second: Finding) -> Fit:
-    problem, placed = first.fitted.problem, (*first.fitted.placed, second.placed)
+    problem, placed = first.fitted.likelihood, (*first.fitted.placed, second.placed)
     count = len(second.placed.effect.parameters)
     own = second.fitted.known[len(second.fitted.known) - count :]
     start = extended(problem, first.fitted, placed, np.concatenate([first.fitted.known, own]))
@@ -118,11 +118,11 @@ def _together(found: Diagnosis, pair: Pair, settings: DiagnosisSettings) -> Pair
     told = first
     if first.placed.effect.parameters:
         told = replace(first, size=float(values[at]), size_sd=float(sd[at]))
-    gain = laplace(both.problem, both).log_evidence
-    gain -= laplace(both.problem, first.fitted).log_evidence
-    beside = as_finding(both.problem, first.fitted, both, second.score, Evidence(gain))
+    gain = laplace(both.likelihood, both).log_evidence
+    gain -= laplace(both.likelihood, first.fitted).log_evidence
+    beside = as_finding(both.likelihood, first.fitted, both, second.score, Evidence(gain))
     if gain < settings.over_none:
         return told, beside
     count, share = len(found.scores), settings.false_share
-    tests = certify(first.fitted.problem, first.fitted, [both], count, share)
+    tests = certify(first.fitted.likelihood, first.fitted, [both], count, share)
     return told, replace(beside, tested=tests.get(second.placed.label))

@@ -19,13 +19,13 @@ from femupdate.discrepancy.diagnose import (
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit, extended, fit, settle
 from femupdate.discrepancy.pairs import denied, with_pair
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.remains import Remains, remains
 from femupdate.discrepancy.search import refined
 from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
+from femupdate.inference.likelihood import Likelihood
 from femupdate.progress import SILENT, Progress
 
-Elsewhere = Callable[[Problem, Fit, Fit], float]
+Elsewhere = Callable[[Likelihood, Fit, Fit], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Repair:
     rounds: tuple[Round, ...]
     last: Diagnosis
     left: Remains
-    problem: Problem
+    problem: Likelihood
     refused: tuple[Finding, ...] = ()
 
     @property
@@ -78,11 +78,11 @@ class Repair:
 
 
 def repair(
-    problem: Problem,
+    problem: Likelihood,
     base: Fit,
     settings: DiagnosisSettings | None = None,
     progress: Progress = SILENT,
-    renewed: Callable[[Problem, Fit], tuple[Problem, Fit]] | None = None,
+    renewed: Callable[[Likelihood, Fit], tuple[Likelihood, Fit]] | None = None,
     found: Diagnosis | None = None,
     elsewhere: Elsewhere | None = None,
 ) -> Repair:
@@ -95,7 +95,7 @@ def repair(
     only where data kept out decide between them; else the engineer does.
 
     Args:
-        problem: structure and data.
+        problem: the likelihood of the data.
         base: the model as it is, fitted.
         settings: of the diagnosis.
         progress: see `diagnose`.
@@ -151,13 +151,13 @@ def _needed(base: Fit, current: Fit, rounds: list[Round]) -> tuple[Fit, list[Rou
         squares = one.chi2_after
     if len(kept) == len(rounds):
         return current, rounds
-    problem, placed = current.problem, (*base.placed, *(one.finding.placed for one in kept))
+    problem, placed = current.likelihood, (*base.placed, *(one.finding.placed for one in kept))
     start = extended(problem, current, placed, np.array(sizes))
     return settle(problem, fit(problem, placed, start, FIT.steps)), kept
 
 
 def _chosen(
-    problem: Problem,
+    problem: Likelihood,
     found: Diagnosis,
     settings: DiagnosisSettings,
     elsewhere: Elsewhere | None,
@@ -223,7 +223,7 @@ def _rivals(found: Diagnosis) -> tuple[Finding, ...]:
 
 
 def _decided(
-    problem: Problem,
+    problem: Likelihood,
     base: Fit,
     rivals: tuple[Finding, ...],
     settings: DiagnosisSettings,
@@ -258,18 +258,18 @@ def as_fitted(done: Repair) -> Repair:
 
 def mend(
     model: FinderModel,
-    problem: Problem,
+    problem: Likelihood,
     base: Fit,
     found: Diagnosis,
     settings: DiagnosisSettings,
     show: Progress,
     elsewhere: Elsewhere | None = None,
-) -> tuple[Problem, Repair]:
+) -> tuple[Likelihood, Repair]:
     """What was added, and the problem on a basis about the last fit.
 
     Args:
         model: of the building.
-        problem: structure and data.
+        problem: the likelihood of the data.
         base: the model as it is, fitted.
         found: of the model as it is.
         settings: of the diagnosis.
@@ -277,7 +277,7 @@ def mend(
         elsewhere: see `repair`.
     """
 
-    def renewed(now: Problem, fitted: Fit) -> tuple[Problem, Fit]:
+    def renewed(now: Likelihood, fitted: Fit) -> tuple[Likelihood, Fit]:
         return refined(model, now, fitted, show)
 
     done = repair(problem, base, settings, show, renewed, found, elsewhere)

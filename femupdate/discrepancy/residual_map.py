@@ -3,13 +3,13 @@
 from scipy.special import chdtrc
 
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.problem import Problem
 from femupdate.inference.data import Cell
+from femupdate.inference.likelihood import Likelihood
 
 
-def residual_cells(problem: Problem, fitted: Fit) -> tuple[Cell, ...]:
+def residual_cells(problem: Likelihood, fitted: Fit) -> tuple[Cell, ...]:
     """Mean squared residual of every part of the data."""
-    error = fitted.problem.error
+    error = fitted.likelihood.error
     parts = zip(problem.data, error.parts, error.apart(fitted.raw[None]), strict=True)
     cells: list[Cell] = []
     for data, table, raw in parts:
@@ -18,9 +18,9 @@ def residual_cells(problem: Problem, fitted: Fit) -> tuple[Cell, ...]:
     return tuple(cells)
 
 
-def p_value(problem: Problem, fitted: Fit) -> float:
+def p_value(problem: Likelihood, fitted: Fit) -> float:
     """Probability that noise alone leaves residuals as large as these."""
-    freedom = max(problem.effective - fitted.coordinates.size, 1.0)
+    freedom = max(problem.effective - fitted.steps.size, 1.0)
     return float(chdtrc(freedom, fitted.chi2))
 
 

@@ -11,11 +11,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.fit import Fit, coordinates, extended
-from femupdate.discrepancy.problem import Problem
+from femupdate.discrepancy.fit import Fit, extended
 from femupdate.discrepancy.thresholds import FIT, FOLLOW
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
+from femupdate.inference.likelihood import Likelihood
 from femupdate.linear import least_squares
 
 
@@ -44,7 +44,7 @@ class Score:
     direction: Tensor | None
 
 
-def candidates(problem: Problem, present: tuple[Placed, ...] = ()) -> list[Placed]:
+def candidates(problem: Likelihood, present: tuple[Placed, ...] = ()) -> list[Placed]:
     """Every effect at every place that these data could show."""
     structure = problem.reduced.structure
     observed = set(problem.measured_floors)
@@ -61,7 +61,7 @@ def candidates(problem: Problem, present: tuple[Placed, ...] = ()) -> list[Place
     return found
 
 
-def without_phase(problem: Problem, present: tuple[Placed, ...] = ()) -> tuple[str, ...]:
+def without_phase(problem: Likelihood, present: tuple[Placed, ...] = ()) -> tuple[str, ...]:
     """Labels of what only phases show, where none were measured."""
     observed, known = set(problem.measured_floors), {one.label for one in present}
     structure, found = problem.reduced.structure, []
@@ -78,14 +78,14 @@ def _seen(place: str, observed: set[str], floors: tuple[str, ...]) -> bool:
     return all(part in observed for part in named)
 
 
-def score(problem: Problem, base: Fit, placed: Placed) -> Score:
+def score(problem: Likelihood, base: Fit, placed: Placed) -> Score:
     """Test one effect on top of a fitted model; the best of its starting points counts."""
     together, begun = (*base.placed, placed), starts(problem, placed)
     z = torch.stack(
         [extended(problem, base, together, np.concatenate([base.known, one])) for one in begun]
     )
-    known = coordinates(problem, together).split(z)
-    missed = problem.missed(problem.system(together), known)
+    own = problem.with_effects(together)
+    missed = own.raw(own.prior.steps.values(z))
     there = ~missed.isnan().all(dim=1)  # or no structure is left
     changed = torch.full((len(z), len(base.residual)), torch.nan, dtype=z.dtype)
     changed[there] = problem.whitened(missed[there])
@@ -93,7 +93,7 @@ def score(problem: Problem, base: Fit, placed: Placed) -> Score:
     return max(tests, key=lambda one: abs(one.statistic))
 
 
-def starts(problem: Problem, placed: Placed) -> list[tuple[float, ...]]:
+def starts(problem: Likelihood, placed: Placed) -> list[tuple[float, ...]]:
     """Effect parameters to test at: those from which the size is looked for, tunings near every
     mode, what else there is at its neutral value.
     """
@@ -107,7 +107,7 @@ def starts(problem: Problem, placed: Placed) -> list[tuple[float, ...]]:
     return list(product(*values))
 
 
-def _tunings(problem: Problem) -> list[float]:
+def _tunings(problem: Likelihood) -> list[float]:
     """Ratios to the first frequency around the lower half of the grid."""
     low, high = FIT.tuned
     first = problem.reduced.structure.fundamental[0] / (2.0 * np.pi)

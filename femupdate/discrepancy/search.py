@@ -26,9 +26,8 @@ from femupdate.discrepancy.fit import (
 )
 from femupdate.discrepancy.global_search import global_fit
 from femupdate.discrepancy.mesh_error import corrected
-from femupdate.discrepancy.mesh_scatter import with_mesh_error
+from femupdate.discrepancy.mesh_scatter import left_open
 from femupdate.discrepancy.near_basis import structure_near
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.thresholds import FIT, SEARCH, VERDICT, DiagnosisSettings
 from femupdate.dynamics.local_basis import Sized
@@ -36,6 +35,8 @@ from femupdate.dynamics.thresholds import LOCAL_BASIS
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import BuildingEffects, building_effects, check_places
 from femupdate.inference.data import Data
+from femupdate.inference.joint_error import joint_error
+from femupdate.inference.likelihood import Likelihood
 from femupdate.progress import Progress, Silent
 
 
@@ -44,7 +45,7 @@ def prepared(
     data: Sequence[Data],
     settings: DiagnosisSettings | None = None,
     progress: Progress | None = None,
-) -> tuple[Problem, Fit]:
+) -> tuple[Likelihood, Fit]:
     """The problem with its mesh error, and the model as it is fitted to it.
 
     The stiffness factors of a frame are found on the study's own basis; then it gets one that
@@ -58,7 +59,7 @@ def prepared(
     show.start("Fitting the model as it is", 1)
     problem = problem_of(plain, model.building, data)
     if plain.structure.operators is None:
-        check_sizes(model.building, problem.system(effects.placed), effects.values)
+        check_sizes(model.building, problem.with_effects(effects.placed).system, effects.values)
         base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
         show.advance()
         return problem, base
@@ -73,18 +74,18 @@ def prepared(
     problem, base = _around(model, problem, middle, (effects.placed, start), show)
     if not effects.placed:
         return problem, base
-    check_sizes(model.building, problem.system(effects.placed), effects.values)
+    check_sizes(model.building, problem.with_effects(effects.placed).system, effects.values)
     return _as_listed(model, problem, base, effects, show, seed)
 
 
 def _as_listed(
     model: FinderModel,
-    problem: Problem,
+    problem: Likelihood,
     base: Fit,
     effects: BuildingEffects,
     show: Progress,
     seed: int,
-) -> tuple[Problem, Fit]:
+) -> tuple[Likelihood, Fit]:
     """Theta where it lies with the listed effects, as large as the file says.
 
     The search without them may have ended far from there.
@@ -99,23 +100,23 @@ def _as_listed(
 
 def sought(
     model: FinderModel,
-    problem: Problem,
+    problem: Likelihood,
     base: Fit,
     settings: DiagnosisSettings | None = None,
     progress: Progress | None = None,
-) -> tuple[Problem, Fit, Diagnosis]:
+) -> tuple[Likelihood, Fit, Diagnosis]:
     """What a model lacks; far from its most probable theta, too, where nothing near it explains
     the data, or it takes two effects, or several do about equally well.
 
     Args:
         model: of the building.
-        problem: structure and data.
+        problem: the likelihood of the data.
         base: the model as it is, fitted.
         settings: of the diagnosis.
         progress: told about the steps.
 
     Returns:
-        Problem, base and diagnosis; the first two anew where something was found far off.
+        Likelihood, base and diagnosis; the first two anew where something was found far off.
     """
     show, chosen = progress or Silent(), settings or DiagnosisSettings()
 
@@ -138,12 +139,12 @@ def sought(
 
 def _run_off(
     model: FinderModel,
-    problem: Problem,
+    problem: Likelihood,
     base: Fit,
     found: Diagnosis,
     settings: DiagnosisSettings,
     show: Progress,
-) -> tuple[Problem, Fit, Diagnosis]:
+) -> tuple[Likelihood, Fit, Diagnosis]:
     """Of a frame's leading effects that are close, each on a basis that serves them alone.
 
     What one basis for all effects leaves of each is a few hundredths of ln|H|, and not of all the
@@ -171,10 +172,10 @@ def _run_off(
 def _best(found: Diagnosis) -> float:
     """Log density of the data by the best of the fits."""
     fits = [found.base, *(one.fitted for one in found.findings)]
-    return max(log_posterior(one.problem, one) for one in fits)
+    return max(log_posterior(one.likelihood, one) for one in fits)
 
 
-def _rightly_named(problem: Problem, rough: Fit, seed: int) -> Fit:
+def _rightly_named(problem: Likelihood, rough: Fit, seed: int) -> Fit:
     """A rough fit, or that with the channels exchanged which explains far more.
 
     Under a wrong name theta is drawn to where nothing found in its neighbourhood would be right.
@@ -191,12 +192,12 @@ def _rightly_named(problem: Problem, rough: Fit, seed: int) -> Fit:
 
 def refined(
     model: FinderModel,
-    problem: Problem,
+    problem: Likelihood,
     fitted: Fit,
     progress: Progress | None = None,
     *,
     alone: bool = False,
-) -> tuple[Problem, Fit]:
+) -> tuple[Likelihood, Fit]:
     """The problem around a fit with effects, whose theta may be far from the first one's.
 
     Where theta leaves the neighbourhood that the new basis serves, it is followed.
@@ -223,26 +224,27 @@ def refined(
 
 def _around(
     model: FinderModel,
-    problem: Problem,
+    problem: Likelihood,
     middle: Fit,
     start: tuple[tuple[Placed, ...], Tensor],
     show: Progress,
     present: Sequence[Sized] | None = None,
-) -> tuple[Problem, Fit]:
+) -> tuple[Likelihood, Fit]:
     """A frame's problem on a basis about a fit, with its mesh error there, and a fit from there."""
     theta, zeta = middle.theta()[0], middle.zeta
     near = structure_near(model.structure, model.building, theta, zeta, show, present, model.bases)
     data = with_rest_about(problem.data, model.structure, near.model, theta)
     if model.mesh is not None:
         near = corrected(near, model.mesh)
-    problem = replace(problem, reduced=near, data=data)
-    if model.mesh is not None:
-        problem = with_mesh_error(problem, model.mesh)
+    # Rows of the tables stay; what is known beforehand does not.
+    error = joint_error(data).with_rows_of(problem.error)
+    known = None if model.mesh is None else left_open(model.mesh, near, by_modes=True)
+    problem = replace(problem.without_effects_on(near), data=data, error=error, known=known)
     # Where the fit was, the errors of the mesh are as straight lines have them.
     begun = fit(problem.at_row(problem.error.start), *start)
     problem = about(problem, begun)
     fitted = settle(problem, begun)
-    return fitted.problem, fitted
+    return fitted.likelihood, fitted
 
 
 def _sized(fitted: Fit) -> Sized:

@@ -111,12 +111,6 @@ class FitThresholds:
         0.3, "ln|H|", "noise in the first steps, so that peaks that do not meet show a distance"
     )
     smallest_decrease: float = entry(1e-4, "share", "of the objective, below which a search ends")
-    large_decrease: float = entry(
-        0.3,
-        "share",
-        "of the objective, above which a step does not tell how the next one changes it",
-        "with .05 to 1 the six-story example takes 3,811 to 3,568 responses, and 5,088 with 0",
-    )
     fewer_shapes: int = entry(
         140, "shapes", "of a basis in searches", "ln|H| errs by .01 rms, in a third of the time"
     )
@@ -125,9 +119,7 @@ class FitThresholds:
     steps: int = entry(15, "steps", "of a candidate that is followed, at most")
     rough_steps: int = entry(10, "steps", "of a fit as if noise were coarse, at most")
     far_steps: int = entry(25, "steps", "of a fit that begins far from the data, at most")
-    damping: tuple[float, float] = entry(
-        (1e-2, 1e6), "of the curvature", "Marquardt's damping: at first, and where a fit gives up"
-    )
+    most_damping: float = entry(1e6, "of the curvature", "Marquardt's, where a fit gives up")
     glance: int = entry(2, "steps", "of every other effect before a name is given")
     large: tuple[float, ...] = entry(
         (1.0, 1.5, 2.0),
@@ -154,9 +146,6 @@ class FitThresholds:
     listed_starts: int = entry(4, "draws", "of these that are fitted")
     rough_shapes: int = entry(100, "shapes", "with which stiffness factors are searched for")
     most_bases: int = entry(4, "bases", "one after the other, while theta moves on")
-    parted: int = entry(
-        20, "points", "of a table under a force, from which every other one is a half of its own"
-    )
     tunings: int = entry(
         40,
         "ratios",
@@ -219,24 +208,6 @@ class SearchThresholds:
     )
     exchange_draws: int = entry(384, "draws", "of the prior for exchanged channels")
     exchanges: int = entry(3, "exchanges", "that are fitted coarsely")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModelErrorThresholds:
-    """What is allowed to the errors of a model that is right."""
-
-    stick: float = entry(
-        0.01, "ln|H|", "error of each point of a stick, and of a frame with a learned mesh error"
-    )
-    frame: float = entry(
-        0.14,
-        "ln|H|",
-        "the same of a mesh that was read",
-        ".03 rms (.2 m against .1 m) over peaks of ten to twenty points that err alike",
-    )
-    size: float = entry(
-        0.03, "share", "by which a mesh misjudges an effect's size", "trials: .001 to .09"
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -326,7 +297,6 @@ FIT = FitThresholds()
 EVIDENCE = EvidenceThresholds()
 FOLLOW = FollowThresholds()
 SEARCH = SearchThresholds()
-MODEL_ERROR = ModelErrorThresholds()
 MESH_ERROR = MeshErrorThresholds()
 SCREEN = ScreenThresholds()
 LEVEL = LevelThresholds()
@@ -338,7 +308,6 @@ GROUPS: tuple[Any, ...] = (
     EVIDENCE,
     FOLLOW,
     SEARCH,
-    MODEL_ERROR,
     MESH_ERROR,
     SCREEN,
     LEVEL,

@@ -18,6 +18,7 @@ from femupdate.dynamics.system import Responses, System
 from femupdate.effects.effect import Effect, Placed
 from femupdate.inference.data import Cell, Remains
 from femupdate.inference.model_error import (
+    COARSE_ERROR,
     MODEL_ERROR,
     NOISE_ALONE,
     STATED,
@@ -35,6 +36,7 @@ from femupdate.measurement.observation import (
 from femupdate.units import percent
 
 _LEAST = 1e-30  # of |H|, and of |A| (1/kg), whose logarithm is taken
+_PARTED = 20  # points of a table under a force, from which every other one is a half of its own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,25 +44,19 @@ class Believed:
     """What is believed of FRFs and of the model beside them.
 
     Attributes:
-        noisy: of an estimate, noise from which a point is left out.
         wild: standard deviations, of error and noise together, beyond which a residual counts as
-            that many.
+            that many: one point where an anti-resonance is a sample off must not decide anything.
         table: what the model may err by.
     """
 
-    noisy: float = math.inf
-    wild: float = math.inf
+    wild: float = JUDGED.wild
     table: ErrorTable = MODEL_ERROR
 
 
-# The noise as stated, and a model that may err; or one that may not.
-LEARNING, AT_ITS_WORD = Believed(), Believed(table=STATED)
-# The table is coarse: a hundred fits share it, and only their differences count.
-JUDGING = Believed(
-    noisy=JUDGED.noisy,
-    wild=JUDGED.wild,
-    table=ErrorTable(sizes=JUDGED.sizes, lengths=JUDGED.lengths, harmonics=JUDGED.harmonics),
-)
+# A model that may err; the same by a coarser table, which a hundred fits share, for only their
+# differences count; and a model that may not err.
+LEARNING, COMPARING = Believed(), Believed(table=COARSE_ERROR)
+AT_ITS_WORD = Believed(wild=math.inf, table=STATED)
 
 
 @dataclass(frozen=True)
@@ -152,7 +148,7 @@ class FrfData:
     blocks: tuple[Block, ...]
     excitation: BaseMotion | FloorForce = BaseMotion()
     halves: "tuple[FrfData, ...]" = ()
-    believed: Believed = JUDGING
+    believed: Believed = LEARNING
     logs: Responses | None = None
     device: torch.device | str = "cpu"
     stand_in: Callable[[Tensor, Tensor], Tensor] | None = None
@@ -286,6 +282,35 @@ class FrfData:
             return self.stand_in(both, ratio)
         return _as_run(system, seen).log_frf(both, ratio, asked.to(self.device), how)
 
+    def as_logs(
+        self,
+        system: System,
+        *,
+        device: torch.device | str = "cpu",
+        precision: torch.dtype = torch.float64,
+        modes: int | None = DRAWS.modes,
+        batch: int | None = None,
+    ) -> "FrfData":
+        """The same of one record under base motion without phases, as fast as it can be had.
+
+        Args:
+            system: the model. Responses of one with effects are made of all its modes.
+            device: where responses are made.
+            precision: of the responses; modes are always solved in float64. float32 takes half the
+                time and moves the log likelihood by a few thousandths.
+            modes: kept for a response; all where None, which makes responses smooth in theta:
+                which modes are kept changes from place to place.
+            batch: responses at a time; default what is fastest.
+        """
+        how = Responses(
+            modes=None if system.placed else modes,
+            precision=precision,
+            floors=self.rows,
+            seen=self.blocks[0].estimator,
+            batch=batch,
+        )
+        return replace(self, logs=how, device=device)
+
     def drawn(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Complex FRFs (f, k) of the observed floors at the first record's points, as they are."""
         block = self.blocks[0]
@@ -340,6 +365,8 @@ class FrfData:
 
     def moved(self, from_: Tensor, to: Tensor) -> Tensor:
         """Change (N, n) of predictions, (1, f, k) and (N, f, k), in the unit of the residuals."""
+        if self.logs is not None:
+            return ((to - from_) * self._root.to(to)).flatten(1)
         rows = list(self.rows)
         ratio = to[:, rows] / from_[:, rows]
         parts = [(ratio.abs().log() * self._root).flatten(1)]
@@ -499,9 +526,8 @@ def frf_data(
     *,
     excitation: BaseMotion | FloorForce | None = None,
     use_phase: bool = True,
-    model_error: float = 0.0,
     halves: Sequence[FrfData] = (),
-    believed: Believed = JUDGING,
+    believed: Believed = LEARNING,
 ) -> FrfData:
     """An observation that a model is judged by.
 
@@ -510,16 +536,11 @@ def frf_data(
         floors: of the model.
         excitation: what drove the building; base motion by default.
         use_phase: compare phases where they were measured.
-        model_error: added to the noise of ln|H|.
         halves: of the observation, where it can be parted.
-        believed: of it and of the model; by default as the effect finder does.
+        believed: of it and of the model.
     """
     valid = torch.from_numpy(observation.valid)
     noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
-    if observation.coherence is not None:
-        # Where noise reaches the response, ln|H| of an estimate lies too high, and what is kept
-        # for its coherence higher still.
-        valid = valid & (noise < believed.noisy)
     turn, phase = observation.rotation, observation.phase if use_phase else None
     block = Block(
         observation.frequency_hz.size,
@@ -533,12 +554,30 @@ def frf_data(
         frequency_hz=torch.from_numpy(observation.frequency_hz),
         log_frf=torch.where(valid, torch.from_numpy(np.nan_to_num(observation.log_frf)), 0.0),
         phase=None if phase is None else torch.from_numpy(np.nan_to_num(phase)),
-        sd=torch.where(valid, (noise**2 + model_error**2).sqrt(), torch.inf),
+        sd=torch.where(valid, noise, torch.inf),
         blocks=(block,),
         excitation=excitation or BaseMotion(),
         halves=tuple(halves),
         believed=believed,
     )
+
+
+def that_says(observation: Observation) -> Observation:
+    """The observation from the first to the last frequency at which any floor is valid.
+
+    Of a table coarser than its grid its own points alone: straight lines between are no data.
+    """
+    frequency, seen = observation.frequency_hz, np.flatnonzero(observation.valid.any(axis=0))
+    if not seen.size:
+        return observation
+    used = np.zeros(frequency.size, dtype=bool)
+    used[seen[0] : seen[-1] + 1] = True
+    spacing = float(np.median(np.diff(frequency)))
+    coarse = observation.resolution_hz or spacing
+    if observation.coherence is None and coarse >= 1.5 * spacing:
+        away = np.abs(frequency / coarse - np.round(frequency / coarse)) * coarse
+        used &= away < 0.5 * spacing * (1.0 + 1e-9)
+    return at_frequencies(observation, used)
 
 
 def base_logs(
@@ -551,43 +590,44 @@ def base_logs(
     modes: int | None = DRAWS.modes,
     batch: int | None = None,
 ) -> FrfData:
-    """ln|H| under base motion, at all frequencies of an observation, as fast as it can be had.
-
-    Args:
-        observation: on its own grid.
-        system: the model. Responses of one with effects are made of all its modes.
-        believed: of the data and of the model.
-        device: where responses are made.
-        precision: of the responses; modes are always solved in float64. float32 takes half the
-            time and moves the log likelihood by a few thousandths.
-        modes: kept for a response; all where None, which makes responses smooth in theta: which
-            modes are kept changes from place to place.
-        batch: responses at a time; default what is fastest.
-    """
+    """ln|H| under base motion, at all frequencies of an observation (see `FrfData.as_logs`)."""
     data = frf_data(observation, system.floors, use_phase=False, believed=believed)
-    how = Responses(
-        modes=None if system.placed else modes,
-        precision=precision,
-        floors=data.rows,
-        seen=observation.estimator,
-        batch=batch,
-    )
-    return replace(data, logs=how, device=device)
+    return data.as_logs(system, device=device, precision=precision, modes=modes, batch=batch)
 
 
-def forced_logs(
-    forced: Observation, floors: tuple[str, ...], rest: RestFlexibility | None = None
+def forced_data(
+    forced: Observation,
+    floors: tuple[str, ...],
+    rest: RestFlexibility | None = None,
+    *,
+    use_phase: bool = False,
+    believed: Believed = LEARNING,
 ) -> FrfData:
-    """ln|A| of responses to a force at the frequencies that say something, taken at its word.
+    """Responses to a force at the frequencies that say something.
 
     Args:
         forced: as read.
         floors: of the model.
         rest: static displacement that the reduced model lacks.
+        use_phase: compare phases where they were measured.
+        believed: of the data and of the model.
     """
-    seen = at_frequencies(forced, np.asarray(forced.valid.any(axis=0)))
-    force = FloorForce(forced.excitation.force, rest)
-    return frf_data(seen, floors, excitation=force, use_phase=False, believed=AT_ITS_WORD)
+
+    def read(one: Observation, parts: Sequence[Observation]) -> FrfData:
+        seen = at_frequencies(one, np.asarray(one.valid.any(axis=0)))
+        return frf_data(
+            seen,
+            floors,
+            excitation=FloorForce(forced.excitation.force, rest),
+            use_phase=use_phase,
+            halves=tuple(read(part, ()) for part in parts),
+            believed=believed,
+        )
+
+    own = read(forced, forced.halves)
+    # Points of a table err independently, so every other one is a half.
+    table = forced.coherence is None
+    return in_alternate_points(own) if table and own.points >= _PARTED else own
 
 
 def log_responses(data: FrfData, system: System, parameters: Tensor, zeta: Tensor) -> Tensor:
@@ -608,29 +648,19 @@ def in_alternate_points(data: FrfData) -> FrfData:
     return replace(data, halves=tuple(parts))
 
 
-def together(first: FrfData, second: FrfData, level: float) -> FrfData:
-    """Two records of the same structure as one.
-
-    Args:
-        first: its level is the reference.
-        second: of the other record.
-        level: of the second, in doublings of the amplitude.
-    """
-    rows = tuple(sorted({*first.rows, *second.rows}))
-    joined = [
-        _on_rows(one.phase, one.rows, rows, 0.0) for one in (first, second) if one.phase is not None
-    ]
+def together(first: FrfData, second: FrfData) -> FrfData:
+    """Two records of the same structure as one, each at its level."""
+    both, rows = (first, second), tuple(sorted({*first.rows, *second.rows}))
+    phases = [_on_rows(one.phase, one.rows, rows, 0.0) for one in both if one.phase is not None]
     return replace(
         first,
-        frequency_hz=torch.cat([first.frequency_hz, second.frequency_hz]),
+        frequency_hz=torch.cat([one.frequency_hz for one in both]),
         rows=rows,
-        log_frf=torch.cat([_on_rows(p.log_frf, p.rows, rows, 0.0) for p in (first, second)], dim=1),
-        phase=torch.cat(joined, dim=1) if len(joined) == 2 else None,
-        sd=torch.cat([_on_rows(p.sd, p.rows, rows, torch.inf) for p in (first, second)], dim=1),
-        blocks=(*first.blocks, *(replace(one, level=level) for one in second.blocks)),
-        halves=tuple(
-            together(*both, level) for both in zip(first.halves, second.halves, strict=False)
-        ),
+        log_frf=torch.cat([_on_rows(p.log_frf, p.rows, rows, 0.0) for p in both], dim=1),
+        phase=torch.cat(phases, dim=1) if len(phases) == 2 else None,
+        sd=torch.cat([_on_rows(p.sd, p.rows, rows, torch.inf) for p in both], dim=1),
+        blocks=(*first.blocks, *second.blocks),
+        halves=tuple(together(*parts) for parts in zip(first.halves, second.halves, strict=False)),
     )
 
 
@@ -643,7 +673,7 @@ def _on_rows(values: Tensor, own: tuple[int, ...], rows: tuple[int, ...], missin
 
 __all__ = [
     "AT_ITS_WORD",
-    "JUDGING",
+    "COMPARING",
     "LEARNING",
     "BaseMotion",
     "Believed",
@@ -651,9 +681,10 @@ __all__ = [
     "FloorForce",
     "FrfData",
     "base_logs",
-    "forced_logs",
+    "forced_data",
     "frf_data",
     "in_alternate_points",
     "log_responses",
+    "that_says",
     "together",
 ]

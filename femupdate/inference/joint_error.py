@@ -35,6 +35,11 @@ class JointError:
         """The row from which fits start."""
         return tuple(part.start for part in self.parts)
 
+    @property
+    def knows(self) -> bool:
+        """Whether there are errors that are known beforehand."""
+        return any(part.knows for part in self.parts)
+
     def apart(self, residuals: Tensor) -> tuple[Tensor, ...]:
         """Residuals (n, m) of every kind of data."""
         return residuals.split(self._sizes, dim=1)

@@ -1,35 +1,17 @@
 """The likelihood of measured data by a model that may err, and where it is highest."""
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import torch
 from torch import Tensor
 
-from femupdate.dynamics.closed_form import Estimate
-from femupdate.inference.joint_error import Row, joint_error
+from femupdate.inference.joint_error import Row
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import found_from
-from femupdate.inference.parameters import Parameters
 from femupdate.inference.prior_search import best_of_prior
 from femupdate.inference.thresholds import DRAWS, LEARNED_ERROR
-from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed
 from femupdate.surrogate.gauss_newton import Descent
-
-
-class SharedErrors(Protocol):
-    """Errors of a model that many points of an observation share."""
-
-    def __call__(
-        self,
-        parameters: Tensor,
-        frequency_hz: Tensor,
-        zeta: Tensor,
-        seen: Estimate | None = None,
-    ) -> Tensor:
-        """Changes of ln|H| (n, c, f, k) by one standard deviation of every error."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,77 +29,27 @@ class Settled:
     tried: int = 0
 
 
-def _of_points_that_bend(known: Tensor, weight: Tensor) -> Tensor:
-    """An error (c, f, k) for every point that the known ones change by too much for a line.
-
-    At the bottom of an anti-resonance a thousandth of the frequency multiplies |H|. A line from
-    there would let that one point tell what no other point tells.
-    """
-    away = known.square().sum(0).sqrt()
-    floors, points = ((away > LEARNED_ERROR.bends) & (weight > 0)).nonzero(as_tuple=True)
-    own = weight.new_zeros(len(floors), *weight.shape)
-    own[torch.arange(len(floors)), floors, points] = LEARNED_ERROR.bent * away[floors, points]
-    return own
-
-
-def settled(
-    likelihood: Likelihood,
-    seed: Seed,
-    *,
-    starts: Tensor | None = None,
-    shared: SharedErrors | None = None,
-    observation: Observation | None = None,
-) -> Settled:
+def settled(likelihood: Likelihood, seed: Seed, starts: Tensor | None = None) -> Settled:
     """The maxima of a likelihood, and the errors of the model that count there.
 
     Args:
         likelihood: by all rows of the tables of errors; smooth in the parameters.
         seed: of the points of the prior from which the search starts without `starts`.
         starts: (s, p) parameters, one at least near every maximum.
-        shared: errors of the model that all points of FRFs under base motion share, and the
-        observation: of which these are.
     """
     prior, tried = likelihood.prior, 0
     wide = likelihood.at_row(likelihood.error.start)
     if starts is None:
         starts, tried = best_of_prior(prior, wide.log_density, seed)
-    base = likelihood.base
-    if shared is None or observation is None or base is None:
+    if likelihood.known is None:
         return replace(settle(likelihood, starts), tried=tried)
     found = found_from(prior, wide.residuals, starts)
     rough = prior.from_normal(found.z)
-
-    ended = settle(beside_shared(shared, observation, likelihood, rough[:1]), rough)
+    ended = settle(likelihood.about(rough[:1]), rough)
     # Lines from beside the maximum would tell errors from factors that do the same.
-    at = prior.from_normal(ended.found.z[:1])
-    again = beside_shared(shared, observation, likelihood, at).error
+    again = likelihood.about(prior.from_normal(ended.found.z[:1])).error
     known = ended.likelihood.error.with_known_of(again)
     return Settled(replace(ended.likelihood, error=known), ended.found, tried)
-
-
-def beside_shared(
-    shared: SharedErrors, observation: Observation, likelihood: Likelihood, parameters: Tensor
-) -> Likelihood:
-    """The likelihood by all rows, beside errors that points share about parameters (1, p)."""
-    base = likelihood.base
-    assert base is not None
-    changes = shared_changes(shared, likelihood.prior, parameters, observation)
-    own = changes[0, :, list(base.rows)]
-    known = torch.cat([own.to(base.weight), _of_points_that_bend(own, base.weight)])
-    steps = (known * base.weight.sqrt()).flatten(1)
-    others = [None] * (len(likelihood.data) - 1)
-    return replace(likelihood, error=joint_error(likelihood.data, (steps, *others)))
-
-
-def shared_changes(
-    shared: SharedErrors, prior: Parameters, parameters: Tensor, observation: Observation
-) -> Tensor:
-    """What shared errors do to ln|H| (n, c, f, k) of all floors, as measured."""
-    values = prior.split(parameters.cpu())
-    seen = observation.estimator
-    asked = observation.frequency_hz if seen is None else seen.frequency_hz
-    theta = torch.cat([values.theta, values.sizes], dim=1)
-    return shared(theta, torch.from_numpy(asked), values.zeta, seen)
 
 
 def settle(likelihood: Likelihood, starts: Tensor) -> Settled:
@@ -184,7 +116,7 @@ class _Fits:
             self._fit(points, row)
         apart = zip(*(one.parts for one in self._densities.values()), strict=True)
         rows = self._likelihood.error.counting_beside(row, [torch.cat(own) for own in apart])
-        return Settled(self._likelihood.kept(rows), self._found[row])
+        return Settled(self._likelihood.at_row(row).kept(rows), self._found[row])
 
     def _fit(self, starts: Tensor, row: Row) -> None:
         self._found[row] = found_from(self._prior, self._likelihood.at_row(row).residuals, starts)

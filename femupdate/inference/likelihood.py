@@ -2,18 +2,31 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
+from femupdate.building.document import Building
+from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.dynamics.system import System
+from femupdate.effects.effect import Effect, Placed
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.joint_error import JointError, Row, Rows, joint_error
-from femupdate.inference.parameters import Parameters
+from femupdate.inference.parameters import Parameters, Values
+from femupdate.inference.priors import effect_parameters
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, torch_generator
 from femupdate.workers import in_threads
+
+
+class KnownErrors(Protocol):
+    """Errors of a model that are known beforehand about given parameters, as those of a mesh."""
+
+    def __call__(self, data: Sequence[Data], system: System, values: Values) -> Tensor:
+        """One standard deviation of every error (c, n), in the unit of the residuals."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +53,10 @@ class Likelihood:
         row: of its tables, by which residuals are whitened.
         constant: taken off, the same for all parameters: what the scatter of several runs costs
             that were pooled into one observation.
-        known_is_met: whether what errors known beforehand, as a mesh's, make up for is no misfit.
+        within: the structure in which further effects may act; None where none are asked for.
+        search: the structure on a basis for the whole prior, on which only instruments and damping
+            may have effects; None where `within` serves there.
+        known: errors of the model about given parameters; None where there are none.
     """
 
     data: tuple[Data, ...]
@@ -49,7 +65,9 @@ class Likelihood:
     error: JointError
     row: Row
     constant: float = 0.0
-    known_is_met: bool = False
+    within: ReducedStructure | None = None
+    search: ReducedStructure | None = None
+    known: KnownErrors | None = None
 
     def __call__(self, parameters: Tensor) -> Tensor:
         """Log likelihood (n,) of parameters (n, p)."""
@@ -65,15 +83,17 @@ class Likelihood:
 
     def residuals(self, parameters: Tensor) -> Tensor:
         """Residuals (n, m) of parameters (n, p), of unit covariance by the row."""
-        raw = self.raw(parameters)
+        return self.whitened(self.raw(parameters))
+
+    def whitened(self, raw: Tensor) -> Tensor:
+        """Residuals (n, m) of unit covariance by the row, of those in the unit of noise."""
         return self.error.whiten(self.error.tame(raw, self.row), self.row)
 
     def log_density(self, parameters: Tensor) -> Tensor:
         """Log density (n,) of parameters (n, p), were the row true, up to a constant."""
 
         def of_some(some: Tensor) -> Tensor:
-            left = self.error.whiten(self.error.tame(self._raw(some), self.row), self.row)
-            return -0.5 * left.square().sum(1)
+            return -0.5 * self.whitened(self._raw(some)).square().sum(1)
 
         return self._in_batches(of_some, parameters).to(parameters.device)
 
@@ -83,11 +103,80 @@ class Likelihood:
 
     def at_row(self, row: Row) -> "Likelihood":
         """The same, residuals whitened by another row."""
-        return replace(self, row=row)
+        return self if row == self.row else replace(self, row=row)
 
     def kept(self, rows: Rows) -> "Likelihood":
-        """The same with some rows of the tables alone; residuals are whitened by the first."""
-        return replace(self, error=self.error.kept(rows), row=(0,) * len(rows))
+        """The same with some rows of the tables alone, its own among them."""
+        row = tuple(some.index(at) for some, at in zip(rows, self.row, strict=True))
+        return replace(self, error=self.error.kept(rows), row=row)
+
+    def without_effects_on(self, reduced: ReducedStructure) -> "Likelihood":
+        """The same on another basis, without effects."""
+        system = replace(self.system, model=reduced.model, placed=(), terms=())
+        prior = self.prior.of("stiffness", "damping")
+        return replace(self, system=system, prior=prior, within=reduced)
+
+    def with_effects(self, placed: tuple[Placed, ...]) -> "Likelihood":
+        """The same of a model with these effects in place of its own."""
+        if placed == self.system.placed:
+            return self
+        terms = tuple(self.reduced.terms(one) for one in placed)
+        system = replace(self.system, placed=placed, terms=terms)
+        prior = self.prior.of("stiffness", "damping") + effect_parameters(placed)
+        return replace(self, system=system, prior=prior)
+
+    def of(self, other: "Likelihood") -> "Likelihood":
+        """The likelihood of the same data by the model of another."""
+        return replace(self, system=other.system, prior=other.prior, within=other.within)
+
+    @property
+    def reduced(self) -> ReducedStructure:
+        """The structure in which further effects may act."""
+        assert self.within is not None
+        return self.within
+
+    @property
+    def building(self) -> Building:
+        """Whose structure it is."""
+        return self.reduced.structure.building
+
+    def for_search(self) -> "Likelihood":
+        """The same on the basis that serves over the whole prior, nothing known beforehand."""
+        if self.search is None:
+            return self
+        error = joint_error(self.data).with_rows_of(self.error)
+        return replace(self.without_effects_on(self.search), error=error, known=None)
+
+    def on_fewer(self, shapes: int) -> "Likelihood":
+        """The same on the shapes that count most: for searches, which the whole basis ends."""
+        return self.without_effects_on(self.reduced.first(shapes))
+
+    def about(self, parameters: Tensor) -> "Likelihood":
+        """The same beside the errors that are known about parameters (1, p)."""
+        if self.known is None:
+            return self
+        found = self.known(self.data, self.system, self.prior.split(parameters))
+        parts = found.split([one.residuals for one in self.data], dim=1)
+        return replace(self, error=joint_error(self.data, parts).with_rows_of(self.error))
+
+    @property
+    def divisible(self) -> bool:
+        """Whether the data can be parted in two halves that err independently."""
+        return len(self.data) > 1 or any(one.halves for one in self.data)
+
+    def half(self, number: int) -> "Likelihood":
+        """By one half of the data, nothing known beforehand.
+
+        Of data that cannot be parted every other kind goes to the same half.
+        """
+        parts, whole = [], 0
+        for one in self.data:
+            if one.halves:
+                parts.append(one.halves[number])
+                continue
+            parts.append(one if whole % 2 == number else one.emptied())
+            whole += 1
+        return replace(self, data=tuple(parts), error=joint_error(parts).with_rows_of(self.error))
 
     def coarse(self, noise: float) -> "Likelihood":
         """The same as if there were so much more noise: peaks that do not meet show a distance."""
@@ -98,6 +187,28 @@ class Likelihood:
     def with_rows_of(self, other: "Likelihood") -> "Likelihood":
         """The same with the rows of the tables of errors that another of the same data has."""
         return replace(self, error=self.error.with_rows_of(other.error), row=other.row)
+
+    @property
+    def top_hz(self) -> float:
+        """The highest frequency that was measured."""
+        return max(one.top_hz for one in self.data)
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """Of motion, in doublings above the first, each once."""
+        return tuple(dict.fromkeys(level for one in self.data for level in one.levels))
+
+    @property
+    def measured_floors(self) -> tuple[str, ...]:
+        """Floors with a sensor, bottom to top."""
+        rows = sorted({row for one in self.data for row in one.rows})
+        return tuple(self.system.floors[row] for row in rows)
+
+    def shows(self, effect: Effect) -> bool:
+        """Whether an effect can show in any of the data."""
+        if effect.needs_levels and len(self.levels) == 1:
+            return False
+        return any(one.shows(effect) for one in self.data)
 
     @property
     def effective(self) -> float:
@@ -116,11 +227,13 @@ class Likelihood:
         return first if isinstance(first, FrfData) and not first.forced else None
 
     def misfit(self, parameters: Tensor) -> Tensor:
-        """Mean squared residual (n,) of parameters (n, p), by the stated noise alone."""
+        """Mean squared residual (n,) of parameters (n, p), by the stated noise alone.
+
+        What errors known beforehand make up for, as a mesh's, is no misfit.
+        """
         raw = self.raw(parameters)
         parts = zip(self.error.parts, self.error.apart(raw), strict=True)
-        known = self.known_is_met
-        squares = [one.by_noise_alone(own, known=known).square().sum(1) for one, own in parts]
+        squares = [one.by_noise_alone(own).square().sum(1) for one, own in parts]
         return torch.stack(squares).sum(0) / max(self.effective, 1.0)
 
     def explained(self, parameters: Tensor) -> float | None:
@@ -171,10 +284,11 @@ def likelihood_of(
     system: System,
     prior: Parameters,
     constant: float = 0.0,
+    reduced: ReducedStructure | None = None,
 ) -> Likelihood:
     """The likelihood by all rows of the tables of errors, whitened by that of no error."""
     error = joint_error(data)
-    return Likelihood(tuple(data), system, prior, error, error.first, constant)
+    return Likelihood(tuple(data), system, prior, error, error.first, constant, reduced)
 
 
 def cost_of_scatter(observation: Observation, data: FrfData) -> float:
@@ -185,4 +299,4 @@ def cost_of_scatter(observation: Observation, data: FrfData) -> float:
     return 0.5 * data.blocks[0].independent * own
 
 
-__all__ = ["Likelihood", "cost_of_scatter", "likelihood_of", "missed"]
+__all__ = ["KnownErrors", "Likelihood", "cost_of_scatter", "likelihood_of", "missed"]

@@ -1,6 +1,5 @@
 """Identified modes as a model is judged by them: frequencies, damping ratios and shapes."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +21,7 @@ from femupdate.inference.modal_terms import (
     paired,
     shown_modes,
 )
-from femupdate.inference.model_error import NOISE_ALONE, STATED, ErrorTable, LearnedError
+from femupdate.inference.model_error import NOISE_ALONE, ErrorTable, LearnedError
 from femupdate.inference.thresholds import JUDGED
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.units import percent
@@ -278,7 +277,6 @@ def mode_data(
     errors: ModalErrors,
     *,
     damping: bool = True,
-    at_its_word: bool = False,
     source: str = "",
 ) -> ModeData:
     """Identified modes that a model is judged by.
@@ -289,8 +287,6 @@ def mode_data(
         errors: of modes and model.
         damping: whether damping ratios count. Even where the building's is known they show where
             its law is wrong; of one that is right they say nothing.
-        at_its_word: whether errors are as stated, and no figure is too wild to count; by default
-            the effect finder allows for more.
         source: the file, where there are several.
 
     Raises:
@@ -313,8 +309,6 @@ def mode_data(
         names=modes.names,
         terms=modal_terms(modes, system.floors, errors, damping),
         source=source,
-        table=STATED if at_its_word else NOISE_ALONE,
-        wild=math.inf if at_its_word else JUDGED.wild,
     )
 
 

@@ -63,6 +63,8 @@ class ErrorTable:
 
 
 MODEL_ERROR = ErrorTable()
+# A hundred fits share it, and only their differences count.
+COARSE_ERROR = ErrorTable(sizes=(0.03, 0.1, 0.3), lengths=(1 / 30, 1 / 8), harmonics=24)
 # Of figures that lie on no frequency axis: nothing but more noise than stated.
 NOISE_ALONE = ErrorTable(
     sizes=(),
@@ -311,6 +313,11 @@ class LearnedError:
         return bool(self._table.sizes) or len(self._table.noise) > 1
 
     @property
+    def knows(self) -> bool:
+        """Whether there are errors that are known beforehand."""
+        return len(self._known) > 0
+
+    @property
     def start(self) -> int:
         """Row from which fits start."""
         size, share, noise = self._table.start
@@ -424,19 +431,11 @@ class LearnedError:
         least = min(self.levels[row].noise for row in rows)
         return bool((residuals.abs() <= self._wild * least).all())
 
-    def by_noise_alone(self, residuals: Tensor, *, known: bool) -> Tensor:
-        """Residuals (n, m) of which none is wilder than counts beside the stated noise.
-
-        Args:
-            residuals: (n, p f k).
-            known: whether to take off errors that are known beforehand.
-        """
-        tamed = residuals.nan_to_num(nan=math.inf).clamp(-self._wild, self._wild)
-        if not known:
-            return tamed
+    def by_noise_alone(self, residuals: Tensor) -> Tensor:
+        """Residuals (n, m) beside the stated noise and the errors that are known beforehand."""
         none = self.kept([0])
         none.levels = (replace(self.levels[0], common=0.0, own=0.0, noise=1.0),)
-        return none.whiten(tamed, 0)
+        return none.whiten(none.tame(residuals, 0), 0)
 
     def whiten(self, residuals: Tensor, row: int) -> Tensor:
         """Residuals (n, m) of unit covariance, were a row of the table true; along straight lines.

@@ -6,8 +6,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
+import numpy as np
 import torch
 from torch import Tensor
+
+from femupdate.arrays import Floats
 
 Kind = Literal["stiffness", "effect", "damping"]
 
@@ -194,6 +197,11 @@ class Parameters:
         return flat.sum(-1)
 
     @cached_property
+    def steps(self) -> "LogSteps":
+        """The free ones as a fit steps through them."""
+        return LogSteps.of(self)
+
+    @cached_property
     def _free(self) -> "_Free":
         """The free parameters among all."""
         chosen = [k for k, one in enumerate(self.entries) if one.free]
@@ -240,6 +248,108 @@ class _Normal:
     scale: Tensor
     low: Tensor
     high: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class LogSteps:
+    """The d free parameters as a fit steps through them.
+
+    ln of stiffness factors and of the damping ratio, which are uniform; parameters of effects from
+    their centre in their prior's standard deviations.
+
+    Attributes:
+        parameters: all of them; those of effects come last.
+        lower, upper: (d,) limits.
+        mean: (d,) of the normal priors.
+        precision: (d, d) of them, the inverse of their covariance; 0 where the prior is uniform.
+    """
+
+    parameters: Parameters
+    lower: Tensor
+    upper: Tensor
+    mean: Tensor
+    precision: Tensor
+
+    @staticmethod
+    def of(parameters: Parameters) -> "LogSteps":
+        """Those of parameters with their own priors."""
+        free, normal = parameters._free, parameters._normal
+        lower, upper, scaled = free.lower.log(), free.upper.log(), torch.zeros_like(free.lower)
+        lower[normal.columns] = (normal.lower - normal.centre) / normal.scale
+        upper[normal.columns] = (normal.upper - normal.centre) / normal.scale
+        scaled[normal.columns] = 1.0
+        return LogSteps(parameters, lower, upper, torch.zeros_like(scaled), torch.diag(scaled))
+
+    @property
+    def size(self) -> int:
+        """d."""
+        return len(self.lower)
+
+    @cached_property
+    def stories(self) -> int:
+        """Number of free stiffness factors, which come first."""
+        return self.parameters.of("stiffness").size
+
+    @cached_property
+    def first_size(self) -> int:
+        """Position of the first parameter of an effect."""
+        return self.parameters.of("stiffness", "damping").size
+
+    @property
+    def centres(self) -> Tensor:
+        """(q,) means of the priors of the effects' parameters."""
+        return self.parameters._normal.centre
+
+    @property
+    def scales(self) -> Tensor:
+        """(q,) standard deviations of these."""
+        return self.parameters._normal.scale
+
+    @property
+    def has_zeta(self) -> bool:
+        """Whether the damping ratio is an unknown."""
+        return self.first_size > self.stories
+
+    def values(self, z: Tensor) -> Tensor:
+        """All parameters (n, p) of unknowns z (n, d)."""
+        free, normal = self.parameters._free, self.parameters._normal
+        own = z.exp()
+        own[:, normal.columns] = normal.centre + normal.scale * z[:, normal.columns]
+        values = self.parameters.lower.expand(len(z), -1).clone()
+        values[:, free.columns] = own
+        return values
+
+    def split(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """theta (n, p), zeta (n,), sizes (n, q) of unknowns z (n, d)."""
+        found = self.parameters.split(self.values(z))
+        return found.theta, found.zeta, found.sizes
+
+    def sizes(self, values: Sequence[float] | Floats) -> Tensor:
+        """Unknowns (q,) of the effects' parameters (q,)."""
+        normal = self.parameters._normal
+        known = torch.as_tensor(np.asarray(values, dtype=np.float64))
+        return (known - normal.centre) / normal.scale
+
+    def inside(self, z: Tensor) -> Tensor:
+        """Unknowns (..., d), those beyond a limit at it."""
+        return torch.minimum(torch.maximum(z, self.lower), self.upper)
+
+    def holding(self, values: Tensor) -> "LogSteps":
+        """The same with the last unknowns held at values (h,)."""
+        first = self.size - len(values)
+        lower, upper, precision = self.lower.clone(), self.upper.clone(), self.precision.clone()
+        lower[first:], upper[first:] = values, values
+        precision[first:], precision[:, first:] = 0.0, 0.0
+        return replace(self, lower=lower, upper=upper, precision=precision)
+
+    def about(self, mean: Tensor, covariance: Tensor) -> "LogSteps":
+        """The same with a normal prior of that mean (d,) and covariance (d, d)."""
+        return replace(self, mean=mean, precision=torch.linalg.inv(covariance))
+
+    def distance(self, z: Tensor) -> Tensor:
+        """Squared distance of unknowns z (d,) from the normal priors' means, in their units."""
+        away = z - self.mean
+        return away @ self.precision @ away
 
 
 def _plain(values: Sequence[float] | Tensor) -> list[float]:

@@ -210,19 +210,8 @@ class LearnedErrorThresholds:
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedThresholds:
-    """How the effect finder judges data."""
+    """How data are judged."""
 
-    sizes: tuple[float, ...] = entry(
-        (0.03, 0.1, 0.3),
-        "ln|H| or rad",
-        "of what all floors share and of each alone; coarser than a calibration's",
-        "a hundred fits share the table, and only their differences count",
-    )
-    lengths: tuple[float, ...] = entry(
-        (1 / 30, 1 / 8), "of the band", "over which errors are alike, coarser likewise"
-    )
-    harmonics: int = entry(24, "cycles", "of the shortest harmonic in a period, fewer likewise")
-    noisy: float = entry(0.15, "ln|H|", "noise above which an estimate is biased and left out")
     wild: float = entry(8.0, "sd", "of error and noise beyond which a residual counts no more")
     cell_points: float = entry(3.0, "points", "independent, that a cell of the map needs")
 

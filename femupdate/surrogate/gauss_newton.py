@@ -1,10 +1,12 @@
-"""Levenberg-Marquardt minimisation in the latent space, from many starts at once."""
+"""Minimisation in standard normal coordinates, as of the latent space, from many starts at once."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+
+from femupdate.maximise import Search, maximise
 
 # Number of starts whose derivatives are held in memory at a time.
 _CHUNK = 16
@@ -120,52 +122,48 @@ class Misfit(Residuals):
         super().__init__(residuals, step)
 
 
+@dataclass(frozen=True, eq=False)
+class _InNormal:
+    """Residuals of standard normal coordinates, which have no limits."""
+
+    misfit: Residuals
+    lower: Tensor
+    upper: Tensor
+    mean: Tensor
+    precision: Tensor
+
+    def raw(self, z: Tensor) -> Tensor:
+        return self.misfit(z)
+
+    def whitened(self, raw: Tensor) -> Tensor:
+        return raw
+
+    def derivative(self, z: Tensor, residual: Tensor, first: int) -> Tensor:
+        parts = zip(z.split(_CHUNK), residual.split(_CHUNK), strict=True)
+        return torch.cat([self.misfit.derivative(*both)[:, :, first:] for both in parts])
+
+
 def descend(misfit: Residuals, starts: Tensor, settings: DescentSettings | None = None) -> Descent:
-    """Minimise the misfit from every start (s, z) (Marquardt 1963, J. SIAM 11, 431)."""
-    settings = settings or DescentSettings()
-    z = starts.clone()
-    damping = torch.full((len(z),), 1e-2).to(z)
-    residual = misfit(z)
-    nats = nats_of(residual, z)
-    identity = torch.eye(z.shape[1]).to(z)
-    active = torch.ones(len(z), dtype=torch.bool, device=z.device)
-    for _ in range(settings.iterations):
-        rows = active.nonzero()[:, 0]
-        information, pull = expanded(misfit, z[rows], residual[rows])
-        stiff = information + identity
-        stiff = stiff + torch.diag_embed(damping[rows, None] * stiff.diagonal(dim1=1, dim2=2))
-        step = torch.linalg.solve(stiff.double(), (pull - z[rows]).double()).to(z)
-        # Where the response is no number, a start stays where it is.
-        trial = z[rows] + step.nan_to_num(0.0, 0.0, 0.0)
-        new_residual = misfit(trial)
-        new_nats = nats_of(new_residual, trial)
-        gain = nats[rows] - new_nats
-        better = gain > 0.0
-        moved = rows[better]
-        z[moved], residual[moved] = trial[better], new_residual[better]
-        nats[moved] = new_nats[better]
-        damping[rows] = damping[rows] * torch.where(better, 0.2, 6.0)
-        # A start is finished where a full step gains nothing, or no shorter one does.
-        small = better & (gain < settings.small_gain)
-        active[rows] = ~(small | (damping[rows] > settings.most_damping))
-        if not active.any():
-            break
-    return Descent(z, nats, *expanded(misfit, z, residual))
+    """Minimise the misfit from every start (s, z)."""
+    settings, size = settings or DescentSettings(), starts.shape[1]
+    far, one = starts.new_full((size,), torch.inf), torch.eye(size).to(starts)
+    found = maximise(
+        _InNormal(misfit, -far, far, torch.zeros_like(far), one),
+        starts,
+        Search(
+            iterations=settings.iterations,
+            small_nats=settings.small_gain,
+            most_damping=settings.most_damping,
+        ),
+    )
+    jacobian, residual = found.jacobian, found.residual
+    pull = (jacobian.mT @ residual[:, :, None])[:, :, 0]
+    return Descent(found.z, 0.5 * found.objective, jacobian.mT @ jacobian, pull)
 
 
 def nats_of(residual: Tensor, z: Tensor) -> Tensor:
     """-ln p(x|z) p(z) (s,), up to a constant, from residuals (s, m) at z (s, z)."""
     return 0.5 * (residual.square().sum(1) + z.square().sum(1))
-
-
-def expanded(misfit: Residuals, z: Tensor, residual: Tensor) -> tuple[Tensor, Tensor]:
-    """Information (s, z, z) and pull J^T r (s, z) at z (s, z) with residuals (s, m)."""
-    information, pull = [], []
-    for some, left in zip(z.split(_CHUNK), residual.split(_CHUNK), strict=True):
-        jacobian = misfit.derivative(some, left)
-        information.append(torch.bmm(jacobian.transpose(1, 2), jacobian))
-        pull.append(torch.bmm(left[:, None], jacobian)[:, 0])
-    return torch.cat(information), torch.cat(pull)
 
 
 @dataclass(frozen=True)

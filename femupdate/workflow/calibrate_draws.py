@@ -8,8 +8,6 @@ from scipy.special import ndtr
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.finder_model import error_of_sizes
-from femupdate.discrepancy.problem import own_errors
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.system import System
@@ -20,6 +18,7 @@ from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.parameters import Parameter
 from femupdate.inference.posterior import Posterior
 from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
+from femupdate.inference.priors import own_errors
 from femupdate.seeds import Seed, spawn
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, plain_settings
 from femupdate.workflow.kinds import Measured
@@ -106,9 +105,7 @@ def with_own_errors(posterior: Posterior, model: StudyModel, seed: Seed) -> Post
 
     No data tell that from the parameters, so it moves the draws and not the likelihood.
     """
-    if not model.system.placed:
-        return posterior
-    own = own_errors(model.system.placed, error_of_sizes(model.building)).numpy()
+    own = own_errors(model.system.placed, model.building)
     if not own.any():
         return posterior
     effects, columns = posterior.parameters.of("effect"), posterior.parameters.columns("effect")
@@ -210,7 +207,7 @@ def against_modes(
     """Every identified mode beside the posterior's, in a sentence."""
     drawn = posterior.parameters.split(posterior.thinned(_CHECKED, seed))
     told = []
-    for modes, data in zip(measured.modes, data_of_modes(model, measured), strict=True):
+    for modes, data in zip(measured.modes, data_of_modes(measured, model.system), strict=True):
         found = data.paired(data.predicted(model.system, drawn.theta, drawn.zeta, drawn.sizes))
         frequency, terms = found.log_frequency.exp().numpy() / (2.0 * np.pi), data.terms
         product = (terms.shape_root**2 * terms.shape * found.shape).sum(2)

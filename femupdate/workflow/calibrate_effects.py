@@ -2,20 +2,18 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
+from femupdate.discrepancy.likelihood import parameters_at
 from femupdate.discrepancy.mesh_error import MeshError
-from femupdate.discrepancy.mesh_scatter import mesh_scatter
-from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.records import SecondRecord, base_data
+from femupdate.discrepancy.mesh_scatter import left_open
 from femupdate.discrepancy.search import prepared, refined
 from femupdate.discrepancy.thresholds import FIT
 from femupdate.effects.registry import building_effects
 from femupdate.inference.data import Data
+from femupdate.inference.frf_data import COMPARING
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import found_from
 from femupdate.inference.prior_search import best_of_prior
@@ -23,12 +21,11 @@ from femupdate.inference.priors import effect_parameters
 from femupdate.progress import Progress
 from femupdate.seeds import Seed
 from femupdate.study import Study
-from femupdate.surrogate.gauss_newton import Descent
 from femupdate.workflow.amplitude import changes_with_level
 from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.effects import keep_basis
-from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured
+from femupdate.workflow.likelihoods import base_data, data_of_forces, data_of_modes
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.second_record import level_between
@@ -40,29 +37,25 @@ class FittedEffects:
 
     Attributes:
         model: with its effects; of a frame on a basis about the fit.
-        likelihood: of all that was measured.
         start: (1, p) parameters at the fit.
         local: whether the model serves about the fit alone.
     """
 
     model: StudyModel
-    likelihood: Likelihood
     start: Tensor
     local: bool
 
-    def maxima(self, seed: Seed) -> Descent:
-        """Of the posterior, in standard normal coordinates.
+    def starts(self, likelihood: Likelihood, seed: Seed) -> Tensor:
+        """Parameters (s, p), one at least near every maximum of a likelihood.
 
         Where the model serves the whole prior, its likely points lead to other solutions.
         """
-        likelihood, starts = self.likelihood, self.start
-        prior = likelihood.prior
-        if not self.local:
-            coarse = likelihood.coarse(FIT.coarse_noise)
-            likely, _ = best_of_prior(prior, coarse.log_density, seed)
-            ended = found_from(prior, coarse.residuals, likely[: prior.size])
-            starts = torch.cat([starts, prior.from_normal(ended.z)])
-        return found_from(prior, likelihood.residuals, starts)
+        if self.local:
+            return self.start
+        prior, coarse = likelihood.prior, likelihood.coarse(FIT.coarse_noise)
+        likely, _ = best_of_prior(prior, coarse.log_density, seed)
+        ended = found_from(prior, coarse.residuals, likely[: prior.size])
+        return torch.cat([self.start, prior.from_normal(ended.z)])
 
 
 def fitted_effects(
@@ -77,22 +70,26 @@ def fitted_effects(
         BuildingError: an effect cannot be.
     """
     finder = finder_model(study, model, progress)
-    data = _data(model, measured, finder.mesh)
+    phase = any(one.effect.needs_phase for one in building_effects(model.building).placed)
+    data: list[Data] = []
+    if measured.has_base:
+        levels = measured.levels or (0.0,) * len(measured.runs)
+        records = zip(measured.runs, levels, strict=True)
+        data.append(base_data(records, model.system, phase, believed=COMPARING))
+    data += data_of_forces(measured, model.system, use_phase=phase, believed=COMPARING)
+    data += data_of_modes(measured, model.system)
     problem, fitted = prepared(finder, data, None, progress)
     problem, fitted = refined(finder, problem, fitted, progress, alone=True)
     local = problem.reduced.structure.operators is not None
     if local:
         keep_basis(study, problem.reduced, model.building)
     return FittedEffects(
-        with_fitted(model, problem, fitted, finder.mesh),
-        likelihood_about(problem, fitted),
-        parameters_at(fitted),
-        local,
+        with_fitted(model, problem, fitted, finder.mesh), parameters_at(fitted), local
     )
 
 
 def with_fitted(
-    model: StudyModel, problem: Problem, fitted: Fit, mesh: MeshError | None
+    model: StudyModel, problem: Likelihood, fitted: Fit, mesh: MeshError | None
 ) -> StudyModel:
     """A study's model with the effects of a fit, on the basis that serves it.
 
@@ -103,22 +100,8 @@ def with_fitted(
         model,
         system=fitted.system,
         prior=model.prior.of("stiffness") + effect_parameters(fitted.placed),
-        shared=None if mesh is None else mesh_scatter(problem.reduced, fitted.system, mesh),
+        shared=None if mesh is None else left_open(mesh, problem.reduced),
     )
-
-
-def _data(model: StudyModel, measured: Measured, mesh: MeshError | None) -> tuple[Data, ...]:
-    """All that was measured, as the finder judges it; phases where |H| does not show an effect."""
-    phase = any(one.effect.needs_phase for one in building_effects(model.building).placed)
-    nothing = replace(measured.base, valid=np.zeros_like(measured.base.valid))
-    others = replace(measured, base=nothing)
-    parts = Given(others).data(model, mesh, use_phase=phase)
-    if not measured.has_base:
-        return parts
-    levels = measured.levels or (0.0,) * len(measured.runs)
-    first, *further = map(SecondRecord, measured.runs, levels)
-    base = base_data(model.building, mesh, first.observation, phase, (), further)
-    return (base, *parts)
 
 
 def with_levels(model: StudyModel, source: ObservationSource, measured: Measured) -> Measured:

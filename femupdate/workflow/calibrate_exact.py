@@ -20,7 +20,6 @@ from femupdate.workflow.calibrate_settings import FEW, CalibrationSettings, Samp
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
     on_fewer_modes,
-    require_own_building,
     settled_likelihood,
     smooth_likelihood,
 )
@@ -87,25 +86,26 @@ def _target(
     They are sought from the fit of listed effects, from the solutions of the latent posterior where
     there is a surrogate, which saves most of the responses, or from likely points of the prior.
     """
-    if fitted is not None:
-        # A frame's model serves about its fit alone, so there no particles of the prior can help.
-        likelihood, maxima = fitted.likelihood, fitted.maxima(settings.seed)
-        points = likelihood.prior.from_normal(maxima.z)
-        require_own_building(fitted.model, likelihood, points, anyway=settings.anyway)
-        return Target(likelihood, maxima, FROM_FIT, local=fitted.local)
-    if not measured.has_base and model.parameters.size > FEW:
+    if not measured.has_base and model.parameters.size > FEW and fitted is None:
         # Nothing is to be learned about the maxima.
         return Target(smooth_likelihood(model, measured), None, FROM_PRIOR)
-    surrogate = None if measured.beyond_surrogates else find_surrogate(study, model.building)
-    starts = None
+    surrogate, starts, origin = None, None, FROM_PRIOR
+    if fitted is not None:
+        # A frame's model serves about its fit alone, so there no particles of the prior can help.
+        model, origin = fitted.model, FROM_FIT
+        starts = fitted.starts(smooth_likelihood(model, measured, settings.device), settings.seed)
+    elif not measured.beyond_surrogates:
+        surrogate = find_surrogate(study, model.building)
     if surrogate is not None:
         latent = LatentLikelihood(surrogate[0], model.system, measured.base, device=settings.device)
-        starts = latent.solutions()
+        starts, origin = latent.solutions(), FROM_LATENT
     found = settled_likelihood(
         model, measured, settings, starts, settings.seed if measured.has_base else seed
     )
-    origin = FROM_PRIOR if starts is None else FROM_LATENT
-    return Target(on_fewer_modes(found.likelihood), found.found, origin, tried=found.tried)
+    local = fitted is not None and fitted.local
+    return Target(
+        on_fewer_modes(found.likelihood), found.found, origin, local=local, tried=found.tried
+    )
 
 
 def _missed_by_best(sampled: Sampled) -> float:

@@ -14,7 +14,6 @@ from femupdate.discrepancy.diagnose import PARTLY, Diagnosis, Finding, mass_in_w
 from femupdate.discrepancy.finder_model import FinderModel, finder_structure, plain_structure
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.pairs import with_pair
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.search import prepared, sought
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
@@ -22,6 +21,7 @@ from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.effects.registry import CATALOGUE
 from femupdate.inference.data import Cell, Data
 from femupdate.inference.frf_data import FrfData
+from femupdate.inference.likelihood import Likelihood
 from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import with_unit
@@ -56,7 +56,7 @@ class DiagnosisReport(Result):
     """
 
     diagnosis: Diagnosis
-    problem: Problem
+    problem: Likelihood
     reduced: ReducedStructure
     observation: Observation
     limits: tuple[str, ...]
@@ -245,7 +245,7 @@ def diagnose_study(
     source, second = source.opened(), None if second is None else second.opened()
     given = read_given(study, model, source, second, progress)
     finder = finder_model(study, model, progress)
-    data = given.data(model, finder.mesh, use_phase)
+    data = given.data(model.system, use_phase)
     problem, _, found = search(finder, data, chosen, progress)
     report = DiagnosisReport(
         diagnosis=found,
@@ -271,7 +271,7 @@ def diagnose_study(
 
 def search(
     finder: FinderModel, data: Sequence[Data], settings: DiagnosisSettings, progress: Progress
-) -> tuple[Problem, Fit, Diagnosis]:
+) -> tuple[Likelihood, Fit, Diagnosis]:
     """Fit the model as it is, and look for what it lacks."""
     problem, base = prepared(finder, data, settings, progress)
     progress.start("Looking for what is missing", 4)
@@ -299,7 +299,7 @@ def keep_found(
 
 def _at_limits(model: StudyModel, base: Fit) -> tuple[str, ...]:
     """Factors of the model as it is that end at a limit of their prior."""
-    where, count = base.coordinates, base.coordinates.stories
+    where, count = base.steps, base.steps.stories
     room = torch.minimum(base.z - where.lower, where.upper - base.z)[:count]
     ended = (room < VERDICT.at_limit).nonzero()[:, 0].tolist()
     names = ", ".join(f"{model.prior.names[k]} ({base.theta()[0][k]:.3g})" for k in ended)

@@ -4,16 +4,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from femupdate.building.document import Building
-from femupdate.discrepancy.mesh_error import MeshError
-from femupdate.discrepancy.records import SecondRecord, base_data, force_data, model_error
 from femupdate.discrepancy.thresholds import LEVEL
+from femupdate.dynamics.system import System
 from femupdate.inference.data import Data
-from femupdate.inference.frf_data import FloorForce, FrfData
-from femupdate.inference.mode_data import mode_data
+from femupdate.inference.frf_data import COMPARING
 from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.kinds import Measured, measured_of, with_rest
+from femupdate.workflow.likelihoods import base_data, data_of_forces, data_of_modes
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.second_record import level_between
@@ -43,40 +42,29 @@ class Given:
         own, other = self.measured.notes_of_others, self.second.measured.notes_of_others
         return (*self._on_level(), *own, *other)
 
-    def data(
-        self, model: StudyModel, mesh: MeshError | None, use_phase: bool = True
-    ) -> tuple[Data, ...]:
-        """The same as the finder judges it, one entry a kind.
+    def data(self, system: System, use_phase: bool = True) -> tuple[Data, ...]:
+        """The same, one entry a kind: all records under base motion as one, forces, modes.
 
         Args:
-            mesh: error of the mesh, where it is known.
+            system: whose floors they are of.
             use_phase: compare phases where they were measured.
 
         Raises:
             InferenceError: more modes are identified than the model has.
         """
-        modes = [mode_data(one, model.system, self.measured.errors) for one in self.measured.modes]
-        return (*self._frfs(model, mesh, use_phase), *modes)
-
-    def _frfs(
-        self, model: StudyModel, mesh: MeshError | None, use_phase: bool
-    ) -> Iterator[FrfData]:
-        """Under base motion, all records as one; then under forces."""
-        measured, building, second = self.measured, model.building, self.second
-        others = []
-        if second is not None and second.measured.has_base:
-            others = [SecondRecord(second.measured.base, self.level, second.halves)]
-        if measured.has_base:
-            yield base_data(building, mesh, measured.base, use_phase, self.halves, others)
-        elif second is not None and others:
-            alone = base_data(building, mesh, second.measured.base, use_phase, second.halves)
-            yield alone.at_level(self.level)
-        error = model_error(building, mesh)
-        for given, level in ((self, 0.0), (second, self.level)):
-            for one in () if given is None else given.measured.forced:
-                force = FloorForce(one.excitation.force, measured.rest)
-                own = force_data(one, force, building.floors, error, use_phase)
-                yield own.at_level(level)
+        given = [(self, 0.0), *([] if self.second is None else [(self.second, self.level)])]
+        based = [(one, level) for one, level in given if one.measured.has_base]
+        found: list[Data] = []
+        if based:
+            records = [(one.measured.base, level) for one, level in based]
+            halves = [one.halves for one, _ in based]
+            found.append(base_data(records, system, use_phase, halves, COMPARING))
+        for one, level in given:
+            own = one.measured
+            found += data_of_forces(
+                own, system, use_phase=use_phase, level=level, believed=COMPARING
+            )
+        return (*found, *data_of_modes(self.measured, system))
 
     def _on_level(self) -> Iterator[str]:
         """How strong the second record is, and what is taken to be as strong as the first."""

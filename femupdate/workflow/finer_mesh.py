@@ -15,11 +15,9 @@ from femupdate.building.document import Building, without_effects
 from femupdate.building.files import mechanics_hash
 from femupdate.building.frame import FrameBuilding
 from femupdate.discrepancy.mesh_error import MeshError, corrected_model
-from femupdate.discrepancy.mesh_scatter import MeshScatter
+from femupdate.discrepancy.mesh_scatter import OpenMesh
 from femupdate.discrepancy.thresholds import MESH_ERROR
-from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.system import System
 from femupdate.effects.effect import Stiffness, Terms
 from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
@@ -50,13 +48,10 @@ class FinerMesh:
             return self.model
         return corrected_model(self.model, self.error.of_half(), self.terms)
 
-    def scatter(self, law: DampingLaw) -> MeshScatter | None:
-        """What that leaves open of a system of the corrected model."""
-        if self.error is None:
-            return None
-        left = self.error.of_half()
-        system = System(self.corrected, law, left.placed, self.terms)
-        return MeshScatter(system, torch.from_numpy(left.steps))
+    @property
+    def left_open(self) -> OpenMesh | None:
+        """What that leaves open of the corrected model."""
+        return None if self.error is None else OpenMesh(self.error.of_half(), self.terms)
 
     def write(self, path: Path) -> None:
         """Write it as npz, atomically."""

@@ -9,7 +9,7 @@ import numpy as np
 from femupdate.building.document import Building
 from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.errors import MeasurementError
-from femupdate.inference.frf_data import forced_logs
+from femupdate.inference.frf_data import forced_data
 from femupdate.inference.modal_terms import ModalErrors
 from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.frf import observation_for, with_halves
@@ -179,7 +179,7 @@ def with_rest(study: Study, model: StudyModel, measured: Measured, progress: Pro
         return measured
     measured = replace(measured, rest=open_rest(study, model, progress))
     for one in measured.forced:
-        check_level(model, forced_logs(one, model.system.floors, measured.rest), one)
+        check_level(model, forced_data(one, model.system.floors, measured.rest), one)
     return measured
 
 

@@ -1,13 +1,24 @@
 """The likelihood of all that was measured of a building, and where it is highest."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import reduce
 
 import torch
 from torch import Tensor
 
+from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError
 from femupdate.inference.data import Data
-from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, forced_logs
+from femupdate.inference.frf_data import (
+    LEARNING,
+    Believed,
+    FrfData,
+    forced_data,
+    frf_data,
+    that_says,
+    together,
+)
 from femupdate.inference.learned import Settled, settled
 from femupdate.inference.likelihood import Likelihood, cost_of_scatter, likelihood_of
 from femupdate.inference.mode_data import ModeData, mode_data
@@ -28,26 +39,57 @@ def smooth_likelihood(
 ) -> Likelihood:
     """The likelihood of all that was measured, the errors of the model not yet known.
 
-    By all modes in double precision, which makes it smooth in the parameters.
+    By all modes in double precision, which makes it smooth in the parameters. Phases count where
+    an effect of the model shows in nothing else.
 
     Args:
         least_noise: standard deviation of ln|H| below which the noise of FRFs under base motion is
             not believed, where that is more than the model's own (see `StudyModel.least_noise`).
     """
-    others = data_of_others(model, measured)
+    phase = any(one.effect.needs_phase for one in model.system.placed)
+    forces = data_of_forces(measured, model.system, use_phase=phase)
+    modes = data_of_modes(measured, model.system, damping=model.damping.free)
+    others: tuple[Data, ...] = (*forces, *modes)
     if not measured.has_base:
         return likelihood_of(others, model.system, model.parameters)
-    base = base_logs(measured.base, model.system, device=device, modes=None)
+    if any(measured.levels):
+        base = base_data(zip(measured.runs, measured.levels, strict=True), model.system, phase)
+        cost = 0.0
+    else:
+        base = base_data([(measured.base, 0.0)], model.system, phase)
+        base = base if phase else base.as_logs(model.system, device=device, modes=None)
+        cost = cost_of_scatter(measured.base, base)
     base = base.with_least_noise(max(least_noise, model.least_noise))
-    cost = cost_of_scatter(measured.base, base)
-    return likelihood_of((base, *others), model.system, model.parameters, cost)
+    whole = likelihood_of((base, *others), model.system, model.parameters, cost)
+    return replace(whole, known=model.shared)
 
 
-def stated_likelihood(model: StudyModel, observation: Observation) -> Likelihood:
-    """That of FRFs under base motion as if the model were right and the noise as stated."""
-    data = base_logs(observation, model.system, believed=AT_ITS_WORD)
-    cost = cost_of_scatter(observation, data)
-    return likelihood_of((data,), model.system, model.parameters, cost)
+def base_data(
+    records: Iterable[tuple[Observation, float]],
+    system: System,
+    use_phase: bool,
+    halves: Sequence[Sequence[Observation]] = (),
+    believed: Believed = LEARNING,
+) -> FrfData:
+    """FRFs under base motion of one record or several.
+
+    Args:
+        records: each with its level, in doublings above the first.
+        system: whose floors they are of.
+        use_phase: compare phases where they were measured.
+        halves: of every record, where it can be parted.
+        believed: of the data and of the model.
+    """
+
+    def read(one: Observation, parts: Sequence[Observation]) -> FrfData:
+        own = tuple(read(part, ()) for part in parts)
+        seen, floors = that_says(one), system.floors
+        return frf_data(seen, floors, use_phase=use_phase, halves=own, believed=believed)
+
+    apart = list(records)
+    both = zip(apart, halves or [()] * len(apart), strict=True)
+    found = [read(one, parts).at_level(level) for (one, level), parts in both]
+    return reduce(together, found)
 
 
 def on_fewer_modes(likelihood: Likelihood) -> Likelihood:
@@ -60,24 +102,30 @@ def on_fewer_modes(likelihood: Likelihood) -> Likelihood:
     return replace(likelihood, data=(replace(base, logs=fast), *likelihood.data[1:]))
 
 
-def data_of_others(model: StudyModel, measured: Measured) -> tuple[Data, ...]:
-    """All that is no FRF under base motion, taken at its word."""
-    floors = model.system.floors
-    forced = [forced_logs(one, floors, measured.rest) for one in measured.forced]
-    return (*forced, *data_of_modes(model, measured))
+def data_of_forces(
+    measured: Measured,
+    system: System,
+    *,
+    use_phase: bool = False,
+    level: float = 0.0,
+    believed: Believed = LEARNING,
+) -> tuple[FrfData, ...]:
+    """Responses to forces, at a level in doublings above the first record's."""
+    floors, rest = system.floors, measured.rest
+    return tuple(
+        forced_data(one, floors, rest, use_phase=use_phase, believed=believed).at_level(level)
+        for one in measured.forced
+    )
 
 
-def data_of_modes(model: StudyModel, measured: Measured) -> tuple[ModeData, ...]:
-    """Every file of identified modes, taken at its word."""
+def data_of_modes(
+    measured: Measured, system: System, *, damping: bool = True
+) -> tuple[ModeData, ...]:
+    """Every file of identified modes; `damping`: whether their damping ratios count."""
     several = len(measured.modes) > 1
     return tuple(
         mode_data(
-            one,
-            model.system,
-            measured.errors,
-            damping=model.damping.free,
-            at_its_word=True,
-            source=one.source if several else "",
+            one, system, measured.errors, damping=damping, source=one.source if several else ""
         )
         for one in measured.modes
     )
@@ -101,7 +149,7 @@ def settled_likelihood(
         MeasurementError: the observation is unlike anything that the building can do.
     """
     likelihood = smooth_likelihood(model, measured, settings.device)
-    found = settled(likelihood, seed, starts=starts, shared=model.shared, observation=measured.base)
+    found = settled(likelihood, seed, starts)
     points = likelihood.prior.from_normal(found.found.z)
     require_own_building(model, found.likelihood, points, anyway=settings.anyway)
     return found

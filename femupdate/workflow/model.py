@@ -17,7 +17,7 @@ from femupdate.dynamics.reduction import Reduction, reduce_structure
 from femupdate.dynamics.system import System
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import StudyError
-from femupdate.inference.learned import SharedErrors
+from femupdate.inference.likelihood import KnownErrors
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.priors import damping_parameter, reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
@@ -91,7 +91,7 @@ class StudyModel:
     prior: Parameters
     damping: Parameter
     reduction_error: float
-    shared: SharedErrors | None = None
+    shared: KnownErrors | None = None
     finer: FinerMesh | None = None
 
     @property
@@ -170,7 +170,7 @@ def on_kept_finer(study: Study, model: StudyModel) -> StudyModel:
         return model
     system = System(finer.corrected, model.law)
     return replace(
-        model, reduced=finer.corrected, system=system, shared=finer.scatter(model.law), finer=finer
+        model, reduced=finer.corrected, system=system, shared=finer.left_open, finer=finer
     )
 
 

@@ -17,12 +17,12 @@ from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.held_out import Held, KeptOut, hold
 from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import Repair, mend
 from femupdate.discrepancy.residual_map import residual_cells
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.inference.frf_data import FrfData
+from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import found_from
 from femupdate.measurement.histories import Histories
 from femupdate.progress import SILENT, Progress
@@ -61,7 +61,7 @@ class RepairReport(Result):
     """
 
     repair: Repair
-    problem: Problem
+    problem: Likelihood
     building: Building
     study: Study | None
     theta_before: Floats
@@ -245,15 +245,15 @@ def repair_study(
     given = read_given(study, model, source, second, progress)
     other = None if holdout is None else read_held(study, model, holdout, progress)
     finder, model = finder_model(study, model, progress), on_kept_finer(study, model)
-    data = given.data(model, finder.mesh, use_phase)
+    data = given.data(model.system, use_phase)
     problem, base, found = search(finder, data, settings, progress)
     kept_out, elsewhere = None, None
     if holdout is not None and other is not None:
         kept_out = _kept_out(model, finder, holdout, other, use_phase, source if second else None)
         elsewhere = kept_out.gain
     mended, done = mend(finder, problem, base, found, settings, progress, elsewhere)
-    before = _updated(problem, done.before, settings.seed, progress)
-    after = _updated(mended, done.after, settings.seed, progress) if done.rounds else before
+    before = _updated(done.before, settings.seed, progress)
+    after = _updated(done.after, settings.seed, progress) if done.rounds else before
     held = None if kept_out is None else _held(kept_out, problem, done, progress)
     building, kept = model.building, None
     if done.rounds:
@@ -280,9 +280,9 @@ def repair_study(
     return report
 
 
-def _updated(problem: Problem, fitted: Fit, seed: Seed, progress: Progress) -> Sampled:
+def _updated(fitted: Fit, seed: Seed, progress: Progress) -> Sampled:
     """Draws of the posterior of a fitted model; however few of them count, there are no others."""
-    likelihood = likelihood_about(problem, fitted)
+    likelihood = likelihood_about(fitted)
     maxima = found_from(likelihood.prior, likelihood.residuals, parameters_at(fitted))
     target = Target(likelihood, maxima, FROM_FIT, local=True)
     sampled = sampled_about_maxima(target, VERDICT.repair_draws, seed, progress)
@@ -301,7 +301,7 @@ def _in_turn(done: Repair) -> tuple[float, float]:
     return before, missed_in_turn(done.after) if done.rounds else before
 
 
-def _held(kept_out: KeptOut, problem: Problem, done: Repair, progress: Progress) -> Held:
+def _held(kept_out: KeptOut, problem: Likelihood, done: Repair, progress: Progress) -> Held:
     progress.start("Predicting the data kept out", 1)
     held = hold(kept_out, problem, done)
     progress.advance()
@@ -329,7 +329,7 @@ def _kept_out(
     return KeptOut(
         name=source.path.name,
         model=finder,
-        data=held.data(model, finder.mesh, use_phase),
+        data=held.data(model.system, use_phase),
         floors=held.measured.as_observation.floors,
         level=level,
         histories=read if isinstance(read, Histories) else None,

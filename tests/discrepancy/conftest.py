@@ -7,15 +7,12 @@ import numpy as np
 import pytest
 
 from femupdate.building.document import from_document
-from femupdate.discrepancy.problem import Problem
-from femupdate.dynamics.damping import damping_law
+from femupdate.discrepancy.finder_model import problem_of
 from femupdate.dynamics.reduced import lumped
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import structure_of
-from femupdate.inference.frf_data import frf_data
-from femupdate.inference.parameters import Parameters
-from femupdate.inference.priors import damping_parameter, theta_prior
+from femupdate.inference.frf_data import COMPARING, frf_data
 from femupdate.measurement.observation import Observation
 
 
@@ -88,15 +85,11 @@ def reduced_of():
 
 @pytest.fixture(scope="session")
 def pose(reduced_of):
-    """A function: a building and an observation as a problem without model error."""
+    """A function: a building and an observation as a problem."""
 
-    def make(building, observation, model_error=0.0):
-        return Problem(
-            reduced_of(building),
-            damping_law(building),
-            theta_prior(building) + Parameters((damping_parameter(building),)),
-            (frf_data(observation, building.floors, model_error=model_error),),
-        )
+    def make(building, observation):
+        data = frf_data(observation, building.floors, believed=COMPARING)
+        return problem_of(reduced_of(building), building, (data,))
 
     return make
 

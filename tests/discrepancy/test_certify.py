@@ -125,7 +125,7 @@ def test_another_event_is_predicted_by_posterior_and_scatter_of_events(
         prior = torch.distributions.MultivariateNormal(one.z, covariance)
         proposal = student_about(as_event(other, one), 1.2, 5)
         z = proposal.sample(1000, torch_generator(6))
-        missed = other.missed(one.system, one.coordinates.split(z))
+        missed = other.of(one.likelihood).raw(one.steps.values(z))
         weight = prior.log_prob(z) - proposal.log_density(z)
         values = other.error.log_density(missed) + weight
         densities.append(float(values.logsumexp(0)) - np.log(1000))
@@ -143,7 +143,7 @@ def test_halves_kept_out_in_turn_are_missed_less_with_an_effect_that_is_there(po
 def test_each_half_is_missed_by_no_less_than_a_fit_to_all_data_leaves(posed, place):
     """The error is that of a prediction: the half was not fitted to."""
     fits = [weighed(posed(0.0, seed), place("added_mass@RF"))[1] for seed in range(6)]
-    left = [one.chi2 / one.problem.effective for one in fits]
+    left = [one.chi2 / one.likelihood.effective for one in fits]
     assert np.mean([missed_in_turn(one) for one in fits]) > np.mean(left)
 
 

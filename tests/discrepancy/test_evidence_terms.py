@@ -37,14 +37,14 @@ def informed(fitted):
         one = torch.zeros_like(fitted.jacobian)
         one[range(4), range(4)] = 1.0 / torch.tensor(sd, dtype=torch.float64)
         where = replace(
-            fitted.coordinates,
+            fitted.steps,
             lower=torch.tensor(lower, dtype=torch.float64),
             upper=torch.tensor(upper, dtype=torch.float64),
             mean=torch.tensor([0.0, 0.0, 0.0, PRIOR_MEAN], dtype=torch.float64),
             precision=torch.diag(torch.tensor([0.0, 0.0, 0.0, PRIOR_SD**-2], dtype=torch.float64)),
         )
         z = torch.tensor(z, dtype=torch.float64)
-        return replace(fitted, z=z, jacobian=one, coordinates=where)
+        return replace(fitted, z=z, jacobian=one, steps=where)
 
     return make
 
@@ -69,7 +69,7 @@ def gaussian_within(z, sd, lower, upper):
 def test_prior_density_is_that_of_scipy(informed):
     one = informed(Z, [1.0] * 4, LOWER, UPPER)
     other = [0.5, -0.6, np.log(0.15), -0.1]
-    found = log_prior(one.problem, one, torch.tensor([Z, other], dtype=torch.float64))
+    found = log_prior(one, torch.tensor([Z, other], dtype=torch.float64))
     np.testing.assert_allclose(found, [prior_at(Z), prior_at(other)], rtol=1e-12)
 
 
@@ -83,7 +83,9 @@ def test_laplace_where_each_unknown_is_normal_within_its_limits(informed, z):
     # The curvature that fills in for what the data leave open is there all the time.
     limits = 2.0 * np.pi / (np.array(UPPER) - LOWER) ** 2
     narrower = [0.5 * np.log1p(limits[k] * sd[k] ** 2) for k in range(3)]
-    found = laplace(one.problem, one).log_evidence - float(summed(densities(one.problem, one)))
+    found = laplace(one.likelihood, one).log_evidence - float(
+        summed(densities(one.likelihood, one))
+    )
     assert found == pytest.approx(expected - sum(narrower), abs=1e-9)
 
 
@@ -94,16 +96,18 @@ def test_what_the_data_leave_open_counts_by_its_whole_width(informed):
     known = gaussian_within(Z[1], 0.01, Z[1] - 0.1, Z[1] + 0.1)
     known += gaussian_within(Z[3], narrow, Z[3] - 0.1, Z[3] + 0.1)
     expected = prior_at(Z) + np.log(widths).sum() + known
-    found = laplace(one.problem, one).log_evidence - float(summed(densities(one.problem, one)))
+    found = laplace(one.likelihood, one).log_evidence - float(
+        summed(densities(one.likelihood, one))
+    )
     assert found == pytest.approx(expected, abs=4e-4)  # the limits narrow the known ones by so much
 
 
 def test_points_at_a_limit_are_possible_and_those_beyond_are_not(fitted):
-    lower, upper = fitted.coordinates.lower.clone(), fitted.coordinates.upper.clone()
+    lower, upper = fitted.steps.lower.clone(), fitted.steps.upper.clone()
     lower[3], upper[3] = -0.5, 0.5
-    inside = replace(fitted, coordinates=replace(fitted.coordinates, lower=lower, upper=upper))
+    inside = replace(fitted, steps=replace(fitted.steps, lower=lower, upper=upper))
     points = torch.stack([lower, upper, lower - 1e-6, upper + 1e-6])
-    _, log_likelihood = log_target(fitted.problem, inside)(points)
+    _, log_likelihood = log_target(fitted.likelihood, inside)(points)
     assert torch.isfinite(log_likelihood).tolist() == [True, True, False, False]
 
 

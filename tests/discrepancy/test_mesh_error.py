@@ -8,12 +8,9 @@ import pytest
 import torch
 
 from femupdate.building.document import from_document
-from femupdate.discrepancy import mesh_scatter as mesh_scatter_module
 from femupdate.discrepancy.fit import about, fit_baseline, settle
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error, modes_shown
-from femupdate.discrepancy.mesh_scatter import mesh_scatter, with_mesh_error
-from femupdate.discrepancy.problem import Problem
-from femupdate.discrepancy.thresholds import MESH_ERROR
+from femupdate.discrepancy.mesh_scatter import left_open
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
@@ -21,7 +18,8 @@ from femupdate.effects.structure import structure_of
 from femupdate.errors import ModelError
 from femupdate.fe.driven import driven_shapes
 from femupdate.fe.factorization import factorize
-from femupdate.inference.frf_data import frf_data
+from femupdate.inference.frf_data import COMPARING, frf_data
+from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.parameters import Parameters
 from femupdate.measurement.observation import Observation
 
@@ -79,9 +77,12 @@ def frf(reduced, theta):
 
 def errors_left_open(problem, learned, fitted):
     """One standard deviation of each (c, n), about a fit."""
-    problem = with_mesh_error(problem, learned)
-    at = fitted.split
-    return problem.left_open(problem, fitted.placed, *at)
+    open_ = left_open(learned, problem.reduced, by_modes=True)
+    return open_(problem.data, fitted.system, problem.prior.split(fitted.parameters))
+
+
+def posed(reduced, data):
+    return likelihood_of((data,), System(reduced.model), PRIOR, reduced=reduced)
 
 
 def amplitudes_at_one(coarse, learned):
@@ -91,8 +92,8 @@ def amplitudes_at_one(coarse, learned):
     measured = np.abs(frf(reduced, theta))
     noise = np.full(measured.shape, 0.1)
     seen = Observation(GRID, reduced.model.floors, np.log(measured), noise, noise > 0)
-    data = frf_data(seen, reduced.model.floors)
-    problem = Problem(reduced, ConstantDamping(), PRIOR, (data,))
+    data = frf_data(seen, reduced.model.floors, believed=COMPARING)
+    problem = posed(reduced, data)
     base = fit_baseline(problem)[0]
     return reduced, theta, problem, base
 
@@ -185,10 +186,10 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
         "made",
         (),
     )
-    data = frf_data(seen, reduced.model.floors)
-    problem = Problem(reduced, ConstantDamping(), PRIOR, (data,))
+    data = frf_data(seen, reduced.model.floors, believed=COMPARING)
+    problem = posed(reduced, data)
     base = fit_baseline(problem)[0]
-    left = with_mesh_error(problem, learned)
+    left = replace(problem, known=left_open(learned, reduced, by_modes=True))
     open_ = settle(about(left, base), base)
     np.testing.assert_allclose(base.theta()[0], theta, rtol=1e-3)
     np.testing.assert_allclose(open_.theta()[0], theta, rtol=1e-3)
@@ -197,7 +198,7 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
     rng = np.random.default_rng(6)
     S = errors_left_open(problem, learned, base).numpy()
     errors = rng.standard_normal((16000, S.shape[1])) + rng.standard_normal((16000, len(S))) @ S
-    error, row = open_.problem.error, open_.problem.row
+    error, row = open_.likelihood.error, open_.likelihood.row
     white = error.whiten(torch.from_numpy(errors), row).numpy()
     estimates = np.linalg.lstsq(open_.jacobian.numpy(), white.T, rcond=None)[0].T
     np.testing.assert_allclose(estimates.std(axis=0), open_.theta()[1] / theta, rtol=0.03)
@@ -239,21 +240,24 @@ def test_every_mode_may_be_off_by_itself(coarse, learned):
         np.testing.assert_allclose(parts[number, 1:], alone, atol=1e-6)
 
 
-def test_what_is_left_open_is_the_same_in_ln_h(coarse, learned, monkeypatch):
-    """As the finder's problem has it, whitened, by whole steps; and nearly so along tangents."""
-    reduced, _, problem, base = amplitudes_at_one(coarse, learned)
-    whitened = errors_left_open(problem, learned, base).numpy().reshape(-1, 2, GRID.size)
-    scatter = mesh_scatter(reduced, System(reduced.model), learned)
-    here = torch.from_numpy(base.theta()[0][None])
-    zeta = torch.full((1,), 0.05, dtype=torch.float64)
-    along = scatter(here, torch.from_numpy(GRID), zeta)[0]
-    monkeypatch.setattr(mesh_scatter_module, "MESH_ERROR", replace(MESH_ERROR, part=1.0))
-    change = scatter(here, torch.from_numpy(GRID), zeta)[0]
-    # Beyond the limit of what can only crack the one goes on, the other is reflected.
-    inside = [k for k, one in enumerate(learned.placed) if one.effect.parameters[0].upper > 0.0]
-    assert len(inside) >= 2
-    assert float(change[inside].abs().max()) > 3e-4
-    np.testing.assert_allclose(change[inside] / 0.1, whitened[inside], atol=1e-6)
-    # Half a per cent bends little where peaks are ten per cent wide, but it does bend.
-    bend = float((along - change)[inside].abs().max() / change[inside].abs().max())
-    assert 1e-4 < bend < 0.03
+def test_errors_of_members_are_those_of_small_steps(coarse, learned):
+    """By differences of ln|H|, whether single modes err as well or not, or fewer data are made."""
+    reduced, theta, problem, base = amplitudes_at_one(coarse, learned)
+    count, known = len(learned.steps), problem.prior.split(base.parameters)
+    alone = left_open(learned, reduced)(problem.data, base.system, known)
+    logs = problem.data[0].as_logs(base.system, modes=None)
+    fast = left_open(learned, reduced)((logs,), base.system, known)
+    np.testing.assert_allclose(fast, alone, atol=1e-3)  # what can only crack is reflected
+    both = errors_left_open(problem, learned, base)
+    np.testing.assert_allclose(both[:count], alone[:count], atol=1e-6)
+    assert len(alone) == count  # no peak or trough is narrow enough to bend
+    part, here = 1e-3, np.log(np.abs(frf(reduced, theta)))
+    terms = [reduced.terms(one).stiffness for one in learned.placed]
+    for step, told in zip(learned.steps, alone, strict=True):
+        stiffness = reduced.model.stiffness_terms.copy()
+        for size, own in zip(step, terms, strict=True):
+            for story, matrix, _ in own:
+                stiffness[story] += part * size * matrix.numpy()
+        moved = replace(reduced, model=replace(reduced.model, stiffness_terms=stiffness))
+        change = (np.log(np.abs(frf(moved, theta))) - here) / part / 0.1
+        np.testing.assert_allclose(told.numpy().reshape(2, -1), change, atol=0.03)

@@ -4,13 +4,8 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
-from femupdate.discrepancy.problem import Problem
-from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
-from femupdate.inference.frf_data import frf_data
-from femupdate.inference.parameters import Parameters
-from femupdate.inference.priors import damping_parameter, theta_prior
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS, THETA, SD = ("2F", "3F", "RF"), np.array([0.7, 1.4, 0.9]), 0.02
@@ -23,23 +18,16 @@ class RoughMass(type(CATALOGUE["added_mass"])):
     own_error = 0.12
 
 
-@pytest.mark.parametrize(("error", "effect"), [(0.0, None), (0.05, None), (0.05, RoughMass())])
+@pytest.mark.parametrize(("share", "effect"), [(0.0, None), (0.12, RoughMass())])
 def test_the_error_of_an_effect_s_own_model_is_part_of_its_size(
-    chains, building_of, observe, reduced_of, error, effect
+    chains, building_of, observe, pose, share, effect
 ):
     heavy = (Placed(effect or CATALOGUE["added_mass"], "3F"),)
     frf = chains.Chain(MASSES + np.array([0.0, SHARE, 0.0]), SPRINGS * THETA, zeta=0.03).frf(GRID)
     building, seen = building_of(MASSES, SPRINGS), observe(FLOORS, GRID, frf, SD, 5)
-    problem = Problem(
-        reduced_of(building),
-        damping_law(building),
-        theta_prior(building) + Parameters((damping_parameter(building),)),
-        (frf_data(seen, building.floors),),
-        own_error=error,
-    )
+    problem = pose(building, seen)
     base = fit_baseline(problem)[0]
     fitted = fit(problem, heavy, extended(problem, base, heavy, [0.1]), 25)
     (size,), (sd,) = fitted.sizes()
     noise = float(fitted.covariance().diagonal()[-1]) ** 0.5 * 0.1  # the prior's scale
-    errs = error if effect is None else np.hypot(error, 0.12)
-    assert sd == pytest.approx(np.hypot(noise, errs * size), rel=1e-6)
+    assert sd == pytest.approx(np.hypot(noise, share * size), rel=1e-6)

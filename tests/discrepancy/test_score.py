@@ -197,6 +197,7 @@ def test_masses_of_two_floors_are_the_same_to_any_sensor(chains, building_of, ob
     frf = chains.Chain(masses * [1.2, 1.0], springs * [0.8, 1.3], zeta=ZETA).frf(GRID)
     problem = pose(building_of(masses, springs), observe(("2F", "RF"), GRID, frf, 0.05, 0))
     base = fit_baseline(problem)[0]
+    problem = base.likelihood
     low, high, damper, swapped = (
         score(problem, base, one)
         for one in place(

@@ -23,7 +23,7 @@ def screen(chains, building_of, observe, pose):
         grid = GRID[keep]
         seen = observe(FLOORS, grid, (factor * exact)[:, keep], sd, seed, phase)
         problem = pose(building_of(MASSES, SPRINGS), seen)
-        return screen_channels(seen, problem.system(), np.ones(3))
+        return screen_channels(seen, problem.system, np.ones(3))
 
     return make
 
@@ -74,7 +74,7 @@ def test_effects_of_the_model_do_not_stop_it(screen, building_of, observe, pose,
     """A repaired model has sizes; the screen takes them as neutral."""
     seen = observe(FLOORS, GRID, np.ones((3, GRID.size), dtype=complex), 0.01, 0)
     problem = pose(building_of(MASSES, SPRINGS), seen)
-    system = problem.system(place("tuned_appendage@RF", "added_mass@2F"))
+    system = problem.with_effects(place("tuned_appendage@RF", "added_mass@2F")).system
     assert isinstance(screen_channels(seen, system, np.ones(3)), tuple)
     assert torch.get_default_dtype() == torch.float32
 

@@ -11,7 +11,7 @@ from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.system import System
 from femupdate.effects.structure import structure_of
-from femupdate.inference.frf_data import forced_logs
+from femupdate.inference.frf_data import AT_ITS_WORD, forced_data
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.maxima import draws_about, found_from
 from femupdate.inference.parameters import Parameter, Parameters
@@ -47,7 +47,9 @@ FACTORS = Parameters.uniform(("a", "b", "c", "d"), [0.33] * 4, [3.0] * 4)
 def likelihood_by(system, forced, low=0.01, high=0.1):
     """Of responses to a force that are taken at their word."""
     zeta = Parameters((Parameter(name="zeta", kind="damping", lower=low, upper=high),))
-    return likelihood_of((forced_logs(forced, system.floors),), system, FACTORS + zeta)
+    return likelihood_of(
+        (forced_data(forced, system.floors, believed=AT_ITS_WORD),), system, FACTORS + zeta
+    )
 
 
 def forced(log_frf, valid=None, noise=0.1):

@@ -1,5 +1,7 @@
 """Likelihood of identified modes, against closed forms and a posterior by brute force."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -14,6 +16,7 @@ from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.maxima import draws_about, found_from
 from femupdate.inference.modal_terms import ModalErrors
 from femupdate.inference.mode_data import mode_data
+from femupdate.inference.model_error import STATED
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.prior_search import best_of_prior
 from femupdate.measurement.modes import IdentifiedModes
@@ -49,11 +52,15 @@ def zeta(low=0.01, high=0.1):
     return Parameters((Parameter(name="zeta", kind="damping", lower=low, upper=high),))
 
 
+def at_its_word(data):
+    """The same as if the errors of its file were all that there is."""
+    return replace(data, table=STATED, wild=np.inf)
+
+
 def likelihood_by(system, *modes, errors=None, prior=None, **options):
     """Of files of modes that are taken at their word."""
     data = [
-        mode_data(one, system, errors or ModalErrors(), at_its_word=True, **options)
-        for one in modes
+        at_its_word(mode_data(one, system, errors or ModalErrors(), **options)) for one in modes
     ]
     return likelihood_of(data, system, prior or FACTORS + zeta())
 
@@ -130,7 +137,7 @@ def test_residuals_are_those_written_by_hand(system, lumped, exact):
 def test_figures_of_several_files_are_checked_apart(system, exact):
     modes = identified(*exact)
     data = [
-        mode_data(modes, system, ModalErrors(), at_its_word=True, source=name)
+        at_its_word(mode_data(modes, system, ModalErrors(), source=name))
         for name in ("one.csv", "two.csv")
     ]
     assert list(checked(likelihood_of(data, system, FACTORS + zeta()))) == [

@@ -1,6 +1,7 @@
 """A building that lists effects is calibrated as any other, and told as much of."""
 
 import json
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,39 @@ def calibrate(tmp_path):
         return study, calibrate_study(study, open_study(study, str(building)), source, settings)
 
     return run
+
+
+def test_an_effect_of_size_nothing_leaves_every_interval_as_it_is(calibrate, tmp_path):
+    """P-Delta of a building whose stories are 10 km high, beside the building without it."""
+    plain = files("femupdate.models").joinpath("shear_3dof.toml").read_text()
+    tall = plain.replace("stiffness_per_mass", 'height = "10000 m"\nstiffness_per_mass')
+    assert tall.count("10000 m") == 3
+    path = tmp_path / "tall.toml"
+    path.write_text(tall + '\n[[effects]]\nname = "p_delta"\nplace = "all"\n')
+    asked = SimulationSettings(
+        theta=(0.8, 1.2, 1.1),
+        zeta=0.02,
+        duration_s=120.0,
+        sampling_hz=120.0,
+        band_hz=(0.3, 25.0),
+        rms_m_s2=0.3,
+        sensor_noise_m_s2=0.003,
+        seed=3,
+    )
+    made = simulate_observation(load_building("shear_3dof"), asked)
+    record = write_simulation(made, tmp_path / "record.csv").observation
+    without, with_it = (
+        calibrate(building, record)[1].posterior for building in ("shear_3dof", path)
+    )
+    points = without.observation.valid.sum(), with_it.observation.valid.sum()
+    assert points[0] == points[1]
+    both = [np.column_stack([one.samples, one.zeta_samples]) for one in (without, with_it)]
+    away = np.abs(both[0].mean(0) - both[1].mean(0)) / both[0].std(0)
+    assert away.max() < 0.02
+    np.testing.assert_allclose(both[1].std(0), both[0].std(0), rtol=0.02)
+    # What the model errs by, and the noise, are the same too.
+    levels = [one.model_error.amplitude.levels.reshape(-1, 4).mean(0) for one in (without, with_it)]
+    np.testing.assert_allclose(levels[1], levels[0], rtol=0.02, atol=1e-4)
 
 
 def test_runs_that_differ_widen_what_is_predicted_of_the_next(calibrate, listed, table):

@@ -16,7 +16,6 @@ from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.finder_model import FinderModel, plain_structure, problem_of
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.discrepancy.near_basis import structure_near
-from femupdate.discrepancy.records import base_data
 from femupdate.discrepancy.score import score
 from femupdate.discrepancy.search import prepared, refined, sought
 from femupdate.discrepancy.thresholds import VERDICT
@@ -26,6 +25,7 @@ from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE, with_effect
 from femupdate.errors import BuildingError
+from femupdate.inference.frf_data import COMPARING, frf_data
 from femupdate.inference.priors import reduction_target
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
@@ -90,7 +90,9 @@ def finder_model(cabin, building=None):
 
 
 def posed(reduced, cabin, seen):
-    return problem_of(reduced, cabin.building, (base_data(cabin.building, None, seen),))
+    return problem_of(
+        reduced, cabin.building, (frf_data(seen, cabin.building.floors, believed=COMPARING),)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +151,7 @@ def test_close_effects_are_run_off_on_a_basis_for_them(cabin, monkeypatch):
     monkeypatch.setattr("femupdate.discrepancy.search.structure_near", near)
     monkeypatch.setattr("femupdate.discrepancy.diagnose.VERDICT", replace(VERDICT, close=0.995))
     seen = observed(cabin, MASS, 6)
-    problem, base = prepared(model, (base_data(cabin.building, None, seen),))
+    problem, base = prepared(model, (frf_data(seen, cabin.building.floors, believed=COMPARING),))
     everything = diagnose(problem, base=base)
     problem, _, found = sought(model, problem, base)
     assert found.unobservable == everything.unobservable
@@ -180,7 +182,7 @@ def test_theta_is_found_with_the_effects_that_the_building_lists(cabin, monkeypa
         return replace(rough, z=z)
 
     monkeypatch.setattr("femupdate.discrepancy.search._rightly_named", ended)
-    problem, base = prepared(model, (base_data(model.building, None, seen),))
+    problem, base = prepared(model, (frf_data(seen, model.building.floors, believed=COMPARING),))
     np.testing.assert_allclose(base.theta()[0], THETA, rtol=0.02)
     assert base.sizes()[0][0] == pytest.approx(mass, rel=0.03)
     assert base.chi2 < 2.0 * problem.effective
@@ -199,7 +201,7 @@ def test_listed_effects_that_leave_no_structure_are_refused(cabin, gone):
         building = with_effect(building, placed, np.array([-0.9]))
     model = finder_model(cabin, building)
     with pytest.raises(BuildingError, match="together they take away more stiffness"):
-        prepared(model, (base_data(building, None, observed(cabin, 0.0, 3)),))
+        prepared(model, (frf_data(observed(cabin, 0.0, 3), building.floors, believed=COMPARING),))
 
 
 def test_a_trial_that_leaves_no_structure_counts_nothing(cabin, gone):

@@ -10,6 +10,8 @@ import torch
 
 from femupdate.building.files import load_building
 from femupdate.errors import MeasurementError
+from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
+from femupdate.inference.likelihood import cost_of_scatter, likelihood_of
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
 from femupdate.measurement.pooled import pooled
@@ -21,7 +23,6 @@ from femupdate.simulation.simulate import (
 from femupdate.study import Study, file_hash
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.likelihoods import stated_likelihood
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, observation_of, runs_of
 
@@ -55,6 +56,13 @@ def tables(tmp_path_factory, tower_frf):
         noisy = clean + sd * rng.standard_normal(clean.shape)
         paths.append(write_table(folder / f"{name}.csv", noisy, sd))
     return paths
+
+
+def stated_likelihood(model, observation):
+    """That of FRFs under base motion as if the model were right and the noise as stated."""
+    data = base_logs(observation, model.system, believed=AT_ITS_WORD)
+    cost = cost_of_scatter(observation, data)
+    return likelihood_of((data,), model.system, model.parameters, cost)
 
 
 def source_of(*paths, **options):

@@ -7,15 +7,17 @@ import torch
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import Responses
+from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
 from femupdate.inference.importance import draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
+from femupdate.inference.likelihood import Likelihood, cost_of_scatter, likelihood_of
 from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
 from femupdate.inference.smc import LogLikelihood, TemperedSmc
 from femupdate.inference.tempering import SamplerRun
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.storage import ANY_FLOORS, Surrogate
 from femupdate.workflow.calibrate_draws import latent_zeta
-from femupdate.workflow.likelihoods import on_fewer_modes, stated_likelihood
+from femupdate.workflow.likelihoods import on_fewer_modes
 from femupdate.workflow.model import StudyModel
 
 from .coverage import density_level, ranks, tarp_level
@@ -209,6 +211,13 @@ def _exact(
     weighted = draws_about_particles(prior, target, particles, 4 * len(particles), seed)
     found = weighted.resampled(len(particles), seed)
     return found.theta, _simulated(found, target, truth), found.effective_share
+
+
+def stated_likelihood(model: StudyModel, observation: Observation) -> Likelihood:
+    """That of FRFs under base motion as if the model were right and the noise as stated."""
+    data = base_logs(observation, model.system, believed=AT_ITS_WORD)
+    cost = cost_of_scatter(observation, data)
+    return likelihood_of((data,), model.system, model.parameters, cost)
 
 
 def _simulated(found: SamplerRun, log_likelihood: LogLikelihood, truth: Floats) -> SimulatedCase:

@@ -11,13 +11,13 @@ from femupdate.building.frame import FrameBuilding
 from femupdate.discrepancy.diagnose import NAMED, PARTLY, Diagnosis, DiagnosisSettings
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit, extended, fit, settle
-from femupdate.discrepancy.problem import Problem
 from femupdate.discrepancy.repair import mend
 from femupdate.discrepancy.score import score, starts
 from femupdate.discrepancy.search import refined
 from femupdate.dynamics.history import transformed_sensors
 from femupdate.effects.effect import Effect
 from femupdate.errors import ReportError
+from femupdate.inference.likelihood import Likelihood
 from femupdate.progress import SILENT, Progress
 from femupdate.simulation.truth import FineModel, Truth, fine_model
 from femupdate.study import Study
@@ -195,7 +195,7 @@ class Outcome:
 class _Found:
     """What the finder says, with the fits before and after it adds what it names."""
 
-    problem: Problem
+    problem: Likelihood
     before: Fit
     after: Fit
     added: tuple[str, ...]
@@ -270,7 +270,7 @@ def _find(
     model, finder = models.model, models.finder
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)
-    data = seen.data(model, finder.mesh, models.settings.use_phase)
+    data = seen.data(model.system, models.settings.use_phase)
     problem, base, diagnosis = search(finder, data, chosen, SILENT)
     if trial.kind == TWO:
         done = mend(finder, problem, base, diagnosis, chosen, SILENT)[1]
@@ -283,7 +283,7 @@ def _find(
 
 
 def _true_strength(
-    problem: Problem, found: Diagnosis, effects: tuple[HiddenEffect, ...]
+    problem: Likelihood, found: Diagnosis, effects: tuple[HiddenEffect, ...]
 ) -> tuple[float, float]:
     """D of the first hidden effect, by fitting it, and how much of it theta absorbs."""
     if not effects:
@@ -333,7 +333,7 @@ def _size(found: _Found) -> tuple[float, float]:
 
 def _excess_removed(found: _Found) -> float:
     """Share of the chi2 beyond noise that what was added removes; NaN where nothing was."""
-    excess = found.before.chi2 - (found.problem.effective - found.before.coordinates.size)
+    excess = found.before.chi2 - (found.problem.effective - found.before.steps.size)
     if found.after is found.before or excess <= 0:
         return np.nan
     return (found.before.chi2 - found.after.chi2) / excess

@@ -1,0 +1,230 @@
+"""The highest points of a posterior, from many starts at once, by Levenberg and Marquardt's method.
+
+Lessened is |r|^2 + (z - m)' P (z - m) for whitened residuals r of unknowns z within limits
+(Marquardt 1963, J. SIAM 11, 431). Between the first step and the last the Jacobian may be mended by
+what every step has shown (Broyden 1965, Math. Comput. 19, 577).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+_DAMPING, _LEAST_DAMPING = 1e-2, 1e-6  # of the curvature: at first, and at least
+# Share of the objective above which a step does not tell how the next one changes it. With .05 to 1
+# the six-story example takes 3,811 to 3,568 responses, and 5,088 with 0.
+_LARGE = 0.3
+
+
+class Target(Protocol):
+    """What is lessened.
+
+    Attributes:
+        lower, upper: (d,) limits.
+        mean, precision: (d,) and (d, d) of the normal priors; 0 where a prior is uniform.
+    """
+
+    @property
+    def lower(self) -> Tensor: ...
+    @property
+    def upper(self) -> Tensor: ...
+    @property
+    def mean(self) -> Tensor: ...
+    @property
+    def precision(self) -> Tensor: ...
+
+    def raw(self, z: Tensor) -> Tensor:
+        """Residuals (s, n) at unknowns z (s, d), observed less predicted."""
+        ...
+
+    def whitened(self, raw: Tensor) -> Tensor:
+        """The same of unit covariance, (s, m)."""
+        ...
+
+    def derivative(self, z: Tensor, residual: Tensor, first: int) -> Tensor:
+        """Change (s, m, d - first) of the whitened prediction by the unknowns from one on."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """How a search goes, and when it ends.
+
+    Attributes:
+        iterations: steps, at most.
+        small: gain of a step, as a share of the objective, below which a start is finished.
+        small_nats: the same in nats.
+        most_damping: beyond which a start is finished.
+        longest: of a step, in any unknown.
+        mended: whether Jacobians are mended by what steps show, and not made at each.
+        renewed: whether a mended one is made anew far off, where no step helps, and at the end.
+        fresh: first of the unknowns whose part of a mended one is made at every step.
+    """
+
+    iterations: int = 15
+    small: float = 0.0
+    small_nats: float = 0.0
+    most_damping: float = 1e6
+    longest: float = torch.inf
+    mended: bool = False
+    renewed: bool = True
+    fresh: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Maxima:
+    """Where s searches are, or have ended.
+
+    Attributes:
+        z: (s, d) unknowns.
+        raw: (s, n) residuals there, and `residual` (s, m) whitened.
+        jacobian: (s, m, d) of the whitened prediction.
+        objective: (s,) squares with the distance from the priors' means.
+    """
+
+    z: Tensor
+    raw: Tensor
+    residual: Tensor
+    jacobian: Tensor
+    objective: Tensor
+
+    def __getitem__(self, rows: Tensor) -> "Maxima":
+        parts = (self.z, self.raw, self.residual, self.jacobian, self.objective)
+        return Maxima(*(part[rows] for part in parts))
+
+    def put(self, rows: Tensor, other: "Maxima") -> None:
+        """Take the points of other searches in place of some; Jacobians stay."""
+        self.z[rows], self.raw[rows], self.residual[rows] = other.z, other.raw, other.residual
+        self.objective[rows] = other.objective
+
+
+def maximise(target: Target, starts: Tensor, how: Search, near: Tensor | None = None) -> Maxima:
+    """Search from every start (s, d).
+
+    Args:
+        target: what is lessened.
+        starts: (s, d); those beyond a limit begin at it.
+        how: see there.
+        near: (m, k) Jacobian by the first unknowns at points near the starts, if known.
+    """
+    now = _at(target, torch.minimum(torch.maximum(starts, target.lower), target.upper))
+    known = 0 if near is None else near.shape[1]
+    jacobian = target.derivative(now.z, now.residual, known)
+    if near is not None:
+        jacobian = torch.cat([near.expand(len(now.z), -1, -1), jacobian], dim=2)
+    now = replace(now, jacobian=jacobian)
+    active = torch.ones(len(starts), dtype=torch.bool, device=starts.device)
+    mended, damping = (
+        torch.full_like(active, near is not None),
+        torch.full_like(now.objective, _DAMPING),
+    )
+    old = torch.zeros_like(active)  # whether a Jacobian is that of the point before
+    for left in reversed(range(how.iterations)):
+        rows = active.nonzero()[:, 0]
+        if not len(rows):
+            break
+        tried, used = _tried(target, now[rows], damping[rows], how)
+        before = now.objective[rows]
+        better = tried.objective < before
+        # No step helps: a better Jacobian may, or shorter ones.
+        stuck = rows[~better]
+        again = stuck[mended[stuck]] if how.renewed else stuck[:0]
+        _renew(target, now, again)
+        shorter = stuck[~mended[stuck]] if how.renewed else stuck
+        damping[shorter] *= 1000.0
+        active[shorter] = damping[shorter] <= how.most_damping
+        gain, moved, reached = (
+            (before - tried.objective)[better],
+            rows[better],
+            _some(tried, better),
+        )
+        was = now[moved]
+        now.put(moved, reached)
+        damping[moved] = (used[better] / 10.0).clamp_min(_LEAST_DAMPING)
+        share = gain / was.objective.clamp_min(1.0)
+        small = (share < how.small) | (0.5 * gain < how.small_nats)
+        done = small & ~mended[moved] if how.renewed else small | (left == 0)
+        active[moved[done]], old[moved[done]] = False, True
+        anew = (small | (share > _LARGE) | (not how.mended)) & ~done & how.renewed
+        _renew(target, now, moved[anew])
+        follow = ~done & ~anew
+        _mend(target, now, _some(was, follow), moved[follow], how)
+        mended[again], mended[moved[anew]], mended[moved[follow]] = False, False, True
+    if how.renewed:
+        _renew(target, now, (mended | (old & (not how.mended))).nonzero()[:, 0])
+    return now
+
+
+def _at(target: Target, z: Tensor) -> Maxima:
+    """Searches at z (s, d), without their Jacobians."""
+    raw = target.raw(z)
+    residual, away = target.whitened(raw), z - target.mean
+    objective = residual.square().sum(1) + ((away @ target.precision) * away).sum(1)
+    return Maxima(z.clone(), raw, residual, z[:, None, :0], objective)
+
+
+def _some(points: Maxima, rows: Tensor) -> Maxima:
+    return points[rows.nonzero()[:, 0]]
+
+
+def _tried(target: Target, now: Maxima, damping: Tensor, how: Search) -> tuple[Maxima, Tensor]:
+    """The best of steps of several lengths from every point, and their damping (s,)."""
+
+    def stepped(points: Maxima, by: Tensor) -> Maxima:
+        step = _steps(target, points, by).clamp(-how.longest, how.longest)
+        trial = torch.minimum(torch.maximum(points.z + step, target.lower), target.upper)
+        found = _at(target, trial)
+        return replace(found, objective=found.objective.nan_to_num(nan=torch.inf))
+
+    found, used = stepped(now, damping), damping.clone()
+    failed = (~(found.objective < now.objective)).nonzero()[:, 0]
+    if len(failed):
+        twice = torch.cat([failed, failed])
+        by = torch.cat([10.0 * damping[failed], 100.0 * damping[failed]])
+        both = stepped(now[twice], by)
+        which = both.objective.view(2, -1).argmin(0) * len(failed)
+        chosen = which + torch.arange(len(failed), device=which.device)
+        found.put(failed, both[chosen])
+        used[failed] = by[chosen]
+    return found, used
+
+
+def _steps(target: Target, now: Maxima, damping: Tensor) -> Tensor:
+    """Damped Gauss-Newton steps (s, d) that leave alone what is held at its limit."""
+    z, jacobian, precision = now.z, now.jacobian, target.precision
+    gradient = (jacobian.mT @ now.residual[:, :, None])[:, :, 0] - (z - target.mean) @ precision
+    held = ((z <= target.lower) & (gradient < 0)) | ((z >= target.upper) & (gradient > 0))
+    normal = jacobian.mT @ jacobian + precision
+    normal = normal * ~(held[:, :, None] | held[:, None, :])
+    diagonal = torch.where(
+        held, 1.0, damping[:, None] * normal.diagonal(dim1=1, dim2=2).clamp_min(1e-6)
+    )
+    whole = (normal + torch.diag_embed(diagonal)).double()
+    right = torch.where(held, 0.0, gradient).double()
+    step = torch.linalg.solve_ex(whole, right[:, :, None])[0][:, :, 0]
+    # Where the response is no number, a search stays where it is.
+    return step.nan_to_num(0.0, 0.0, 0.0).to(z)
+
+
+def _renew(target: Target, now: Maxima, rows: Tensor) -> None:
+    """Make some Jacobians anew."""
+    if len(rows):
+        now.jacobian[rows] = target.derivative(now.z[rows], now.residual[rows], 0)
+
+
+def _mend(target: Target, now: Maxima, before: Maxima, rows: Tensor, how: Search) -> None:
+    """Mend some Jacobians by what the steps from the points before have shown."""
+    if not len(rows):
+        return
+    moved = now.z[rows] - before.z
+    missed = before.residual - now.residual[rows] - (before.jacobian @ moved[:, :, None])[:, :, 0]
+    scaled = moved / moved.square().sum(1, keepdim=True)
+    now.jacobian[rows] = before.jacobian + missed[:, :, None] * scaled[:, None, :]
+    if how.fresh is not None:
+        now.jacobian[rows, :, how.fresh :] = target.derivative(
+            now.z[rows], now.residual[rows], how.fresh
+        )
+
+
+__all__ = ["Maxima", "Search", "Target", "maximise"]
