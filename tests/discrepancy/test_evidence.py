@@ -13,6 +13,7 @@ from femupdate.discrepancy import evidence
 from femupdate.discrepancy.evidence import laplace, log_target, sampled
 from femupdate.discrepancy.fit import fit, raw_residuals
 from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
+from femupdate.inference.joint_error import joint_error
 from femupdate.inference.maxima import found_from
 from femupdate.workflow.sampling import FROM_FIT, Target, sampled_about_maxima
 
@@ -104,8 +105,7 @@ def case(request, building_of, observe, pose, place):
 
 def fitted_by(problem, placed, row):
     """A problem that knows one row of the table of errors alone, and the fit by it."""
-    alone = replace(problem)
-    alone.__dict__["error"] = problem.error.kept(((row,),))
+    alone = problem.at_row((row,)).kept(((row,),))
     return alone, fit(alone, placed, torch.zeros(1 + len(placed), dtype=torch.float64), 40)
 
 
@@ -137,7 +137,7 @@ def test_sampled_evidence_within_its_own_error(case):
 
 def test_evidence_where_the_noise_is_larger_than_stated(case):
     problem, fitted, quadrature = case
-    whole = replace(problem)
+    whole = replace(problem, error=joint_error(problem.data))
     (table,) = whole.error.parts
     row = next(k for k, one in enumerate(table.levels) if one.noise > 1.0)
     wide, fitted = fitted_by(whole, fitted.placed, row)
@@ -150,15 +150,15 @@ def test_evidence_where_the_noise_is_larger_than_stated(case):
 def test_evidence_is_summed_over_what_the_model_may_err_by(case):
     """Each row alone weighs less than the table, and none of a right model more than it has."""
     problem, fitted, _ = case
-    whole = replace(problem)
+    whole = replace(problem, error=joint_error(problem.data))
     summed = laplace(whole, fitted).log_evidence
     alone = laplace(problem, fitted).log_evidence
     assert alone < summed < alone + np.log(2.0)
 
 
-def draw(problem, fitted, count, seed):
+def draw(fitted, count, seed):
     """Importance draws about the maximum that a fit leads to."""
-    likelihood = likelihood_about(problem, fitted)
+    likelihood = likelihood_about(fitted)
     maxima = found_from(likelihood.prior, likelihood.residuals, parameters_at(fitted))
     return sampled_about_maxima(Target(likelihood, maxima, FROM_FIT, local=True), count, seed)
 
@@ -172,8 +172,8 @@ def sizes_of(sampled):
 
 
 def test_draws_have_the_moments_of_the_posterior(case):
-    problem, fitted, quadrature = case
-    draws = draw(problem, fitted, 2000, seed=4)
+    _, fitted, quadrature = case
+    draws = draw(fitted, 2000, seed=4)
     assert draws.drawn.effective_sample_size > 500
     assert draws.drawn.log_evidence == pytest.approx(quadrature.log_evidence, abs=0.1)
     columns, sizes = [(theta_of(draws)[:, 0], quadrature.theta[:, None])], sizes_of(draws)
@@ -186,15 +186,15 @@ def test_draws_have_the_moments_of_the_posterior(case):
         assert sample.std() == pytest.approx(sd, rel=0.14)
     chi2 = -2.0 * draws.runs[0].log_likelihood.numpy()
     assert chi2.min() > fitted.chi2 - 1.0
-    again = draw(problem, fitted, 2000, seed=4)
+    again = draw(fitted, 2000, seed=4)
     np.testing.assert_array_equal(theta_of(again), theta_of(draws))
 
 
 def test_draws_keep_to_the_limits(case):
     problem, fitted, quadrature = case
-    whole = replace(problem)
-    wide, fitted = fitted_by(whole, fitted.placed, len(whole.error.parts[0].levels) - 1)
-    draws = draw(wide, fitted, 500, seed=1)
+    whole = replace(problem, error=joint_error(problem.data))
+    _, fitted = fitted_by(whole, fitted.placed, len(whole.error.parts[0].levels) - 1)
+    draws = draw(fitted, 500, seed=1)
     assert ((theta_of(draws) >= 0.5) & (theta_of(draws) <= 2.0)).all()
     if quadrature.size[0] == 0.0:
         assert (sizes_of(draws) >= 0.0).all()
@@ -205,7 +205,7 @@ def test_what_the_data_leave_open_is_drawn_from_its_prior(building_of, observe, 
     observation = observe(("RF",), GRID, frf(1.2)[None], SD, 11)
     noisy = replace(observation, noise_sd=np.full_like(observation.noise_sd, 1000.0))
     problem = pose(building_of([MASS], [SPRING], zeta=None, ratio=ZETA), noisy)
-    draws = draw(*fitted_by(problem, (), 0), 2000, seed=1)
+    draws = draw(fitted_by(problem, (), 0)[1], 2000, seed=1)
     assert draws.drawn.effective_sample_size > 500
     # The sd of a uniform density is 1.5 / 12^.5; 500 effective draws know its mean to .02.
     assert theta_of(draws).mean() == pytest.approx(1.25, abs=0.08)

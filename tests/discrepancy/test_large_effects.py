@@ -1,5 +1,6 @@
 """Large effects that a little of would make worse: the factors have made up for most of them."""
 
+from copy import copy
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,10 +10,18 @@ import torch
 from femupdate.discrepancy import diagnose
 from femupdate.discrepancy.fit import fit
 from femupdate.discrepancy.score import score
-from femupdate.inference.parameters import Parameters
+from femupdate.inference.parameters import Parameter, Parameters
 
 STORIES, TRUTH, NOISE = 2, -0.55, 0.01
 SIZE = SimpleNamespace(scale=0.4, neutral=0.0, lower=-0.9, upper=0.0, trials=(0.5,))
+
+
+FACTORS = Parameters.uniform(["theta_1", "theta_2"], [0.5] * 2, [2.0] * 2) + Parameters.uniform(
+    ["zeta"], [0.02], [0.02], kind="damping"
+)
+OWN = Parameters(
+    (Parameter(name="size", kind="effect", lower=-0.9, upper=0.0, neutral=0.0, scale=0.4),)
+)
 
 
 class Bent:
@@ -21,10 +30,6 @@ class Bent:
     In the unit of the noise, so that the residuals of a right model are of unit variance.
     """
 
-    left_open = None
-    prior = Parameters.uniform(["theta_1", "theta_2"], [0.5] * 2, [2.0] * 2) + Parameters.uniform(
-        ["zeta"], [0.02], [0.02], kind="damping"
-    )
     placed = SimpleNamespace(effect=SimpleNamespace(parameters=(SIZE,), name="bent"), label="bent")
 
     def __init__(self, truth):
@@ -33,20 +38,21 @@ class Bent:
         self.noise = torch.from_numpy(rng.normal(size=60))
         zero, size = torch.zeros(1, STORIES), torch.full((1, 1), truth)
         self.data = self.predicted(zero.double(), size.double())[0] + self.noise
+        self.system, self.prior = SimpleNamespace(placed=()), FACTORS
 
     def predicted(self, log_theta, sizes):
         return torch.cat([log_theta, (sizes * (sizes + 0.3))], dim=1) @ self.design.T
 
-    def system(self, placed):
-        return placed
+    def with_effects(self, placed):
+        other = copy(self)
+        other.system = SimpleNamespace(placed=placed)
+        other.prior = FACTORS + OWN if placed else FACTORS
+        return other
 
-    def missed(self, system, known):
-        theta, _, sizes = known
-        both = sizes if sizes.shape[1] else theta.new_zeros(len(theta), 1)
-        return self.data - self.predicted(theta.log(), both)
-
-    def residuals(self, system, theta, zeta, sizes):
-        return self.whitened(self.missed(system, (theta, zeta, sizes)))
+    def raw(self, values):
+        known = self.prior.split(values)
+        both = known.sizes if known.sizes.shape[1] else values.new_zeros(len(values), 1)
+        return self.data - self.predicted(known.theta.log(), both)
 
     def whitened(self, residuals):
         return residuals

@@ -21,7 +21,7 @@ def test_noise_of_any_size_is_allowed_for(chains, building_of, observe, pose, mo
     seen = observe(FLOORS, GRID, frf, 0.05, 5)
     seen = replace(seen, noise_sd=seen.noise_sd / more)
     problem = pose(building_of(MASSES, SPRINGS), seen)
-    likelihood = likelihood_about(problem, fit_baseline(problem)[0])
+    likelihood = likelihood_about(fit_baseline(problem)[0])
     fitted = parameters_at(fit_baseline(problem)[0])
     names, squares, counts = zip(*likelihood.checked(fitted, 1), strict=True)
     check = predictive_check(np.stack(squares, axis=1), np.stack(counts, axis=1), names)

@@ -137,7 +137,7 @@ def test_the_missing_mass_is_added_with_its_size(repaired):
     assert abs(one.finding.size - 0.12) < 3.0 * one.finding.size_sd + 0.003
     assert one.chi2_after < 0.2 * one.chi2_before
     before, after = (
-        p_value(fit.problem, fit) for fit in (report.repair.before, report.repair.after)
+        p_value(fit.likelihood, fit) for fit in (report.repair.before, report.repair.after)
     )
     assert after > 0.05 > before
 
@@ -390,7 +390,7 @@ def test_two_effects_are_added_one_after_the_other(home, tmp_path):
     assert labels == {"added_mass@3F", "channel_gain@RF"}
     first, second = report.repair.rounds
     assert first.chi2_before > first.chi2_after == second.chi2_before > second.chi2_after
-    assert p_value(report.repair.after.problem, report.repair.after) > 0.05
+    assert p_value(report.repair.after.likelihood, report.repair.after) > 0.05
     sizes = {e.name: e.parameters["size"] for e in load_building(report.building_path).effects}
     assert sizes["added_mass"] == pytest.approx(0.12, abs=0.01)
     assert sizes["channel_gain"] == pytest.approx(0.08, abs=0.01)

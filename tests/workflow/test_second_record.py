@@ -139,7 +139,7 @@ def test_softening_is_named_repaired_and_of_the_right_size(repaired, study, home
     assert (1.0 + own["damping"]) ** level == pytest.approx(1.25, rel=0.1)
     np.testing.assert_allclose(report.theta_after.mean(axis=0), THETA, rtol=0.01)
     before, after = (
-        p_value(fit.problem, fit) for fit in (report.repair.before, report.repair.after)
+        p_value(fit.likelihood, fit) for fit in (report.repair.before, report.repair.after)
     )
     assert before < 1e-6
     assert after > 0.05
