@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.thresholds import MESH_ERROR, MODEL_ERROR
+from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.workflow.calibrate_draws import with_error_of_all, with_own_errors
 
@@ -44,9 +44,7 @@ def test_all_factors_of_a_frame_move_together_and_nothing_else_moves():
     assert (moved[..., 2] == -0.1).all()
 
 
-@pytest.mark.parametrize(
-    ("kind", "errs"), [("frame", np.hypot(0.12, MODEL_ERROR.size)), ("shear", 0.12)]
-)
+@pytest.mark.parametrize(("kind", "errs"), [("frame", np.hypot(0.12, 0.03)), ("shear", 0.12)])
 def test_sizes_err_by_what_the_models_of_effects_err_by_about_their_neutral_values(kind, errs):
     """A ratio of 1.5 whose neutral value is one: the half of it is what errs."""
     rough = SimpleNamespace(own_error=0.12, parameters=(None,))
