@@ -241,7 +241,7 @@ def columns_options(function: F) -> F:
             return function(*args, columns=columns, **kwargs)
         if columns is not None:
             raise click.UsageError("--columns and --mapping say the same; give one of them")
-        from femupdate.measurement.mapping_file import read_mapping
+        from femupdate.measurement.write import read_mapping
 
         try:
             read = read_mapping(mapping)

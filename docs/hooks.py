@@ -110,7 +110,7 @@ def _effects() -> Iterator[str]:
 
 def _formats() -> Iterator[str]:
     """Every format of measured files."""
-    from femupdate.measurement.registry import readers
+    from femupdate.measurement.reader import readers
 
     yield "| format | what is read |\n|---|---|"
     for reader in readers().values():

@@ -14,8 +14,8 @@ from femupdate.errors import MeasurementError
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood
-from femupdate.measurement.columns import BASE
 from femupdate.measurement.histories import Histories, rotation_of
+from femupdate.measurement.names import BASE
 
 
 @dataclass(frozen=True, eq=False)

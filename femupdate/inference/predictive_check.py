@@ -14,7 +14,7 @@ The effect finder's p-value (`femupdate.discrepancy.residual_map`) takes the fit
 the degrees of freedom and is uniform instead.
 
 Of several runs pooled into one observation it is their mean that is judged; whether they agree with
-one another is another question (`femupdate.measurement.agreement`).
+one another is another question (`femupdate.measurement.runs`).
 """
 
 from dataclasses import dataclass

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femupdate.measurement.columns import FREQUENCY, FREQUENCY_NAME, TIME, TIME_NAME
-from femupdate.measurement.mode_table import DAMPING, DAMPING_SD, FREQUENCY_SD, figure_of
+from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, figure_of
+from femupdate.measurement.names import FREQUENCY, FREQUENCY_NAME, TIME, TIME_NAME
 from femupdate.measurement.quantity import is_unit
 from femupdate.measurement.recording import RecordedMode, Recording
-from femupdate.measurement.table import Table
+from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile
 
 _Column = NDArray[np.number]
@@ -69,7 +69,7 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     common = stated[0] if len(set(stated)) == 1 else None
     plain = dict(zip(_without_structure(tuple(used)), used, strict=True))
     units = {name: each.get(key, common) for name, key in plain.items() if key != axis}
-    table = Table.of_arrays(file, {name: used[key] for name, key in plain.items()}, units)
+    table = ColumnTable.of_arrays(file, {name: used[key] for name, key in plain.items()}, units)
     notes = (f"Arrays of another length are left out: {', '.join(left_out)}.",)
     return Recording(file, table=table, notes=notes if left_out else ())
 
@@ -178,7 +178,7 @@ def _testlab_recording(file: TextFile, arrays: Mapping[str, Any]) -> Recording |
             alone = sum(name in other.columns for other in signals.values()) == 1
             title = name if alone else f"{owner} {name}"
             columns[title], units[title] = column, signal.unit
-    return Recording(file, table=Table.of_arrays(file, columns, units))
+    return Recording(file, table=ColumnTable.of_arrays(file, columns, units))
 
 
 def _signal(file: TextFile, owner: str, arrays: Mapping[str, Any]) -> _Signal:

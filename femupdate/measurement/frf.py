@@ -21,7 +21,7 @@ from scipy.sparse import csr_array
 from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.dynamics.level import levels_in_run
 from femupdate.errors import MeasurementError
-from femupdate.measurement.estimated import estimator_of
+from femupdate.measurement.estimated import Spectra, choose_segments, estimator_of, welch_spectra
 from femupdate.measurement.histories import Histories, said_of_rotation
 from femupdate.measurement.observation import (
     HANN_BANDWIDTH,
@@ -30,7 +30,6 @@ from femupdate.measurement.observation import (
     select_floors,
 )
 from femupdate.measurement.thresholds import ROTATION, SPECTRUM
-from femupdate.measurement.welch import Spectra, choose_segments, welch_spectra
 
 _TINY = float(np.finfo(np.float64).tiny)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femupdate.arrays import Floats
 from femupdate.dynamics.excitation import Excitation
 from femupdate.errors import MeasurementError
-from femupdate.measurement.columns import (
+from femupdate.measurement.names import (
     BASE,
     FREQUENCY,
     FRF_COLUMNS,
@@ -28,7 +28,7 @@ from femupdate.measurement.observation import (
 from femupdate.measurement.quantity import force_unit
 from femupdate.measurement.recording import RecordedFunction, Recording
 from femupdate.measurement.resolve import Layout, in_parts, positions, whole_or_parts
-from femupdate.measurement.table import Table
+from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.thresholds import RESPONSE, SPECTRUM
 
 SOMEWHERE = "a force somewhere"
@@ -215,7 +215,7 @@ def in_band(
     return replace(at_frequencies(select_floors(forced, ordered), used), resolution_hz=None)
 
 
-def _ratio(table: Table, position: int) -> Floats:
+def _ratio(table: ColumnTable, position: int) -> Floats:
     unit = (table.units[position] or "").strip()
     above, _, below = unit.partition("/")
     if unit not in _RATIO_UNITS and above != below:
@@ -227,7 +227,7 @@ def _ratio(table: Table, position: int) -> Floats:
 
 
 def _require_possible(
-    table: Table, position: int, values: Floats, what: str, possible: tuple[float, float]
+    table: ColumnTable, position: int, values: Floats, what: str, possible: tuple[float, float]
 ) -> None:
     least, most = possible
     wrong = np.flatnonzero(values <= 0)
@@ -248,7 +248,7 @@ def _require_possible(
         )
 
 
-def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> Table:
+def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> ColumnTable:
     """The response functions of a file that are given our names, as a table.
 
     Args:
@@ -280,10 +280,10 @@ def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> Tabl
     # Complex whatever they are: a real one may be below zero.
     values = {ours: one.values.astype(np.complex128) for ours, one in chosen.items()}
     units = {ours: one.unit for ours, one in chosen.items()}
-    return Table.of_arrays(file, {FREQUENCY: first.frequency_hz, **values}, units)
+    return ColumnTable.of_arrays(file, {FREQUENCY: first.frequency_hz, **values}, units)
 
 
-def unnamed_functions(table: Table, at: int) -> tuple[RecordedFunction, ...]:
+def unnamed_functions(table: ColumnTable, at: int) -> tuple[RecordedFunction, ...]:
     """The functions in a table whose columns do not say their floors, by the file's names.
 
     Args:
@@ -326,7 +326,7 @@ def response_functions(layout: Layout) -> tuple[RecordedFunction, ...]:
     )
 
 
-def _values(table: Table, at: int, imaginary: int | None) -> NDArray[np.inexact]:
+def _values(table: ColumnTable, at: int, imaginary: int | None) -> NDArray[np.inexact]:
     whole = table.values[:, at]
     return whole if imaginary is None else whole + 1j * table.values[:, imaginary]
 

@@ -95,7 +95,7 @@ _END = re.compile(r"^/&|^End-of-data|points of (accel|veloc|displ) data", re.IGN
 
 
 @dataclass(frozen=True)
-class Block:
+class NumberBlock:
     """Where numbers stand and how they are laid out.
 
     Attributes:
@@ -120,7 +120,7 @@ class Block:
         return range(self.at + 1, self.at + 1 - (-self.count // self.per_line))
 
 
-def block_values(file: TextFile, block: Block) -> Floats:
+def block_values(file: TextFile, block: NumberBlock) -> Floats:
     """Return the numbers of a block.
 
     Raises:
@@ -143,7 +143,7 @@ def block_values(file: TextFile, block: Block) -> Floats:
     return np.array(fields, dtype=np.float64)
 
 
-def _by_blanks(row: str, found: list[str], block: Block) -> list[str]:
+def _by_blanks(row: str, found: list[str], block: NumberBlock) -> list[str]:
     """Fields of a row; by its blanks where editors or mailers have moved the columns."""
     words = row.split()
     moved = not all(_is_value(field, block.whole) for field in found)
@@ -155,7 +155,7 @@ def _fields(row: str, width: int) -> list[str]:
     return [row[start : start + width] for start in range(0, len(row), width)]
 
 
-def _checked(file: TextFile, index: int, fields: list[str], block: Block) -> list[str]:
+def _checked(file: TextFile, index: int, fields: list[str], block: NumberBlock) -> list[str]:
     for position, field in enumerate(fields):
         # A field without its point means that the columns are not where the format says.
         if not _is_value(field, block.whole):
@@ -168,7 +168,7 @@ def _checked(file: TextFile, index: int, fields: list[str], block: Block) -> lis
     return fields
 
 
-def _holds_numbers(row: str, block: Block) -> bool:
+def _holds_numbers(row: str, block: NumberBlock) -> bool:
     fields = _fields(row, block.width)
     return bool(fields) and all(_is_value(field, block.whole) for field in fields)
 

@@ -15,12 +15,11 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.dynamics.excitation import Excitation
 from femupdate.errors import MeasurementError
-from femupdate.measurement.channel import RecordedChannel, acceleration_unit
-from femupdate.measurement.columns import BASE, Channel, ForceChannel, floor_height
+from femupdate.measurement.names import BASE, FloorChannel, ForceChannel, floor_height
 from femupdate.measurement.quantity import newtons, si_factor
-from femupdate.measurement.recording import Recording
+from femupdate.measurement.recording import RecordedChannel, Recording, acceleration_unit
 from femupdate.measurement.resolve import Motion, placed_channels
-from femupdate.measurement.sampling import check_step
+from femupdate.measurement.table import check_step
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import RECORD, ROTATION
 from femupdate.units import STANDARD_GRAVITY, percent
@@ -46,7 +45,7 @@ class Histories:
     """
 
     time_step: float
-    channels: tuple[Channel, ...]
+    channels: tuple[FloorChannel, ...]
     acceleration: Floats
     source: str = "histories"
     force: str = ""
@@ -105,7 +104,7 @@ def histories_of(
     Raises:
         MeasurementError: a channel cannot be used; the message names it.
     """
-    motions = {ours: one for ours, one in channels.items() if isinstance(ours, Channel)}
+    motions = {ours: one for ours, one in channels.items() if isinstance(ours, FloorChannel)}
     forces = [ours for ours in channels if isinstance(ours, ForceChannel)]
     if forces:
         return _under_force(file, forces, channels, motions, unit)
@@ -118,7 +117,7 @@ def histories_of(
 
 def motions_in(
     recording: Recording, columns: Mapping[str, str] | None = None
-) -> Mapping[Channel, RecordedChannel]:
+) -> Mapping[FloorChannel, RecordedChannel]:
     """Histories of floors at the same times, of any quantity, with or without the base.
 
     Args:
@@ -129,7 +128,7 @@ def motions_in(
             cannot be used; the message names it.
     """
     channels = placed_channels(recording, columns)
-    motions = {ours: one for ours, one in channels.items() if isinstance(ours, Channel)}
+    motions = {ours: one for ours, one in channels.items() if isinstance(ours, FloorChannel)}
     _require_same_times(recording.file, motions)
     return motions
 
@@ -138,7 +137,7 @@ def _under_force(
     file: TextFile,
     forces: Sequence[ForceChannel],
     channels: Mapping[Motion, RecordedChannel],
-    motions: Mapping[Channel, RecordedChannel],
+    motions: Mapping[FloorChannel, RecordedChannel],
     unit: str | None,
 ) -> Histories:
     if len(forces) > 1:
@@ -159,7 +158,7 @@ def _under_force(
             column=repr(excitation.name),
         )
     moved = [_acceleration(file, each, ours, unit) for ours, each in floors.items()]
-    names = (Channel(BASE, BASE, direction=force.direction), *floors)
+    names = (FloorChannel(BASE, BASE, direction=force.direction), *floors)
     rows = np.array([pushed, *moved])
     base = [
         _acceleration(file, each, ours, unit)
@@ -199,7 +198,7 @@ def _require_same_times(file: TextFile, channels: Mapping[Any, RecordedChannel])
             )
 
 
-def _require_base_and_floors(file: TextFile, channels: tuple[Channel, ...]) -> None:
+def _require_base_and_floors(file: TextFile, channels: tuple[FloorChannel, ...]) -> None:
     floors = [channel.floor for channel in channels]
     if BASE not in floors:
         raise file.error(
@@ -214,7 +213,7 @@ def _require_base_and_floors(file: TextFile, channels: tuple[Channel, ...]) -> N
 
 
 def _acceleration(
-    file: TextFile, recorded: RecordedChannel, channel: Channel, unit: str | None
+    file: TextFile, recorded: RecordedChannel, channel: FloorChannel, unit: str | None
 ) -> Floats:
     """Return a history in m/s2; refuse one without motion, or with more than any earthquake."""
     title = repr(recorded.name)
@@ -244,7 +243,7 @@ def _acceleration(
     return values
 
 
-def rotation_of(channels: Sequence[Channel], acceleration: Floats) -> Floats | None:
+def rotation_of(channels: Sequence[FloorChannel], acceleration: Floats) -> Floats | None:
     """Angular acceleration (n,) of the base, rad/s2, forward positive, without its mean.
 
     Args:
@@ -262,7 +261,7 @@ def rotation_of(channels: Sequence[Channel], acceleration: Floats) -> Floats | N
     return np.asarray(slope.mean() - slope)
 
 
-def fault_of(channels: Sequence[Channel]) -> str | None:
+def fault_of(channels: Sequence[FloorChannel]) -> str | None:
     """Why vertical sensors of the base cannot measure its rotation, or None where they can."""
     rows, places = _vertical(channels)
     if len(rows) < 2 or np.ptp(places) >= ROTATION.apart_m:
@@ -275,7 +274,7 @@ def fault_of(channels: Sequence[Channel]) -> str | None:
 
 
 def said_of_rotation(
-    channels: Sequence[Channel], acceleration: Floats, base: Floats
+    channels: Sequence[FloorChannel], acceleration: Floats, base: Floats
 ) -> tuple[str, ...]:
     """Sentences on what vertical sensors of the base tell of its rotation.
 
@@ -307,7 +306,7 @@ def said_of_rotation(
     )
 
 
-def _vertical(channels: Sequence[Channel]) -> tuple[list[int], Floats]:
+def _vertical(channels: Sequence[FloorChannel]) -> tuple[list[int], Floats]:
     """Rows and places of the vertical sensors whose place is known."""
     known = [(row, one.place) for row, one in enumerate(channels) if one.place is not None]
     return [row for row, _ in known], np.array([place for _, place in known], dtype=np.float64)

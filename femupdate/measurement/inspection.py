@@ -7,21 +7,30 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.measurement.channel import RecordedChannel, azimuth_of, in_m_s2
-from femupdate.measurement.channel_checks import channel_findings
-from femupdate.measurement.columns import BASE, FREQUENCY, Channel, parse_channel, parse_frf_column
-from femupdate.measurement.floor_names import base_rank
+from femupdate.measurement.checks import channel_findings, pair_findings
 from femupdate.measurement.frf_table import SOMEWHERE, response_functions, unnamed_functions
 from femupdate.measurement.histories import fault_of, motions_in, said_of_rotation
 from femupdate.measurement.kinds import Reading, base_motion_in
-from femupdate.measurement.mode_table import modes_in_table
-from femupdate.measurement.modes import mode_findings
-from femupdate.measurement.next_step import NextStep, columns_option, next_step
-from femupdate.measurement.pair_checks import pair_findings
-from femupdate.measurement.proposal import proposed_floors
+from femupdate.measurement.modes import mode_findings, modes_in_table
+from femupdate.measurement.names import (
+    BASE,
+    FREQUENCY,
+    FloorChannel,
+    base_rank,
+    parse_channel,
+    parse_frf_column,
+)
+from femupdate.measurement.next_step import NextStep, columns_option, next_step, proposed_floors
 from femupdate.measurement.quantity import is_acceleration, si_factor
-from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
-from femupdate.measurement.registry import read_measured, readers
+from femupdate.measurement.reader import read_measured, readers
+from femupdate.measurement.recording import (
+    RecordedChannel,
+    RecordedFunction,
+    RecordedMode,
+    Recording,
+    azimuth_of,
+    in_m_s2,
+)
 from femupdate.measurement.resolve import axes_of, layout_of
 
 _FRFS = (
@@ -260,7 +269,7 @@ def _together(channels: Sequence[InspectedChannel]) -> str:
 
 def _as_mapped(
     recording: Recording, histories: Sequence[RecordedChannel], columns: Mapping[str, str]
-) -> tuple[tuple[RecordedChannel, ...], tuple[str | None, ...], dict[int, Channel]]:
+) -> tuple[tuple[RecordedChannel, ...], tuple[str | None, ...], dict[int, FloorChannel]]:
     """The channels and their floors as the user says them, in the directions x, y and z.
 
     Last come the vertical ones of the base whose places are known, by their index.
@@ -278,7 +287,7 @@ def _as_mapped(
     return channels, floors, _placed([ours for ours, _ in told])
 
 
-def _placed(channels: Sequence[Channel | None]) -> dict[int, Channel]:
+def _placed(channels: Sequence[FloorChannel | None]) -> dict[int, FloorChannel]:
     """Vertical channels of the base whose places are known, by their index."""
     known = ((k, one) for k, one in enumerate(channels) if one is not None)
     return {k: one for k, one in known if one.place is not None}
@@ -288,7 +297,7 @@ def _rotation(
     recording: Recording,
     histories: Sequence[RecordedChannel],
     floors: Sequence[str | None],
-    placed: Mapping[int, Channel],
+    placed: Mapping[int, FloorChannel],
     unit: str | None,
 ) -> tuple[str, ...]:
     """What vertical channels of the base tell, or could tell, of its rotation."""

@@ -8,8 +8,8 @@ from femupdate.measurement.frf_table import frfs_in_table, table_of_functions
 from femupdate.measurement.histories import Histories, histories_of
 from femupdate.measurement.modes import IdentifiedModes, identified_modes
 from femupdate.measurement.observation import Observation
+from femupdate.measurement.reader import read_measured
 from femupdate.measurement.recording import Recording
-from femupdate.measurement.registry import read_measured
 from femupdate.measurement.resolve import layout_of, placed_channels
 from femupdate.measurement.thresholds import SPECTRUM
 

@@ -11,18 +11,18 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
-from femupdate.measurement.channel import (
+from femupdate.measurement.histories import LARGEST_PEAK, SMALLEST_PEAK, fault_of, rotation_of
+from femupdate.measurement.names import BASE, FloorChannel, parse_channel
+from femupdate.measurement.quantity import plain_unit
+from femupdate.measurement.reader import read_measured
+from femupdate.measurement.recording import (
     RecordedChannel,
     acceleration_unit,
     channel_listing,
     in_m_s2,
 )
-from femupdate.measurement.columns import BASE, Channel, parse_channel
-from femupdate.measurement.histories import LARGEST_PEAK, SMALLEST_PEAK, fault_of, rotation_of
-from femupdate.measurement.quantity import plain_unit
-from femupdate.measurement.registry import read_measured
 from femupdate.measurement.resolve import given_channels, positions
-from femupdate.measurement.sampling import check_step
+from femupdate.measurement.table import check_step
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY
@@ -197,20 +197,22 @@ def _base_channels(
     channels: Sequence[RecordedChannel],
     columns: Mapping[str, str],
     unit: str | None,
-) -> dict[Channel, RecordedChannel]:
+) -> dict[FloorChannel, RecordedChannel]:
     """Channels of the base, as the user or their own names say."""
     told = {ours: theirs for ours, theirs in columns.items() if ours.lower().startswith(BASE)}
     own = {parse_channel(one.name): one for one in channels}
     known = own | given_channels(file, channels, told, unit)
     return {
-        ours: one for ours, one in known.items() if isinstance(ours, Channel) and ours.floor == BASE
+        ours: one
+        for ours, one in known.items()
+        if isinstance(ours, FloorChannel) and ours.floor == BASE
     }
 
 
 def _rotation(
     file: TextFile,
     chosen: RecordedChannel,
-    base: Mapping[Channel, RecordedChannel],
+    base: Mapping[FloorChannel, RecordedChannel],
     unit: str | None,
 ) -> Floats | None:
     """How the base turns (n,), rad/s2, where its own channel was chosen and vertical ones tell."""
@@ -235,7 +237,7 @@ def _choose(
     channels: Sequence[RecordedChannel],
     asked: str | int | None,
     unit: str | None,
-    base: Mapping[Channel, RecordedChannel],
+    base: Mapping[FloorChannel, RecordedChannel],
 ) -> RecordedChannel:
     if asked is not None:
         names, listing = [one.name for one in channels], channel_listing(file, channels, unit)

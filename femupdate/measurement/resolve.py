@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from femupdate.arrays import Floats
-from femupdate.measurement.channel import RecordedChannel, channel_listing
-from femupdate.measurement.columns import (
+from femupdate.measurement.names import (
     BASE,
     FREQUENCY,
     FREQUENCY_NAME,
@@ -20,23 +19,23 @@ from femupdate.measurement.columns import (
     HISTORY_COLUMNS,
     SECONDS_NAME,
     TIME,
-    Channel,
+    FloorChannel,
     ForceChannel,
     FrfColumn,
     parse_frf_column,
     parse_history,
 )
 from femupdate.measurement.quantity import force_unit, si_factor, split_unit
-from femupdate.measurement.recording import Recording
-from femupdate.measurement.table import Table
+from femupdate.measurement.recording import RecordedChannel, Recording, channel_listing, channels_of
+from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile, closest
 from femupdate.measurement.thresholds import RECORD
 
 logger = logging.getLogger(__name__)
 
-Motion = Channel | ForceChannel
+Motion = FloorChannel | ForceChannel
 _Column = TypeVar("_Column")
-Known = Channel | ForceChannel | FrfColumn
+Known = FloorChannel | ForceChannel | FrfColumn
 _ON_BASE = re.compile(rf"^{BASE}/|/{BASE}\b|/{BASE}_", re.IGNORECASE)
 _COMMON_NAMES = (BASE, "RF", *(f"{n}F" for n in range(2, 13)))
 _SHOWN = 20
@@ -124,7 +123,7 @@ def given_channels(
     at = positions(file, "channel", names, columns, listing, turned=True)
     chosen: dict[Motion, RecordedChannel] = {}
     for (ours, theirs), motion in zip(columns.items(), known.values(), strict=True):
-        if isinstance(motion, Channel | ForceChannel):
+        if isinstance(motion, FloorChannel | ForceChannel):
             own = channels[at[ours]]
             chosen[motion] = own.turned() if theirs.startswith("-") else own
     return chosen
@@ -170,7 +169,7 @@ class Layout:
         known: what each other column stands for, by its position.
     """
 
-    table: Table
+    table: ColumnTable
     at: int
     of_histories: bool
     known: Mapping[int, Known]
@@ -199,15 +198,15 @@ class Layout:
 
     def channels(self) -> dict[Motion, RecordedChannel]:
         """The columns of histories."""
-        read = self.table.channels(self.at, RECORD.fewest_of_spectrum, "spectrum")
+        read = channels_of(self.table, self.at, RECORD.fewest_of_spectrum, "spectrum")
         return {
             meaning: read[i]
             for i, meaning in self.known.items()
-            if isinstance(meaning, Channel | ForceChannel)
+            if isinstance(meaning, FloorChannel | ForceChannel)
         }
 
 
-def layout_of(table: Table, columns: Mapping[str, str] | None) -> Layout:
+def layout_of(table: ColumnTable, columns: Mapping[str, str] | None) -> Layout:
     """What the columns of a table stand for.
 
     Args:
@@ -281,7 +280,7 @@ def whole_or_parts(
     )
 
 
-def renamed_columns(table: Table, columns: Mapping[str, str]) -> dict[int, str]:
+def renamed_columns(table: ColumnTable, columns: Mapping[str, str]) -> dict[int, str]:
     """Our name of each column that the user gives one, by its position."""
     names = table.names or ()
     parts = in_parts({name: k for k, name in enumerate(names)})

@@ -1,7 +1,7 @@
-"""Tables of numbers in text: delimiter, header row, units row, and the cell that is wrong."""
+"""Tables of numbers in text: cells, header, units, time step, and the cell that is wrong."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,24 +9,220 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Floats, Integers
-from femupdate.measurement.cells import (
-    Row,
-    cells_of,
-    find_delimiter,
-    in_seconds,
-    is_number,
-    split_complex,
-)
-from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.quantity import FORCES, si_factor, split_unit
-from femupdate.measurement.sampling import uniform_step
+from femupdate.measurement.names import TIME
+from femupdate.measurement.quantity import split_unit
 from femupdate.measurement.text import TextFile
+from femupdate.measurement.thresholds import FILES, TIMES
+
+Row = tuple[int, str]  # line number, text
+
+
+def find_delimiter(line: str) -> str | None:
+    """Return the delimiter of a row; None stands for blanks."""
+    # The semicolon comes first: beside it a comma can only be the decimal sign.
+    return next((mark for mark in ";\t," if mark in line), None)
+
+
+def cells_of(line: str, delimiter: str | None) -> list[str]:
+    """Split a row into its cells, without blanks and quotes around them."""
+    return [cell.strip().strip('"').strip() for cell in line.split(delimiter)]
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell reads as a number (nan and inf included)."""
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+_NUMBER = r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?"
+_COMPLEX = re.compile(
+    rf"\(?\s*(?:(?P<re>{_NUMBER})\s*(?=[-+]))?(?P<im>[-+]?\s*{_NUMBER})\s*\*?\s*[ij]\s*\)?",
+    re.IGNORECASE,
+)
+_ENOUGH = 40
+
+
+def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
+    """Rows with every column of complex numbers as two, `name_re` and `name_im`.
+
+    The first row names the columns; without complex cells the rows come back as they are.
+
+    Args:
+        rows: of a table, its header first.
+        blanks: cells that stand for a missing value.
+    """
+    delimiter = find_delimiter(rows[0][1])
+    titles = cells_of(rows[0][1], delimiter)
+    complex_columns = {
+        k
+        for _, text in rows[1:_ENOUGH]
+        for k, cell in enumerate(cells_of(text, delimiter))
+        if _complex(cell)
+    }
+    complex_columns -= {k for k in complex_columns if k >= len(titles)}
+    if not complex_columns or is_number(titles[0]):
+        return list(rows)
+    mark = delimiter or " "
+
+    def apart(line: int, text: str) -> Row:
+        cells = []
+        for k, cell in enumerate(cells_of(text, delimiter)):
+            cells += _parts(cell, blanks) if k in complex_columns else [cell]
+        return line, mark.join(cells)
+
+    head = []
+    for k, title in enumerate(titles):
+        head += [_named(title, part) for part in ("re", "im")] if k in complex_columns else [title]
+    return [(rows[0][0], mark.join(head)), *(apart(*row) for row in rows[1:])]
+
+
+def _complex(cell: str) -> re.Match[str] | None:
+    return _COMPLEX.fullmatch(cell) if len(cell) <= FILES.longest_cell else None
+
+
+def _named(title: str, part: str) -> str:
+    """`2F_re` of `2F`; a unit in brackets stays behind the name."""
+    name, bracket, unit = title.partition("(") if "(" in title else title.partition("[")
+    return f"{name.strip()}_{part}{' ' if bracket else ''}{bracket}{unit}"
+
+
+def _parts(cell: str, blanks: Sequence[str]) -> list[str]:
+    """Real and imaginary part of a cell; of what is not complex the cell itself and zero."""
+    match = _complex(cell)
+    if match is not None:
+        return [match["re"] or "0", re.sub(r"\s", "", match["im"])]
+    return [cell, cell] if cell.lower() in blanks else [cell, "0"]
+
+
+# 2020-01-31 12:00:00.005, also with T and Z, or 12:00:00.005 alone.
+_MOMENT = re.compile(
+    r"(?P<date>\d{4}[-/]\d\d[-/]\d\d)?[T ]?(?P<time>\d\d:\d\d:\d\d(?:[.,]\d{1,9})?)Z?"
+)
+
+
+def in_seconds(rows: list[Row], delimiter: str | None) -> list[Row]:
+    """Rows whose first cells are times in seconds since the first, where all are moments.
+
+    Their column is called `time_s`.
+
+    Args:
+        rows: of a table, its header first or not.
+        delimiter: of the cells.
+    """
+    if not _MOMENT.fullmatch(cells_of(rows[-1][1], delimiter)[0]):
+        return rows  # as nearly all tables: not a row more need be looked at
+    first = [cells_of(text, delimiter)[0] for _, text in rows]
+    found = [_MOMENT.fullmatch(cell) for cell in first]
+    start = next((k for k, one in enumerate(found) if one), len(rows))
+    plain = all(text.strip().startswith(cell) for (_, text), cell in zip(rows, first, strict=True))
+    if start == len(rows) or not all(found[start:]) or not plain:
+        return rows
+    moments = np.array(
+        [
+            f"{(one['date'] or '2000-01-01').replace('/', '-')}T{one['time'].replace(',', '.')}"
+            for one in found[start:]
+            if one
+        ],
+        dtype="datetime64[ns]",
+    )
+    seconds = (moments - moments[0]) / np.timedelta64(1, "s")
+    comma = "," if delimiter != "," else "."
+    timed = [
+        (line, f"{value:.9f}".replace(".", comma) + text.strip()[len(cell) :])
+        for (line, text), cell, value in zip(rows[start:], first[start:], seconds, strict=True)
+    ]
+    head = [(line, TIME + text.strip()[len(first[0]) :]) for line, text in rows[: min(start, 1)]]
+    return [*head, *rows[1:start], *timed]
+
+
+def check_step(file: TextFile, step: float, title: str | None = None) -> None:
+    """Refuse a time step with which no building is measured.
+
+    Args:
+        file: where the step comes from.
+        step: s.
+        title: what messages call its column or channel.
+
+    Raises:
+        MeasurementError: it is none of the possible ones.
+    """
+    shortest, longest = TIMES.shortest_s, TIMES.longest_s
+    if not shortest <= step <= longest:
+        raise file.error(
+            f"the time step is {step:.3g} s, and buildings are measured every {shortest:g} to"
+            f" {longest:g} s; is the time's unit wrong?",
+            column=title,
+        )
+
+
+def uniform_step(file: TextFile, time: Floats, lines: Integers, title: str) -> float:
+    """Return the time step of uniformly sampled times, s.
+
+    Printed times are rounded: a time may differ from the straight line through all of them by
+    three quarters of its last printed digit, or by a hundredth of a step, whichever is larger.
+
+    Args:
+        file: where the times come from.
+        time: (n,) at least three times, s.
+        lines: (n,) their line numbers.
+        title: what messages call their column.
+
+    Raises:
+        MeasurementError: a time does not increase, or the sampling is not uniform.
+    """
+    backwards = np.flatnonzero(np.diff(time) <= 0)
+    if backwards.size and np.mean(np.diff(time) <= 0) > 0.5:
+        raise file.error("the times do not increase; sort the rows by time", None, title)
+    check_step(file, float(np.median(np.diff(time))), title)
+    digit = 10.0 ** -_decimals(time)
+    time = time - time[0]
+    step, start = np.polyfit(np.arange(time.size), time, 1)
+    tolerance = min(max(0.75 * digit, TIMES.jitter * step), TIMES.coarsest * step)
+    deviation = np.abs(time - (start + step * np.arange(time.size)))
+    if backwards.size or deviation.max() > tolerance:
+        _raise_uneven(file, time, lines, title)
+    return _rounded_step(step, time.size, digit)
+
+
+def _raise_uneven(file: TextFile, time: Floats, lines: Integers, title: str) -> None:
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    worst = int(np.argmax(np.abs(steps - usual)))
+    raise file.error(
+        f"the sampling is not uniform: {steps[worst]:.6g} s after the row before, elsewhere"
+        f" {usual:.6g} s; fill the gap or resample to one time step",
+        int(lines[worst + 1]),
+        title,
+    )
+
+
+def _decimals(time: Floats) -> int:
+    """Number of decimals that the times are printed with."""
+    scale = np.abs(time).max() * 1e-14
+    for decimals in range(TIMES.decimals):
+        if np.abs(np.round(time, decimals) - time).max() <= scale:
+            return decimals
+    return TIMES.decimals
+
+
+def _rounded_step(step: float, count: int, digit: float) -> float:
+    """Take the nearest whole sampling rate, or the nearest round step, that the digits allow."""
+    allowed = digit / (count - 1)  # what the rounding of the first and last time allows
+    rate = round(1.0 / step)
+    if rate > 0 and abs(step - 1.0 / rate) <= allowed:
+        return 1.0 / rate
+    rounded = round(step, TIMES.decimals)
+    return rounded if abs(step - rounded) <= allowed else float(step)
+
 
 _MOST_ABOVE, _LEAST_ROWS, _LEAST_COLUMNS = 60, 10, 2
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class ColumnTable:
     """Columns of finite numbers with their names and units.
 
     Attributes:
@@ -48,7 +244,7 @@ class Table:
         file: TextFile,
         columns: Mapping[str, NDArray[np.number]],
         units: Mapping[str, str | None],
-    ) -> "Table":
+    ) -> "ColumnTable":
         """Arrays (r,) as a table; one of complex numbers becomes two, `name_re` and `name_im`.
 
         Args:
@@ -67,43 +263,11 @@ class Table:
         }
         values = np.column_stack([own.astype(np.float64) for _, own in parts.values()])
         stated = tuple(units.get(name) or None for name, _ in parts.values())
-        return Table(file, tuple(parts), stated, values, np.arange(len(values)) + 1)
+        return ColumnTable(file, tuple(parts), stated, values, np.arange(len(values)) + 1)
 
     def title(self, column: int) -> str:
         """Return what messages call a column."""
         return column_title(self.names, column)
-
-    def channels(
-        self, at: int, fewest: int = 3, what: str = "record"
-    ) -> dict[int, RecordedChannel]:
-        """The columns as histories by their positions, but for that of the times.
-
-        Args:
-            at: position of the times.
-            fewest, what: rows that there must be, and for what.
-
-        Raises:
-            MeasurementError: there are fewer rows, or the sampling is not uniform.
-        """
-        count, width = self.values.shape
-        if count < fewest:
-            raise self.file.error(
-                f"{count} rows are too short for a {what}; give at least {fewest}",
-                int(self.lines[-1]),
-            )
-        seconds = si_factor(self.file, self.units[at] or "s", "time")
-        step = uniform_step(self.file, self.values[:, at] * seconds, self.lines, self.title(at))
-        return {
-            column: RecordedChannel(
-                name=self.names[column] if self.names else str(column),
-                values=self.values[:, column],
-                time_step=step,
-                unit=self.units[column],
-                quantity="force" if self.units[column] in FORCES else "acceleration",
-            )
-            for column in range(width)
-            if column != at
-        }
 
 
 def column_title(names: tuple[str, ...] | None, column: int) -> str:
@@ -111,7 +275,7 @@ def column_title(names: tuple[str, ...] | None, column: int) -> str:
     return repr(names[column]) if names else str(column + 1)
 
 
-def read_table(file: TextFile) -> Table:
+def read_table(file: TextFile) -> ColumnTable:
     """Read a table whose columns are parted by semicolons, tabs, commas or blanks.
 
     A column of complex numbers becomes two, `name_re` and `name_im`.
@@ -135,7 +299,7 @@ def read_table(file: TextFile) -> Table:
                 f"column {position + 1} has no name; give every column one or remove it", rows[0][0]
             )
     values, lines = parse_rows(file, data, delimiter, names)
-    return Table(file, names, units or (None,) * values.shape[1], values, lines)
+    return ColumnTable(file, names, units or (None,) * values.shape[1], values, lines)
 
 
 def rows_of_table(file: TextFile) -> list[Row]:

@@ -9,9 +9,9 @@ from matplotlib.lines import Line2D
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.measurement.columns import BASE
 from femupdate.measurement.inspection import InspectedChannel, Inspection
 from femupdate.measurement.modes import in_phase
+from femupdate.measurement.names import BASE
 from femupdate.measurement.recording import RecordedFunction, RecordedMode
 from femupdate.report.figure import add_head, frequency_ticks, new_figure
 from femupdate.report.page_charts import thinned

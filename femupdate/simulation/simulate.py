@@ -25,8 +25,8 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import effect_named
 from femupdate.effects.structure import require_story_factors, structure_of
 from femupdate.errors import BuildingError, MeasurementError, ModelError
-from femupdate.measurement.columns import BASE, Channel, channel_name, vertical_channel
 from femupdate.measurement.histories import Histories, fault_of
+from femupdate.measurement.names import BASE, FloorChannel, channel_name, vertical_channel
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
 from femupdate.progress import SILENT, Progress
@@ -210,7 +210,7 @@ def simulate_observation(
     exact = truth.respond(0.0 if zeta is None else zeta, motion)
     progress.advance()
     fine = truth.fine
-    base = Channel(channel_name(BASE, direction=fine.direction), BASE, "", fine.direction)
+    base = FloorChannel(channel_name(BASE, direction=fine.direction), BASE, "", fine.direction)
     vertical = _vertical(chosen, motion)
     exact = np.vstack([motion.acceleration, exact, *vertical.values()])
     histories = Histories(
@@ -354,7 +354,7 @@ def _with_rotation(
     return motion
 
 
-def _vertical(settings: SimulationSettings, motion: GroundMotion) -> dict[Channel, Floats]:
+def _vertical(settings: SimulationSettings, motion: GroundMotion) -> dict[FloorChannel, Floats]:
     """What vertical sensors of the base feel, (n,) m/s2 each; none where it does not turn."""
     if motion.rotation is None:
         return {}

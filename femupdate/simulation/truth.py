@@ -28,7 +28,7 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import BuildingError, ModelError
 from femupdate.fe.model import DOF_PER_NODE
-from femupdate.measurement.columns import Channel, channel_name
+from femupdate.measurement.names import FloorChannel, channel_name
 from femupdate.measurement.record import GroundMotion
 
 SensorPoints = Mapping[str, tuple[str, ...]] | tuple[str, ...]
@@ -40,7 +40,7 @@ _FINER = 0.4
 
 def sensor_places(
     building: Meshed, mesh_size: float | None, sensors: SensorPoints | None
-) -> tuple[Meshed, float | None, tuple[Channel, ...], tuple[str, ...]]:
+) -> tuple[Meshed, float | None, tuple[FloorChannel, ...], tuple[str, ...]]:
     """The building with every sensor listed, its mesh size (m), the sensors and their places.
 
     The sensors come in the order of the nodes of the mesh's floors. A mesh that is read has no size
@@ -71,15 +71,15 @@ def sensor_places(
     return sensed, size, *_channels(sensed)
 
 
-def _channels(building: Meshed) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
+def _channels(building: Meshed) -> tuple[tuple[FloorChannel, ...], tuple[str, ...]]:
     """The sensors and their places, in the order of the mesh's floor nodes."""
     direction = building.sensors.direction
-    channels: list[Channel] = []
+    channels: list[FloorChannel] = []
     places: list[str] = []
     for floor, points in building.sensors.floors.items():
         numbers = [""] if len(points) == 1 else [str(n) for n in range(1, len(points) + 1)]
         channels += [
-            Channel(channel_name(floor, n, direction), floor, n, direction) for n in numbers
+            FloorChannel(channel_name(floor, n, direction), floor, n, direction) for n in numbers
         ]
         places += [p if isinstance(p, str) else f"({p[0]:g}, {p[1]:g}) m" for p in points]
     return tuple(channels), tuple(places)
@@ -165,7 +165,7 @@ class FineModel:
 
     building: Building
     structure: Structure
-    channels: tuple[Channel, ...]
+    channels: tuple[FloorChannel, ...]
     places: tuple[str, ...]
     mesh_size: float | None
 
@@ -243,7 +243,7 @@ def fine_model(
                 f"{building.name}: a shear building has neither a mesh nor sensor points; leave "
                 "both out"
             )
-        channels = tuple(Channel(floor, floor) for floor in building.floors)
+        channels = tuple(FloorChannel(floor, floor) for floor in building.floors)
         places = ("",) * len(channels)
         return FineModel(building, structure_of(building), channels, places, None)
     sensed, size, channels, places = sensor_places(building, mesh_size, sensors)

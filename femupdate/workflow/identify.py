@@ -8,12 +8,12 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.measurement.ambient import AmbientModes, identify_modes
-from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.histories import motions_in
 from femupdate.measurement.modes import mode_findings
+from femupdate.measurement.names import BASE, FloorChannel
 from femupdate.measurement.quantity import si_factor
-from femupdate.measurement.registry import read_measured
+from femupdate.measurement.reader import read_measured
+from femupdate.measurement.recording import RecordedChannel
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import AMBIENT
 from femupdate.measurement.write import write_modes
@@ -115,7 +115,7 @@ def draw_identified(one: Identified, path: Path) -> Path:
     return save_figure(stabilisation(one.ambient, f"Modes identified from {one.source}"), path)
 
 
-def _values(file: TextFile, floors: Mapping[Channel, RecordedChannel]) -> Floats:
+def _values(file: TextFile, floors: Mapping[FloorChannel, RecordedChannel]) -> Floats:
     """Motion (c, n) in one unit, which need not be known where all have the same."""
     channels = list(floors.values())
     units = {channel.unit for channel in channels}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.inspection import Inspection, inspect_file
-from femupdate.measurement.mapping_file import write_mapping
+from femupdate.measurement.write import write_mapping
 from femupdate.result import Item, Note, Notes, Result
 from femupdate.tables import Table
 

@@ -11,7 +11,7 @@ from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import forced_data
 from femupdate.inference.modal_terms import ModalErrors
-from femupdate.measurement.channel import RecordedChannel
+from femupdate.measurement.checks import pair_findings
 from femupdate.measurement.frf import observation_for, with_halves
 from femupdate.measurement.frf_table import in_band
 from femupdate.measurement.histories import Histories
@@ -21,7 +21,7 @@ from femupdate.measurement.observation import (
     require_floors_of_building,
     select_floors,
 )
-from femupdate.measurement.pair_checks import pair_findings
+from femupdate.measurement.recording import RecordedChannel
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.units import percent

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from femupdate.building.shipped import building_text, shipped_buildings
 from femupdate.effects.effect import Effect
 from femupdate.effects.registry import CATALOGUE
-from femupdate.measurement.reader import Reader
-from femupdate.measurement.registry import readers
+from femupdate.measurement.reader import Reader, readers
 from femupdate.result import Item, Note, Result
 from femupdate.units import capital
 

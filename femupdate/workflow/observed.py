@@ -11,14 +11,13 @@ import numpy as np
 from femupdate.building.document import Building
 from femupdate.building.shear import require_heights
 from femupdate.errors import MeasurementError
-from femupdate.measurement.agreement import agreement
 from femupdate.measurement.frf import observation_for, with_halves
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import AnyKind, Reading, base_motion_in, kind_in
 from femupdate.measurement.observation import Observation, select_floors
-from femupdate.measurement.pooled import pooled
+from femupdate.measurement.reader import read_measured
 from femupdate.measurement.recording import Recording
-from femupdate.measurement.registry import read_measured
+from femupdate.measurement.runs import agreement, pooled
 from femupdate.measurement.text import read_head
 from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.study import file_hash

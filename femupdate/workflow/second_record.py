@@ -6,8 +6,8 @@ import numpy as np
 
 from femupdate.dynamics.level import RunLevels, levels_in_run, motion_level
 from femupdate.errors import MeasurementError
-from femupdate.measurement.columns import BASE
 from femupdate.measurement.histories import Histories
+from femupdate.measurement.names import BASE
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, direction_of
 

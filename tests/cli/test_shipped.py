@@ -6,7 +6,7 @@ from femupdate.building.files import load_building
 from femupdate.building.shipped import shipped_buildings
 from femupdate.effects.registry import CATALOGUE
 from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.registry import readers
+from femupdate.measurement.reader import readers
 
 
 def test_everything_shipped_is_listed(femupdate):

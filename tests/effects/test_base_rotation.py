@@ -14,9 +14,9 @@ from femupdate.dynamics.history import floor_histories, transformed_sensors
 from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.system import Responses, System
 from femupdate.effects.structure import structure_of
-from femupdate.measurement.columns import parse_channel
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.histories import Histories
+from femupdate.measurement.names import parse_channel
 
 ZETA = 0.03
 HEIGHT, OMEGA = 6.5, 2.0 * np.pi * 3.0

@@ -7,7 +7,7 @@ import torch
 from femupdate.inference.event_scatter import EventScatter
 from femupdate.inference.next_event import between_runs, incoherent_share
 from femupdate.measurement.observation import Observation
-from femupdate.measurement.pooled import pooled
+from femupdate.measurement.runs import pooled
 
 GRID = np.linspace(1.0, 10.0, 10)
 

@@ -5,10 +5,9 @@ import pytest
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.ambient import identify_modes
+from femupdate.measurement.ambient import Subspace, identify_modes
 from femupdate.measurement.modes import identified_modes
-from femupdate.measurement.registry import read_measured
-from femupdate.measurement.subspace import Subspace
+from femupdate.measurement.reader import read_measured
 from femupdate.measurement.write import write_modes
 
 pytest.importorskip("pyoma2")

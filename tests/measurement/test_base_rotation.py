@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.columns import parse_channel
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.histories import Histories, rotation_of
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.mapping_file import read_mapping, write_mapping
-from femupdate.measurement.pooled import pooled
+from femupdate.measurement.names import parse_channel
+from femupdate.measurement.runs import pooled
+from femupdate.measurement.write import read_mapping, write_mapping
 
 STEP, COUNT = 0.02, 3000
 GRID = np.arange(2, 60) * 0.2

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.measurement.columns import parse_channel
 from femupdate.measurement.estimated import mean_estimator
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.histories import Histories
+from femupdate.measurement.names import parse_channel
 
 STEP, GRID = 0.02, np.arange(1, 201) * 0.05
 

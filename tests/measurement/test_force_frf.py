@@ -8,7 +8,7 @@ from femupdate.measurement.frf_table import in_band
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.kinds import Reading, kind_in, read_observation_file
 from femupdate.measurement.quantity import force_unit
-from femupdate.measurement.registry import read_measured
+from femupdate.measurement.reader import read_measured
 
 G = 9.80665
 

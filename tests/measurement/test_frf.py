@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.columns import Channel, parse_channel
+from femupdate.measurement.estimated import Segments, effective_averages
 from femupdate.measurement.frf import (
     estimate_frf,
     observation_for,
@@ -15,6 +15,7 @@ from femupdate.measurement.frf import (
 )
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.names import FloorChannel, parse_channel
 from femupdate.measurement.observation import (
     HANN_BANDWIDTH,
     Observation,
@@ -22,7 +23,6 @@ from femupdate.measurement.observation import (
     select_floors,
 )
 from femupdate.measurement.thresholds import SPECTRUM
-from femupdate.measurement.welch import Segments, effective_averages
 
 RATE = 200.0
 GRID = np.arange(1, 1025) * 0.05  # the wall-frame's: to 51.2 Hz
@@ -34,7 +34,7 @@ def histories(rate=RATE, source="test", **rows: np.ndarray) -> Histories:
     channels = []
     for name in rows:
         channel = parse_channel(name.replace("__", ".").replace("_", ":").removeprefix("f"))
-        assert isinstance(channel, Channel)
+        assert isinstance(channel, FloorChannel)
         channels.append(channel)
     return Histories(1 / rate, tuple(channels), np.array(list(rows.values())), source)
 

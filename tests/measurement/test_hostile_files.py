@@ -9,12 +9,12 @@ import pytest
 from scipy.io import savemat
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.cells import split_complex
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.kinds import Reading, kind_in
 from femupdate.measurement.quantity import bracketed
+from femupdate.measurement.reader import read_measured
 from femupdate.measurement.readers import uff
-from femupdate.measurement.registry import read_measured
+from femupdate.measurement.table import split_complex
 from femupdate.measurement.text import TextFile
 from femupdate.workflow.identify import identify
 

@@ -7,8 +7,8 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.kinds import Reading, kind_in, read_observation_file
 from femupdate.measurement.modes import in_phase, mac, mode_findings, phase_collinearity
+from femupdate.measurement.reader import read_measured
 from femupdate.measurement.recording import RecordedMode
-from femupdate.measurement.registry import read_measured
 
 
 def read(path, **how):

@@ -5,12 +5,11 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.channel_checks import channel_findings
-from femupdate.measurement.floor_names import base_rank, floors_of
+from femupdate.measurement.checks import channel_findings, pair_findings
 from femupdate.measurement.inspection import inspect_file
+from femupdate.measurement.names import base_rank, floors_of
 from femupdate.measurement.next_step import next_step
-from femupdate.measurement.pair_checks import pair_findings
+from femupdate.measurement.recording import RecordedChannel
 
 RATE = 100.0
 

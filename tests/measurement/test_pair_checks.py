@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, cont2discrete, lfilter, sosfilt, ss2tf
 
-from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.pair_checks import pair_findings
+from femupdate.measurement.checks import pair_findings
+from femupdate.measurement.recording import RecordedChannel
 
 STEP = 0.01
 FLOORS = ("base", "2F", "3F", "RF")

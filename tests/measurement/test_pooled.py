@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.agreement import agreement
 from femupdate.measurement.observation import Observation, independent_share, select_floors
-from femupdate.measurement.pooled import pooled
+from femupdate.measurement.runs import agreement, pooled
 
 FLOORS = ("2F", "3F", "RF")
 FREQUENCY = 0.1 * np.arange(1, 101)

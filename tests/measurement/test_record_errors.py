@@ -224,7 +224,7 @@ def test_a_time_step_with_which_nothing_is_measured(write, texts, step):
 def test_damage_that_a_reader_does_not_expect(write, monkeypatch):
     from dataclasses import replace
 
-    from femupdate.measurement import registry
+    from femupdate.measurement import reader as registry
 
     def fails(path):
         raise IndexError("list index out of range")

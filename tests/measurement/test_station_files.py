@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.channel import RecordedChannel, azimuth_of
 from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.reader import read_measured
 from femupdate.measurement.record import read_record
-from femupdate.measurement.registry import read_measured
+from femupdate.measurement.recording import RecordedChannel, azimuth_of
 
 EXACT = {"rtol": 1e-14, "atol": 0}
 

@@ -7,8 +7,8 @@ import pytest
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.reader import read_measured
 from femupdate.measurement.record import read_record
-from femupdate.measurement.registry import read_measured
 
 
 @pytest.fixture

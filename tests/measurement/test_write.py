@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.columns import channel_name, floor_height, parse_channel
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.names import channel_name, floor_height, parse_channel
 from femupdate.measurement.write import write_observation_histories
 
 

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femupdate.measurement.ambient import AmbientModes
+from femupdate.measurement.ambient import AmbientModes, Pole
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.recording import RecordedMode
-from femupdate.measurement.subspace import Pole
 from femupdate.report import plot_repair
 from femupdate.report.curves import history_curves, response_curves
 from femupdate.report.figure import add_head, new_figure, thin_band_note

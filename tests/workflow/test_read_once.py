@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.registry import read_measured
+from femupdate.measurement.reader import read_measured
 from femupdate.progress import SILENT
 from femupdate.study import Study, file_hash
 from femupdate.workflow import observed

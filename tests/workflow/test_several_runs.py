@@ -14,7 +14,7 @@ from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
 from femupdate.inference.likelihood import cost_of_scatter, likelihood_of
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
-from femupdate.measurement.pooled import pooled
+from femupdate.measurement.runs import pooled
 from femupdate.simulation.simulate import (
     SimulationSettings,
     simulate_observation,

@@ -1,1 +1,1 @@
-"""Readers of measured files: one module a format, found by `femupdate.measurement.registry`."""
+"""Readers of measured files: one module a format, found by `femupdate.measurement.reader`."""

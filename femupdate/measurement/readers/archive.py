@@ -12,9 +12,8 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import Recording
+from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.text import TextFile, read_head
 from femupdate.measurement.thresholds import FILES
 
@@ -183,7 +182,7 @@ def _is_archive(path: Path) -> bool:
 
 def _member(file: TextFile, name: str, path: Path, alone: bool) -> Recording | None:
     """What a member holds; None of one that is no record."""
-    from femupdate.measurement.registry import readers
+    from femupdate.measurement.reader import readers
 
     if path.stat().st_size == 0:
         return None

@@ -9,10 +9,9 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from femupdate.measurement.channel import RecordedChannel, azimuth_of
-from femupdate.measurement.header import Block, block_values, finite, positive
+from femupdate.measurement.header import NumberBlock, block_values, finite, positive
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import Recording
+from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import TextFile, read_text
 
 # 12725 acceleration pts, approx 63 secs, units=cm/sec2(04),Format=(8F10.5)
@@ -81,7 +80,7 @@ def _channels(file: TextFile) -> Iterator[RecordedChannel]:
             count, per_line = int(match["n"]), int(positive(file, match["per"], "Format", at))
             width = int(positive(file, match["width"], "Format", at))
             peak = _item(header["real"], 64)
-            block = Block(at, count, per_line, width, name, match["kind"].upper() == "I")
+            block = NumberBlock(at, count, per_line, width, name, match["kind"].upper() == "I")
             factor, unit = _scale(file, at, match["unit"], header["real"])
             yield RecordedChannel(
                 name=name,

@@ -9,10 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from femupdate.measurement.channel import RecordedChannel, azimuth_of
-from femupdate.measurement.header import Block, block_values, positive
+from femupdate.measurement.header import NumberBlock, block_values, positive
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import Recording
+from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import TextFile, read_text
 
 _ANNOUNCED = [
@@ -113,7 +112,7 @@ def _channel(file: TextFile, at: int, announced: re.Match[str], head: _Head) -> 
     layout, unit = _FORMAT.search(found["rest"]), _UNIT.search(found["rest"])
     per_line = layout["per"] if layout else _PER_LINE
     width = layout["width"] if layout else _width(file, at)
-    block = Block(
+    block = NumberBlock(
         at,
         int(found["n"]),
         int(positive(file, per_line, "the number of values in a line", at)),

@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from femupdate.measurement.channel import RecordedChannel, azimuth_of
 from femupdate.measurement.header import finite, positive, wrapped_numbers
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import Recording
+from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import TextFile, read_text
 
 _STEP = "SAMPLING_INTERVAL_S"

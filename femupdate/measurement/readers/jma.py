@@ -2,12 +2,10 @@
 
 from pathlib import Path
 
-from femupdate.measurement.cells import Row, cells_of, is_number
-from femupdate.measurement.channel import RecordedChannel, azimuth_of
 from femupdate.measurement.header import header_value, positive
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import Recording
-from femupdate.measurement.table import drop_trailing_blanks, parse_rows
+from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
+from femupdate.measurement.table import Row, cells_of, drop_trailing_blanks, is_number, parse_rows
 from femupdate.measurement.text import TextFile, read_text
 
 _RATE = r"SAMPLING\s*(?:RATE|FREQ\w*)\s*=\s*([^\s,]+?)\s*HZ"

@@ -3,10 +3,9 @@
 import re
 from pathlib import Path
 
-from femupdate.measurement.channel import RecordedChannel, azimuth_of
 from femupdate.measurement.header import header_value, positive, wrapped_numbers
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import Recording
+from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import read_text
 
 # KiK-net numbers its six channels: the sensor in the borehole first, then that on the ground.

@@ -3,13 +3,21 @@
 import re
 from pathlib import Path
 
-from femupdate.measurement.cells import Row, cells_of, find_delimiter, is_number, split_complex
-from femupdate.measurement.columns import FREQUENCY
-from femupdate.measurement.mode_table import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE, figure_of
+from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE, figure_of
+from femupdate.measurement.names import FREQUENCY
 from femupdate.measurement.quantity import bracketed
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
-from femupdate.measurement.table import Table, parse_rows, read_head_rows
+from femupdate.measurement.table import (
+    ColumnTable,
+    Row,
+    cells_of,
+    find_delimiter,
+    is_number,
+    parse_rows,
+    read_head_rows,
+    split_complex,
+)
 from femupdate.measurement.text import TextFile, read_text
 
 # Columns that no table of histories or of response functions has.
@@ -55,7 +63,7 @@ def _read(path: Path) -> Recording:
     filled = [(line, _filled(text, delimiter, names)) for line, text in rows]
     values, lines = parse_rows(file, filled, delimiter, names, missing=True)
     notes = (f"Lines above the table that are passed over: {above}.",) if above else ()
-    return Recording(file, mode_table=Table(file, names, units, values, lines), notes=notes)
+    return Recording(file, mode_table=ColumnTable(file, names, units, values, lines), notes=notes)
 
 
 def _filled(text: str, delimiter: str | None, names: tuple[str, ...]) -> str:

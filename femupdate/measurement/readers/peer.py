@@ -4,10 +4,9 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.header import positive, wrapped_numbers
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import Recording
+from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.text import TextFile, read_text
 
 _HEADER_LINES = 12

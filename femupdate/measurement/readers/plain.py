@@ -2,11 +2,17 @@
 
 from pathlib import Path
 
-from femupdate.measurement.cells import cells_of, find_delimiter, is_number, split_complex
-from femupdate.measurement.columns import TIME_NAME
+from femupdate.measurement.names import TIME_NAME
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
-from femupdate.measurement.table import read_table, rows_of_table
+from femupdate.measurement.table import (
+    cells_of,
+    find_delimiter,
+    is_number,
+    read_table,
+    rows_of_table,
+    split_complex,
+)
 from femupdate.measurement.text import TextFile, read_text
 
 _LOOKED_AT = 50

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from femupdate.measurement.channel import RecordedChannel, azimuth_of
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import Recording
+from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import TextFile, reading_package
 from femupdate.measurement.thresholds import TIMES
 

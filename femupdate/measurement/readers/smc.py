@@ -7,10 +7,9 @@ characters to a line; the volume stands in the first line.
 import re
 from pathlib import Path
 
-from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.header import Block, block_values, finite, positive
+from femupdate.measurement.header import NumberBlock, block_values, finite, positive
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import Recording
+from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.text import TextFile, read_text
 
 _FIRST = re.compile(
@@ -49,7 +48,7 @@ def _read(path: Path) -> Recording:
         )
     comments = int(finite(integers[_COMMENTS]) or 0)
     start = _TEXT_LINES + _INTEGER_LINES + _REAL_LINES + comments
-    values = block_values(file, Block(start - 1, int(count), 8, 10, ""))
+    values = block_values(file, NumberBlock(start - 1, int(count), 8, 10, ""))
     head = "\n".join(file.lines[:start])
     tilt, azimuth = finite(integers[_TILT]), _azimuth(integers[_AZIMUTH])
     vertical = tilt is not None and tilt in (0.0, 180.0)

@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from femupdate.measurement.channel import RecordedChannel
-from femupdate.measurement.columns import TIME_NAME
+from femupdate.measurement.names import TIME_NAME
 from femupdate.measurement.quantity import FORCES, is_acceleration
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import Recording
-from femupdate.measurement.sampling import uniform_step
+from femupdate.measurement.recording import RecordedChannel, Recording
+from femupdate.measurement.table import uniform_step
 from femupdate.measurement.text import TextFile, reading_package
 from femupdate.measurement.thresholds import TIMES
 

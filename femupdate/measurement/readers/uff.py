@@ -13,10 +13,14 @@ from numpy.typing import NDArray
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
-from femupdate.measurement.channel import RecordedChannel
 from femupdate.measurement.quantity import force_unit, is_acceleration
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import RecordedFunction, RecordedMode, Recording
+from femupdate.measurement.recording import (
+    RecordedChannel,
+    RecordedFunction,
+    RecordedMode,
+    Recording,
+)
 from femupdate.measurement.text import TextFile, reading_package
 
 _FIRST = re.compile(r"\s*-1[ \t\r]*\n\s*\d{2,5}b?\b")

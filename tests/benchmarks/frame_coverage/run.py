@@ -18,8 +18,8 @@ from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.history import HistorySettings, floor_histories
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
-from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.histories import Histories
+from femupdate.measurement.names import BASE, FloorChannel
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
 from femupdate.simulation.truth import FineModel, fine_model, truth_of
@@ -222,7 +222,7 @@ def written(
     ).floor_acceleration[0]
     exact = np.vstack([base.acceleration, moved])
     noise = rng.uniform(*_NOISE) * base.acceleration.std()
-    channels = tuple(Channel(floor, floor) for floor in (BASE, *truth.floors))
+    channels = tuple(FloorChannel(floor, floor) for floor in (BASE, *truth.floors))
     seen = exact + noise * rng.standard_normal(exact.shape)
     histories = Histories(base.time_step, channels, seen, "simulated frame")
     return write_observation_histories(folder / "observation.csv", histories)

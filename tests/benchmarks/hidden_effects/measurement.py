@@ -9,9 +9,9 @@ from femupdate.arrays import Floats
 from femupdate.building.document import Building
 from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
-from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.histories import Histories
+from femupdate.measurement.names import BASE, FloorChannel
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.simulation.simulate import white_noise
@@ -89,7 +89,7 @@ class MeasuredBuilding:
         exact = np.vstack([motion.acceleration, truth.respond(self.zeta, motion)])
         noisy = exact + settings.sensor_noise_m_s2 * rng.standard_normal(exact.shape)
         step = settings.quantisation_m_s2
-        base = Channel(BASE, BASE, "", truth.fine.direction)
+        base = FloorChannel(BASE, BASE, "", truth.fine.direction)
         channels = (base, *truth.fine.channels)
         return Histories(motion.time_step, channels, step * np.round(noisy / step), "trial")
 

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from femupdate.arrays import Floats
-from femupdate.measurement.columns import BASE
 from femupdate.measurement.histories import Histories
+from femupdate.measurement.names import BASE
 
 _GRID = 200  # frequencies at which a mode is tried
 _DAMPING = (0.005, 0.02, 0.06)

@@ -5,8 +5,8 @@ import pytest
 from femupdate.benchmarks.measured.free_fit import fit_free
 from scipy.signal import cont2discrete, dlsim
 
-from femupdate.measurement.columns import BASE, Channel
 from femupdate.measurement.histories import Histories
+from femupdate.measurement.names import BASE, FloorChannel
 
 STEP = 0.01
 FREQUENCY, DAMPING = np.array([2.1, 6.3]), np.array([0.03, 0.015])
@@ -24,7 +24,7 @@ def event(seed):
         whole = cont2discrete((state, np.array([[0.0], [-1.0]]), *out), STEP, "foh")
         moved.append(dlsim(whole, base)[1][:, 0])
     floors = base + PARTICIPATION.T @ np.array(moved)
-    channels = tuple(Channel(name, name) for name in (BASE, "2F", "RF"))
+    channels = tuple(FloorChannel(name, name) for name in (BASE, "2F", "RF"))
     return Histories(STEP, channels, np.vstack([base, floors]), "two modes")
 
 

@@ -1,6 +1,10 @@
-"""Names of the columns of observation files: floors, sensors, directions."""
+"""Names of floors, sensors, directions and columns, and floors told from stations' own words.
+
+`Roof - center` is RF, `4th floor, east core` 4F.
+"""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 BASE = "base"
@@ -36,7 +40,7 @@ FRF_COLUMNS = (
 
 
 @dataclass(frozen=True)
-class Channel:
+class FloorChannel:
     """One acceleration channel of a building.
 
     Attributes:
@@ -92,7 +96,7 @@ class ForceChannel:
         return f"force/{self.floor}" + (f".{self.direction}" if self.direction != "x" else "")
 
 
-def parse_history(name: str) -> Channel | ForceChannel | None:
+def parse_history(name: str) -> FloorChannel | ForceChannel | None:
     """Return the motion or the force that a column of histories stands for, or None."""
     match = _FORCE.fullmatch(name.strip())
     if match is None:
@@ -100,7 +104,7 @@ def parse_history(name: str) -> Channel | ForceChannel | None:
     return ForceChannel(match["floor"].upper(), (match["direction"] or "x").lower())
 
 
-def parse_channel(name: str) -> Channel | None:
+def parse_channel(name: str) -> FloorChannel | None:
     """Return the channel that a column name stands for, or None."""
     vertical = _VERTICAL.fullmatch(name.strip())
     if vertical is not None:
@@ -110,12 +114,12 @@ def parse_channel(name: str) -> Channel | None:
         return None
     floor, sensor = _floor_name(match["floor"]), match["sensor"] or ""
     direction = (match["direction"] or "x").lower()
-    return Channel(channel_name(floor, sensor, direction), floor, sensor, direction)
+    return FloorChannel(channel_name(floor, sensor, direction), floor, sensor, direction)
 
 
-def vertical_channel(place: float) -> Channel:
+def vertical_channel(place: float) -> FloorChannel:
     """A vertical sensor of the base at a place along the motion, m."""
-    return Channel(f"{BASE}@{place:g}.z", BASE, "", "z", place)
+    return FloorChannel(f"{BASE}@{place:g}.z", BASE, "", "z", place)
 
 
 def channel_name(floor: str, sensor: str = "", direction: str = "x") -> str:
@@ -141,3 +145,54 @@ def floor_height(floor: str) -> float:
 
 def _floor_name(text: str) -> str:
     return BASE if text.lower() == BASE else text.upper()
+
+
+_ROOF = re.compile(r"\broof\b|\bRF\b", re.IGNORECASE)
+_NUMBERED = re.compile(
+    r"\b(\d+)(?:st|nd|rd|th)?[ _-]*(?:floor|flr?|level|story|storey)\b"
+    r"|\b(?:floor|flr?|level|story|storey)[ _-]*(\d+)\b|(?<![A-Za-z0-9])(\d+)F\b",
+    re.IGNORECASE,
+)
+_BELOW = re.compile(r"\bbasement\b|\bfoundation\b|\bground floor\b|\blobby\b|\bbase\b", re.I)
+_BESIDE = re.compile(r"\bgr(?:oun|n)d\b|free[ -]?field|\bpit\b", re.IGNORECASE)
+
+
+def floors_of(texts: Sequence[str]) -> tuple[str | None, ...]:
+    """Return the floors that columns' names or sensors' locations tell, None where they do not.
+
+    `Roof - center` is RF, `4th floor, east core` 4F; `Basement`, `Free field` and `1st Floor` are
+    the base. Where a first floor stands beside a base or basement, the count begins above that.
+    """
+    numbers = [_number(text) for text in texts]
+    based = any(n is None and base_rank(t) == 0 for n, t in zip(numbers, texts, strict=True))
+    shift = 1 if based and 1 in numbers else 0
+    return tuple(
+        _floor(text, None if number is None else number + shift)
+        for text, number in zip(texts, numbers, strict=True)
+    )
+
+
+def base_rank(text: str) -> int:
+    """Return 0 for a place in the building's base, 1 for the ground beside it, 2 for no base."""
+    number, words = _number(text), text.replace("_", " ")
+    if number == 1 or (number is None and _BELOW.search(words)):
+        return 0
+    return 1 if number is None and _BESIDE.search(words) else 2
+
+
+def _floor(text: str, number: int | None) -> str | None:
+    channel = parse_channel(text)
+    if channel is not None:
+        return channel.floor
+    if _ROOF.search(text.replace("_", " ")):
+        return "RF"
+    if number is not None:
+        return f"{number}F" if number > 1 else BASE
+    return BASE if base_rank(text) < 2 else None
+
+
+def _number(text: str) -> int | None:
+    if parse_channel(text) is not None or _ROOF.search(text.replace("_", " ")):
+        return None
+    match = _NUMBERED.search(text.replace("_", " "))
+    return int(next(group for group in match.groups() if group)) if match else None
