@@ -179,10 +179,9 @@ def shared_out(address: str | None) -> Iterator[None]:
     if address is None:
         yield
         return
-    from femupdate.dask_workers import dask_workers
-    from femupdate.workers import working_on
+    from femupdate.workers import dask_executor, working_on
 
-    with dask_workers(address) as workers, working_on(workers):
+    with dask_executor(address) as executor, working_on(executor):
         yield
 
 

@@ -14,7 +14,6 @@ import pytest
 import torch
 
 from femupdate.building.files import load_building
-from femupdate.dask_workers import _CONFIGURATION, dask_workers
 from femupdate.dynamics.local_basis import local_structure
 from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
@@ -25,7 +24,7 @@ from femupdate.errors import WorkersError
 from femupdate.inference.priors import theta_prior
 from femupdate.surrogate import dataset as room
 from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
-from femupdate.workers import OneByOne, completed, everywhere, working_on
+from femupdate.workers import completed, dask_executor, everywhere, working_on
 from femupdate.workflow.model import reduce_building
 
 PLAN = DatasetPlan(samples=90, modes=3, top_frequency_hz=12.8, seed=3)
@@ -39,7 +38,7 @@ def processes():
         with contextlib.suppress(OSError):  # there is one
             other.bind(("", 8787))
             other.listen()
-        with dask_workers("local") as workers:
+        with dask_executor("local") as workers:
             yield workers
 
 
@@ -86,7 +85,7 @@ def test_a_process_that_is_slow_to_come_back_is_waited_for(killer):
     before = set(multiprocessing.active_children())
     with (
         dask.config.set({"distributed.deploy.lost-worker-timeout": "10 ms"}),
-        dask_workers("local") as workers,
+        dask_executor("local") as workers,
         working_on(workers),
     ):
         pieces = completed(abs, range(-40, 0))
@@ -132,7 +131,7 @@ def test_a_basis_about_an_effect_is_the_same(processes, cabin_file):
     )
     brace = Placed(CATALOGUE["brace"], "ground-RF")
     bases = []
-    for workers in (OneByOne(), processes):
+    for workers in ("none", processes):
         structure = structure_of(load_building(str(cabin_file)))
         with working_on(workers):
             local = local_structure(structure, np.ones(2), target, present=[((brace, 0.5),)])
@@ -153,7 +152,7 @@ def preload(folder, *lines):
 
 WITHOUT = {
     "none": ["import sys", "sys.modules['femupdate'] = None"],
-    "0.0.9": ["from femupdate import dask_workers", "dask_workers.__version__ = '0.0.9'"],
+    "0.0.9": ["from femupdate import workers", "workers.__version__ = '0.0.9'"],
 }
 
 
@@ -176,41 +175,9 @@ def test_workers_that_cannot_do_the_work_are_refused(tmp_path, there):
     with (
         cluster_of(1, preload(tmp_path, *WITHOUT[there])) as cluster,
         pytest.raises(WorkersError, match=f"on the worker tcp.* {there}.*the same everywhere"),
-        dask_workers(cluster.scheduler_address),
+        dask_executor(cluster.scheduler_address),
     ):
         pass
-
-
-@pytest.mark.parametrize("there", WITHOUT)
-def test_workers_that_cannot_do_the_work_are_refused_later_too(tmp_path, there, killer):
-    with (
-        cluster_of(0, preload(tmp_path, *WITHOUT[there])) as cluster,
-        dask_workers(cluster.scheduler_address) as workers,
-        working_on(workers),
-    ):
-        cluster.scale(1)
-        with pytest.raises(WorkersError, match=f"on the worker .* {there}.*the same everywhere"):
-            list(everywhere(abs, [-1, -2]))
-
-
-def test_where_the_last_worker_has_gone_it_is_said(monkeypatch, caplog, killer):
-    monkeypatch.setattr("femupdate.dask_workers._LOOK_S", 0.1)
-    with (
-        cluster_of(1) as cluster,
-        dask_workers(cluster.scheduler_address) as workers,
-        working_on(workers),
-    ):
-        pieces = completed(time.sleep, [0.2] * 20)
-        next(pieces)
-        cluster.scale(0)
-        told = threading.Thread(target=lambda: [*pieces])
-        told.start()
-        while "has no workers left; the work goes on with the next" not in caplog.text:
-            time.sleep(0.05)
-        assert told.is_alive()
-        cluster.scale(1)
-        told.join()
-    assert caplog.text.count("no workers left") == 1
 
 
 def test_a_process_that_ends_while_it_starts(tmp_path):
@@ -222,70 +189,19 @@ def test_a_process_that_ends_while_it_starts(tmp_path):
     with (
         dask.config.set({"distributed.worker.preload": ends}),
         pytest.raises(WorkersError, match="local ended while it was starting; run the command"),
-        dask_workers("local"),
+        dask_executor("local"),
     ):
         pass
     assert not set(multiprocessing.active_children()) - before
 
 
-@pytest.mark.parametrize("later", ["os.kill(os.getpid(), 9)", "raise MemoryError"])
-def test_processes_that_end_while_they_come_back(tmp_path, monkeypatch, killer, later):
-    """Killed once more, they come back; where they cannot start, that is said."""
-    pytest.importorskip("distributed", reason="the extra is not installed")
-    import dask
-
-    monkeypatch.setitem(_CONFIGURATION, "distributed.scheduler.no-workers-timeout", "15 s")
-    there = preload(
-        tmp_path,
-        "import os, pathlib",
-        f"folder = pathlib.Path({str(tmp_path)!r})",
-        "(folder / f'{os.getpid()}.started').touch()",
-        "started = len(list(folder.glob('*.started')))",
-        f"if 2 < started < 5: {later}",
-    )
-    monkeypatch.setattr("femupdate.dask_workers.processor_count", lambda: 2)
-    before = set(multiprocessing.active_children())
-    with (
-        dask.config.set({"distributed.worker.preload": there}),
-        dask_workers("local") as workers,
-        working_on(workers),
-    ):
-        pieces = completed(spoiled(), [0.1] * 40)
-        next(pieces)
-        for one in set(multiprocessing.active_children()) - before:
-            os.kill(one.pid, signal.SIGKILL)
-        if later == "raise MemoryError":
-            with pytest.raises(WorkersError, match="workers of local ended and none came back"):
-                list(pieces)
-        else:
-            assert len(list(pieces)) == 39
-
-
-def test_arrays_of_the_work_arrive_as_they_are(processes):
-    """Their bytes are sent beside it: in the same order, to be changed where they could be."""
-    fixed = np.arange(6.0)
-    fixed.flags.writeable = False
-    columns = np.asfortranarray(np.arange(6.0).reshape(2, 3))
-    arrays = [fixed.reshape(2, 3), columns, np.zeros((0, 2)), np.arange(9)[::2]]
-
-    def told(k):
-        flags = arrays[k].flags
-        return arrays[k], flags.writeable, flags.f_contiguous
-
-    with working_on(processes):
-        for k, (array, *flags) in completed(told, range(4)):
-            np.testing.assert_array_equal(array, arrays[k])
-            assert array.dtype == arrays[k].dtype
-            assert flags == [k > 0, k > 0]
-
-
 def test_a_scheduler_that_is_not_there(monkeypatch):
     pytest.importorskip("distributed", reason="the extra `distributed` is not installed")
-    monkeypatch.setattr("femupdate.dask_workers._CONNECT_S", 0.5)
+    monkeypatch.setattr("femupdate.workers._CONNECT_S", 0.5)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-    with pytest.raises(WorkersError, match="no Dask scheduler answers"), dask_workers(address):
+    with pytest.raises(WorkersError, match="no Dask scheduler answers"), dask_executor(address):
         pass
-    with pytest.raises(WorkersError, match="no Dask scheduler answers"), dask_workers("a b"):
+    with pytest.raises(WorkersError, match="no Dask scheduler answers"), dask_executor("a b"):
         pass

@@ -65,4 +65,4 @@ def test_numpy_archives_are_read_in_one_place():
 def test_pickles_of_dask_are_read_in_one_place():
     """From machines that are trusted, as its docstring says; never from a file."""
     users = [path.name for path in SOURCES if "distributed.protocol" in path.read_text("utf-8")]
-    assert users == ["dask_workers.py"]
+    assert users == ["workers.py"]

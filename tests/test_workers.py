@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -42,13 +43,19 @@ def test_work_inside_of_a_piece_stays_in_its_thread():
         assert values == 2 * [number + k for k in range(4)]
 
 
-def test_small_pieces_do_not_leave_this_machine():
-    class Elsewhere:
-        def completed(self, task, arguments):
-            raise AssertionError("sent away")
+def test_any_executor_does_large_pieces_and_no_small_ones():
+    class Counting(ThreadPoolExecutor):
+        sent = 0
 
-    with working_on(Elsewhere()):
+        def submit(self, *what):
+            self.sent += 1
+            return super().submit(*what)
+
+    with Counting(2) as executor, working_on(executor):
         assert in_threads(abs, [-2, 1]) == [2, 1]
+        assert executor.sent == 0
+        assert list(everywhere(abs, [-3, 1])) == [3, 1]
+        assert executor.sent == 2
 
 
 def test_what_fails_ends_the_rest():

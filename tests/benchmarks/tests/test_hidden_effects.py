@@ -16,11 +16,10 @@ from femupdate.benchmarks.log import restored
 from femupdate.benchmarks.result import Job
 
 from femupdate.building.files import load_building
-from femupdate.dask_workers import dask_workers
 from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import ReportError
 from femupdate.study import Study
-from femupdate.workers import working_on
+from femupdate.workers import dask_executor, working_on
 from femupdate.workflow.model import open_study
 
 MODELS = Path(__file__).parents[3] / "models"
@@ -183,7 +182,7 @@ def test_trials_shared_out_are_the_same_when_a_worker_is_killed(
     """Enough of them that the process in its place, which starts within seconds, gets some."""
     pytest.importorskip("distributed", reason="the extra `distributed` is not installed")
     plan = TrialPlan(clean=5, one=0, two=0, outside=0)
-    with dask_workers("local") as workers, working_on(workers):
+    with dask_executor("local") as workers, working_on(workers):
         found = run_hidden_effects(Job(tmp_path, SEED, killer), four_stories, plan, SHORT)
     assert killer.killed
     shared = {one["number"]: one for one in found.content()["outcomes"]}
