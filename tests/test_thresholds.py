@@ -6,7 +6,6 @@ from pickle import dumps, loads
 import pytest
 
 from femupdate.discrepancy import thresholds as finder
-from femupdate.dynamics import thresholds as model
 from femupdate.inference import thresholds as sampler
 from femupdate.inference.event_scatter import DEFAULT
 from femupdate.inference.model_error import MODEL_ERROR
@@ -24,7 +23,7 @@ def tables(module) -> list:
     return [one for one in found if not isinstance(one, type)]
 
 
-MODULES = (model, data, sampler, finder)
+MODULES = (data, sampler, finder)
 GROUPS = (*SETTINGS, *(one for module in MODULES for one in tables(module)))
 
 

@@ -30,8 +30,7 @@ from femupdate.discrepancy.mesh_scatter import left_open
 from femupdate.discrepancy.near_basis import structure_near
 from femupdate.discrepancy.score import candidates
 from femupdate.discrepancy.thresholds import FIT, SEARCH, VERDICT, DiagnosisSettings
-from femupdate.dynamics.local_basis import Sized
-from femupdate.dynamics.thresholds import LOCAL_BASIS
+from femupdate.dynamics.local_basis import SPREAD, Sized
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import BuildingEffects, building_effects, check_places
 from femupdate.inference.data import Data
@@ -217,7 +216,7 @@ def refined(
         start = (fitted.placed, fitted.z)
         sets = [_sized(middle)] if alone else None
         problem, fitted = _around(model, problem, middle, start, show, sets)
-        if np.abs(np.log(fitted.theta()[0] / middle.theta()[0])).max() < LOCAL_BASIS.spread:
+        if np.abs(np.log(fitted.theta()[0] / middle.theta()[0])).max() < SPREAD:
             break
     return problem, fitted
 

@@ -7,7 +7,6 @@ little (inverse iteration; Bathe 2014, Finite Element Procedures, section 11.2).
 projection of the finer mesh on these shapes does the rest.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -54,18 +53,12 @@ def on_finer_mesh(
     """
     shapes = []
     progress.start("Carrying the model over to a finer mesh", len(thetas))
-    for one in everywhere(_question(coarse, reduced, fine, target), list(thetas)):
-        shapes.append(one)
+    assert reduced.node_shapes is not None
+    task = partial(_moved, fine, reduced, _loads(coarse, reduced.node_shapes, fine), target)
+    for moved in everywhere(task, list(thetas)):
+        shapes.append(moved)
         progress.advance()
     return reduced_on(fine, compressed(fine.mass, shapes, reduced.size))
-
-
-def _question(
-    coarse: Structure, reduced: ReducedModel, fine: Structure, target: ReductionTarget
-) -> Callable[[Floats], Singles]:
-    """What gives the shapes at a theta (p,), see `_moved`."""
-    assert reduced.node_shapes is not None
-    return partial(_moved, fine, reduced, _loads(coarse, reduced.node_shapes, fine), target)
 
 
 def on_nodes_of(coarse: Structure, reduced: ReducedStructure) -> ReducedModel:

@@ -74,11 +74,8 @@ def rest_about(structure: Structure, reduced: ReducedModel, theta: Floats) -> Re
 
 def _static(structure: Structure, theta: Floats) -> Floats:
     """Displacements (f, f) of the floors under unit forces at them, m/N."""
-    stiffness = structure.stiffness_constant
-    for factor, term in zip(theta, structure.stiffness_terms, strict=True):
-        stiffness = stiffness + factor * term
     rows = np.ascontiguousarray(structure.floor_rows.T)
-    return np.asarray(structure.floor_rows @ factorize(stiffness.tocsc()).apply(rows))
+    return np.asarray(structure.floor_rows @ factorize(structure.stiffness(theta)).apply(rows))
 
 
 def _reduced_static(model: ReducedModel, theta: Floats) -> Floats:

@@ -22,17 +22,21 @@ from torch import Tensor
 from femupdate.arrays import Floats, Integers
 from femupdate.dynamics.closed_form import split_sizes
 from femupdate.dynamics.excitation import Excitation
-from femupdate.dynamics.level import level_of_moment, motion_level
+from femupdate.dynamics.level import PERIODS, SPAN, level_of_moment, motion_level
 from femupdate.dynamics.modes import Modes, response
 from femupdate.dynamics.recurrence import ModalOutputs, Steps, record_points
 from femupdate.dynamics.system import Rows, System
-from femupdate.dynamics.thresholds import CHANGING, LEVEL
 from femupdate.errors import MeasurementError, ModelError
 from femupdate.progress import SILENT, Progress
 
 Numbers = ArrayLike | Tensor
 _MASSLESS = 1e9  # rad/s
-_MOST = round(LEVEL.span / CHANGING.step)  # levels to either side of the mean one
+_STEP = 0.05  # doublings between the levels that are told apart
+_WINDOW = 0.5  # periods of the first mode, in which the structure stays
+# Rounds of response and level: a swelling oscillator is off by a tenth with four, a fourteenth with
+# eight. Samples go on from the level that one of them has found.
+_ROUNDS, _LAST_ROUNDS = 8, 2
+_MOST = round(SPAN / _STEP)  # levels to either side of the mean one
 REST = 1e-4  # share to which motion has decayed behind the record
 _SHORTEST_S, _LONGEST_S = 5.0, 600.0  # of that silence
 _BLOCK = 2048  # frequencies at a time
@@ -232,14 +236,14 @@ def _follow(
     """Histories batch by batch, at the level that each has itself."""
     theta, sizes = task.system.split(parameters[:1])
     period = 2.0 * np.pi / float(task.system.modes(theta, sizes).omega.min())
-    window = max(1, round(CHANGING.window * period / task.time_step))
+    window = max(1, round(_WINDOW * period / task.time_step))
     begun = np.zeros((1, -(-(task.record.shape[1] - 1) // window)), dtype=np.int64)
     # All samples have much the same level: one finds it, and the others go on from there.
-    _, begun = _settled(task, parameters[:1], zeta[:1], level, period, begun, CHANGING.rounds, 0)
+    _, begun = _settled(task, parameters[:1], zeta[:1], level, period, begun, _ROUNDS, 0)
     for start in range(0, len(parameters), task.settings.batch):
         some = parameters[start : start + task.settings.batch]
         ratios, own = zeta[start : start + task.settings.batch], np.repeat(begun, len(some), axis=0)
-        yield _settled(task, some, ratios, level, period, own, CHANGING.last_rounds, start)[0]
+        yield _settled(task, some, ratios, level, period, own, _LAST_ROUNDS, start)[0]
         progress.advance(len(some))
 
 
@@ -258,14 +262,14 @@ def _settled(
     modes, ratio = task.modes(parameters, zeta, first)
     omegas, ratios = [], []
     for k in range(-_MOST, _MOST + 1):
-        change = task.system.run_change(sizes, k * CHANGING.step)
+        change = task.system.run_change(sizes, k * _STEP)
         omegas.append(modes.omega * change.stiffness.sqrt()[:, None])
         ratios.append(ratio if level.keep_damping else ratio * change.damping[:, None])
     levels = torch.stack(omegas), torch.stack(ratios)
     steps = Steps.of(*levels, modes.participation, task.time_step, factor)
     record, points = torch.from_numpy(task.record), record_points(task.record, factor)
-    window = max(1, round(CHANGING.window * period / task.time_step))
-    across = max(1, round(LEVEL.periods * period / task.time_step))
+    window = max(1, round(_WINDOW * period / task.time_step))
+    across = max(1, round(PERIODS * period / task.time_step))
     last = len(points)
     middles = np.minimum(np.arange(-(-last // window)) * window + window // 2, last)
     for _ in range(rounds):
@@ -274,7 +278,7 @@ def _settled(
         moved = found.floor_acceleration
         mean = motion_level(moved) if level.mean is None else level.mean
         doublings = level_of_moment(moved, mean, across)[:, middles]
-        before, own = own, np.asarray(np.rint(doublings / CHANGING.step), dtype=np.int64)
+        before, own = own, np.asarray(np.rint(doublings / _STEP), dtype=np.int64)
         if (own == before).all():
             break
     return found, own

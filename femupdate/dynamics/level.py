@@ -5,11 +5,15 @@ from typing import NamedTuple
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.thresholds import LEVEL
 
+_STRONG = 0.05, 0.95  # of the energy, between which a motion is strong
+PERIODS = 4.0  # of the strongest mode, over which the level of a moment is taken
+SPAN = 1.0  # doublings to both sides of the mean level, to which laws of the level are known
+PARTS = 7  # of a run, of equal energy of the base, that have a level each
+_SEGMENT_S = 20.0  # of the spectrum that tells the strongest mode
 # Where no histories of the run are known: motion that counts has from half to twice the usual
 # amplitude, evenly.
-RUN_LEVELS = tuple((2 * k + 1 - LEVEL.parts) / LEVEL.parts for k in range(LEVEL.parts))
+RUN_LEVELS = tuple((2 * k + 1 - PARTS) / PARTS for k in range(PARTS))
 _SILENCE = 1e-12
 
 
@@ -21,9 +25,9 @@ def motion_level(acceleration: Floats) -> Floats:
     """
     energy = np.cumsum(np.asarray(acceleration, dtype=np.float64) ** 2, axis=-1)
     total = energy[..., -1:]
-    inside = (energy >= LEVEL.strong[0] * total) & (energy <= LEVEL.strong[1] * total)
+    inside = (energy >= _STRONG[0] * total) & (energy <= _STRONG[1] * total)
     samples = np.maximum(inside.sum(axis=-1), 1)
-    share = LEVEL.strong[1] - LEVEL.strong[0]
+    share = _STRONG[1] - _STRONG[0]
     return np.asarray(np.sqrt(share * total[..., 0] / samples))
 
 
@@ -39,7 +43,7 @@ def level_of_moment(acceleration: Floats, mean: Floats, width: int) -> Floats:
 
     squared = uniform_filter1d(acceleration**2, width, axis=-1, mode="constant")
     share = np.nanmean(squared / np.maximum(mean, _SILENCE)[..., None] ** 2, axis=-2)
-    return np.clip(0.5 * np.log2(np.maximum(share, _SILENCE)), -LEVEL.span, LEVEL.span)
+    return np.clip(0.5 * np.log2(np.maximum(share, _SILENCE)), -SPAN, SPAN)
 
 
 class RunLevels(NamedTuple):
@@ -68,15 +72,15 @@ def levels_in_run(base: Floats, floors: Floats, time_step: float) -> RunLevels:
     from scipy.ndimage import uniform_filter1d
     from scipy.signal import welch
 
-    length = min(base.size, round(LEVEL.segment_s / time_step))
+    length = min(base.size, round(_SEGMENT_S / time_step))
     frequency, power = welch(floors, 1.0 / time_step, nperseg=length)
     strongest = frequency[1 + power[:, 1:].sum(axis=0).argmax()]
-    width = max(1, round(LEVEL.periods / strongest / time_step))
+    width = max(1, round(PERIODS / strongest / time_step))
     level = level_of_moment(floors, motion_level(floors), width)
     energy = uniform_filter1d(base**2, width, mode="constant")
     order = np.argsort(level)
     reached = np.cumsum(energy[order])
-    middles = (np.arange(LEVEL.parts) + 0.5) / LEVEL.parts
+    middles = (np.arange(PARTS) + 0.5) / PARTS
     at = np.searchsorted(reached, middles * reached[-1])
     parts = level[order][np.minimum(at, level.size - 1)]
     middle = float(parts.mean())

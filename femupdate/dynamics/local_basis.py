@@ -18,11 +18,10 @@ from femupdate.arrays import Floats, Indices, Singles
 from femupdate.dynamics.equations import Equations, WithSprings, equations_at
 from femupdate.dynamics.reduced import ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.snapshots import STATIC_WEIGHT, FeltModes, ReductionTarget, compressed
-from femupdate.dynamics.thresholds import LOCAL_BASIS
 from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
-from femupdate.fe.assembly import AffineOperators, with_terms
+from femupdate.fe.assembly import with_terms
 from femupdate.fe.driven import Factored
 from femupdate.fe.factorization import factorize
 from femupdate.fe.mechanism import factorize_held
@@ -36,6 +35,12 @@ from femupdate.workers import everywhere
 # to energies and, at 1e-11, a millionth of the first squared frequency to stiffnesses (two frames
 # of 31,000 degrees of freedom). At 1e-8 a frame without walls errs by .04 rms of ln|H|, not .0003.
 _NOTHING = 1e-11
+SPREAD, SIZE = 0.2, 220  # half width in ln theta, and shapes of a basis
+_NEIGHBOURS = 8  # samples of theta near the middle, solved beside it
+_CHANGED = 0.2  # of its size, by which an effect that is present is changed
+# Of the largest energy of the shapes of one question: a two-story frame with a brace as stiff as
+# itself errs by .0047 rms of ln|H|, by .0050 with 1e-6.
+_LEAST = 1e-7
 
 Sized = tuple[tuple[Placed, float], ...]
 """Effects, each with its first parameter."""
@@ -55,8 +60,8 @@ def local_structure(
     target: ReductionTarget,
     progress: Progress = SILENT,
     *,
-    spread: float = LOCAL_BASIS.spread,
-    size: int = LOCAL_BASIS.size,
+    spread: float = SPREAD,
+    size: int = SIZE,
     present: Sequence[Sized] | None = None,
 ) -> ReducedStructure:
     """A frame on a basis for the neighbourhood of theta, from its full model.
@@ -88,11 +93,17 @@ def _answers(
 ) -> list[Floats | Singles]:
     """Weighted shapes (n, c) of every question (see `local_structure`)."""
     assert structure.operators is not None
-    sets = _of_catalogue(structure) if present is None else _about(structure, present)
+    sets = (
+        _of_catalogue(structure)
+        if present is None
+        else [changed for one in present for changed in _changes(structure, one)]
+    )
     questions = [_Asked(one, theta) for one in sets]
-    questions += [_Asked(sets[0], near) for near in _neighbours(theta, spread)]
+    unit = even_points(_NEIGHBOURS, len(theta), 3)
+    questions += [_Asked(sets[0], near) for near in theta * np.exp(spread * (2.0 * unit - 1.0))]
     middle = equations_at(structure, theta, sets[0])
-    alone = _alone(structure.operators, middle)
+    changed = replace(structure.operators, stiffness_constant=middle.stiffness, mass=middle.mass)
+    alone = with_terms(changed, ())  # without stiffness factors
     factors = factorize_held(alone, middle.stiffness)
     modes = modes_below(alone, np.zeros(0), target.top_hz, factors)
     shapes: list[Floats | Singles] = []
@@ -118,12 +129,6 @@ def _along_ports(structure: Structure, factors: Factored, sets: Sequence[Sized])
     return [STATIC_WEIGHT * factors.apply(force * row[:, None]) for row in rows]
 
 
-def _alone(operators: AffineOperators, equations: Equations) -> AffineOperators:
-    """The operators of changed equations, without stiffness factors."""
-    changed = replace(operators, stiffness_constant=equations.stiffness, mass=equations.mass)
-    return with_terms(changed, ())
-
-
 def _of_catalogue(structure: Structure) -> list[tuple[tuple[Terms, float], ...]]:
     """No effect, and every effect of stiffness or mass where a basis must know it."""
     found: list[tuple[tuple[Terms, float], ...]] = [()]
@@ -135,12 +140,8 @@ def _of_catalogue(structure: Structure) -> list[tuple[tuple[Terms, float], ...]]
     return found
 
 
-def _about(structure: Structure, sets: Sequence[Sized]) -> list[tuple[tuple[Terms, float], ...]]:
-    """All effects of each set as they are, and with the size of one after the other changed."""
-    return [one for present in sets for one in _changes(structure, present)]
-
-
 def _changes(structure: Structure, present: Sized) -> list[tuple[tuple[Terms, float], ...]]:
+    """All effects as they are, and with the size of one after the other changed."""
     terms = [placed.effect.terms(structure, placed.place) for placed, _ in present]
     sizes = [size for _, size in present]
     asked = [tuple(zip(terms, sizes, strict=True))]
@@ -148,18 +149,12 @@ def _changes(structure: Structure, present: Sized) -> list[tuple[tuple[Terms, fl
         if not placed.effect.parameters or not terms[number].changes_shapes:
             continue
         own = placed.effect.parameters[0]
-        step = max(LOCAL_BASIS.changed * abs(size), 0.5 * own.scale)
+        step = max(_CHANGED * abs(size), 0.5 * own.scale)
         for other in (size - step, size + step):
             if own.lower <= other <= own.upper:
                 moved = [*sizes[:number], other, *sizes[number + 1 :]]
                 asked.append(tuple(zip(terms, moved, strict=True)))
     return asked
-
-
-def _neighbours(theta: Floats, spread: float) -> Floats:
-    """Some theta (n, p) around one, evenly within the half width in ln theta."""
-    unit = even_points(LOCAL_BASIS.neighbours, len(theta), 3)
-    return np.asarray(theta * np.exp(spread * (2.0 * unit - 1.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,7 +280,7 @@ class _Projected:
         participation, floors = self.driven @ modes, self.floors @ modes
         missed = static - (floors * participation) @ (1.0 / squared)
         felt = FeltModes(np.sqrt(squared), participation, floors, missed)
-        return modes @ felt.combinations(target, LOCAL_BASIS.least)
+        return modes @ felt.combinations(target, _LEAST)
 
 
 def _symmetric(first: Floats, between: Floats, second: Floats) -> Floats:

@@ -25,13 +25,17 @@ from femupdate.dynamics.snapshots import (
     log_even_samples,
 )
 from femupdate.dynamics.system import System
-from femupdate.dynamics.thresholds import REDUCTION
 from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.structure import Structure
 from femupdate.errors import ModelError
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
 from femupdate.workers import everywhere
+
+_SIZES = 40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300  # shapes that are tried
+CHOOSE = 4  # samples that the basis has not seen, by which its size is chosen
+CERTIFY, CONFIDENCE = 29, 0.95  # samples that judge the choice: 90 % of the box (Wilks 1941)
+_ROUNDS, _JOIN = 3, 8  # of a basis that fails, at most; samples where it fails, that join it
 
 T = TypeVar("T")
 
@@ -69,7 +73,7 @@ class Reduction:
         Were the share smaller, n independent draws would all lie in it with a probability below
         share^n = 5 % (Wilks 1941); nothing is assumed of how the errors are distributed.
         """
-        return float((1.0 - REDUCTION.confidence) ** (1.0 / self.checks)) if self.checks else 1.0
+        return float((1.0 - CONFIDENCE) ** (1.0 / self.checks)) if self.checks else 1.0
 
 
 def reduce_structure(
@@ -111,28 +115,25 @@ class _Question:
 
 
 def _certified(asked: _Question, target: ReductionTarget, progress: Progress) -> Reduction:
-    (own,), checks = spawn(target.seed, 1), REDUCTION.choose + REDUCTION.certify
+    (own,), checks = spawn(target.seed, 1), CHOOSE + CERTIFY
     rng = np.random.default_rng(own)
     first, least = log_even_samples(target, len(asked.structure.stiffness_terms)), 0
     progress.start("Reducing the model", len(first) + checks)
     shapes = _each(_snapshots, asked, target, first, progress)
-    for _ in range(REDUCTION.rounds):
-        basis = compressed(asked.structure.mass, shapes, REDUCTION.sizes[-1])
-        unseen = _unseen(target, rng)
+    for _ in range(_ROUNDS):
+        basis = compressed(asked.structure.mass, shapes, _SIZES[-1])
+        unit = rng.random((CHOOSE + CERTIFY, len(target.lower)))
+        unseen = target.lower + (target.upper - target.lower) * unit  # even over the box
         full = np.stack(_each(_full_log_frf, asked, target, unseen, progress))
-        reduced = _smallest(
-            asked, basis, least, unseen[: REDUCTION.choose], full[: REDUCTION.choose], target
-        )
-        errors = _errors(
-            asked, reduced, unseen[REDUCTION.choose :], full[REDUCTION.choose :], target
-        )
+        reduced = _smallest(asked, basis, least, unseen[:CHOOSE], full[:CHOOSE], target)
+        errors = asked.log_frf(reduced, unseen[CHOOSE:], target) - full[CHOOSE:]
         each = np.sqrt((errors**2).mean(axis=(1, 2)))
         rms = float(np.sqrt((each**2).mean()))
         if rms <= target.tolerance:
             largest = float(np.abs(errors).max())
             return Reduction(reduced, rms, largest, len(each), float(each.max()))
         least = reduced.model.size + 1
-        worst = unseen[REDUCTION.choose + np.argsort(each)[-REDUCTION.join :]]
+        worst = unseen[CHOOSE + np.argsort(each)[-_JOIN:]]
         progress.start("Reducing the model, on more samples", len(worst) + checks)
         shapes += _each(_snapshots, asked, target, worst, progress)
     names = ", ".join(one.label for one in asked.placed)
@@ -215,25 +216,8 @@ def _smallest(
     A few checks see half as much as many do (50 theta: 1.5 times the rms of four).
     """
     whole = reduced_on(asked.structure, basis)
-    for size in (s for s in REDUCTION.sizes if least <= s < basis.shape[1]):
-        errors = _errors(asked, whole.first(size), samples, full, target)
+    for size in (s for s in _SIZES if least <= s < basis.shape[1]):
+        errors = asked.log_frf(whole.first(size), samples, target) - full
         if np.sqrt((errors**2).mean()) <= 0.5 * target.tolerance:
             return reduced_on(asked.structure, basis[:, :size])
     return whole
-
-
-def _errors(
-    asked: _Question,
-    reduced: ReducedStructure,
-    samples: Floats,
-    full: Floats,
-    target: ReductionTarget,
-) -> Floats:
-    """Reduced ln|H| less that of the full model, (N, f, k) both."""
-    return asked.log_frf(reduced, samples, target) - full
-
-
-def _unseen(target: ReductionTarget, rng: np.random.Generator) -> Floats:
-    """Samples (n, p + q) for checks, even over the box."""
-    unit = rng.random((REDUCTION.choose + REDUCTION.certify, len(target.lower)))
-    return target.lower + (target.upper - target.lower) * unit

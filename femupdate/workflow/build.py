@@ -10,7 +10,7 @@ from femupdate.arrays import Floats
 from femupdate.building.document import Building
 from femupdate.building.files import load_building
 from femupdate.building.mesh import BuildingMesh, mesh_building
-from femupdate.dynamics.thresholds import REDUCTION
+from femupdate.dynamics.reduction import CONFIDENCE
 from femupdate.dynamics.tracking import FullModes, mesh_modes
 from femupdate.effects.structure import structure_of
 from femupdate.errors import StudyError
@@ -136,7 +136,7 @@ def build_study(
         "stiffness factors.",
         f"Reduced model: {reduction.worst_error:.2g} rms at the worst of them, so no more than "
         f"that in at least {percent(reduction.share)} of the prior "
-        f"(confidence {percent(REDUCTION.confidence)}).",
+        f"(confidence {percent(CONFIDENCE)}).",
     )
     return BuildReport(
         model=model,

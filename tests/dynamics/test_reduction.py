@@ -10,10 +10,9 @@ from scipy.sparse import csc_matrix
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
 from femupdate.dynamics.equations import driven_system
 from femupdate.dynamics.reduced import reduce_lumped
-from femupdate.dynamics.reduction import reduce_structure
+from femupdate.dynamics.reduction import CERTIFY, CHOOSE, reduce_structure
 from femupdate.dynamics.snapshots import TOP, ReductionTarget
 from femupdate.dynamics.system import System
-from femupdate.dynamics.thresholds import REDUCTION
 from femupdate.errors import ModelError
 from femupdate.fe.solve import static_displacement
 from femupdate.progress import SILENT
@@ -84,8 +83,8 @@ def test_the_error_reported_is_that_of_the_checks(frame, reduced):
     """The reference of the reduction itself, modes below a frequency and a static correction."""
     rng = np.random.default_rng(spawn(0, 1)[0])  # the checks have a stream of their own
     # Others, drawn first, choose the number of shapes.
-    unseen = 1 / 3 + (3.0 - 1 / 3) * rng.random((REDUCTION.choose + reduced.checks, 2))
-    unseen = unseen[REDUCTION.choose :]
+    unseen = 1 / 3 + (3.0 - 1 / 3) * rng.random((CHOOSE + reduced.checks, 2))
+    unseen = unseen[CHOOSE:]
     errors = [
         reduced_log_frf(reduced.model, theta, 0.01) - full_log_frf(frame, theta, 0.01)
         for theta in unseen
@@ -166,7 +165,7 @@ def test_any_number_of_samples_will_do(frame, samples, recorder):
     told = recorder()
     result = reduce(frame, target(tolerance=1.0, samples=samples), told)
     assert result.rms_error <= 1.0
-    total = samples + REDUCTION.choose + result.checks
+    total = samples + CHOOSE + result.checks
     assert told.started == [("Reducing the model", total)]
     assert told.counts == [1] * total
 
@@ -234,7 +233,7 @@ def test_responses_where_it_fails_join_the_basis(frame, recorder):
     aim = target(tolerance=0.05, samples=1)
     result = reduce(frame, aim, told)
     first, *further = [total for _, total in told.started]
-    assert first == 1 + REDUCTION.choose + REDUCTION.certify
+    assert first == 1 + CHOOSE + CERTIFY
     assert further
     assert sum(told.counts) == first + sum(further)
     assert result.rms_error <= 0.05
