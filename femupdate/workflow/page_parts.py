@@ -7,12 +7,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from femupdate.building.parameters import factor_titles
 from femupdate.dynamics.system import System
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import Posterior
 from femupdate.report.page import Block, Remarks, Section, Text
+from femupdate.report.page_finder import diagnosis_blocks, repair_blocks
 from femupdate.storage import read_tree
-from femupdate.study import BUILDING_FILE, REPAIRED, Artefact, Study, file_hash
+from femupdate.study import BUILDING_FILE, REPAIRED, Artefact, Study, as_written, file_hash
 from femupdate.tables import Table
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import StudyModel
@@ -166,6 +168,22 @@ def _sources(artefact: Artefact, sources: Sequence[str]) -> list[tuple[str, str]
     hashes += [recorded.get(option, "") for option in beside]
     pairs = zip((*sources, *beside.values()), hashes, strict=True)
     return [(Path(name).name, digest[:_SHORT]) for name, digest in pairs]
+
+
+def finder_section(page: PageStudy) -> Section:
+    """Diagnosis and repair of this study; of a repaired one, the repair that made it."""
+    folder = searched(page)
+    blocks: list[Block] = []
+    with as_written(path := folder.path("diagnosis.json")):
+        if diagnosis := read_json(path):
+            blocks += diagnosis_blocks(diagnosis)
+    with as_written(path := folder.path("repair.json")):
+        if repair := read_json(path):
+            blocks += repair_blocks(repair, list(factor_titles(page.model.building).values()))
+    if not blocks:
+        text = "Nobody has looked for effects that the model lacks; femupdate diagnose does."
+        blocks = [Text((text,))]
+    return Section("finder", "What the model lacks", tuple(blocks))
 
 
 def warnings_section(page: PageStudy) -> Section:

@@ -3,9 +3,9 @@
 import numpy as np
 
 from femupdate.report.page import Block, Remarks, Section, Text
+from femupdate.report.page_finder import added
 from femupdate.report.scale import interval_text
 from femupdate.study import as_written
-from femupdate.workflow.page_finder import added
 from femupdate.workflow.page_parts import PageStudy, bad_items, posterior_notes, read_json, searched
 from femupdate.workflow.page_prediction import predicted_quantities
 from femupdate.workflow.prediction_quantities import Quantity

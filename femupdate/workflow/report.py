@@ -16,8 +16,7 @@ from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.workflow.model import open_study
 from femupdate.workflow.page_building import building_section
-from femupdate.workflow.page_finder import finder_section
-from femupdate.workflow.page_parts import PageStudy, done_section, warnings_section
+from femupdate.workflow.page_parts import PageStudy, done_section, finder_section, warnings_section
 from femupdate.workflow.page_posterior import data_section, fit_section, posterior_section
 from femupdate.workflow.page_prediction import prediction_section
 from femupdate.workflow.page_summary import summary_section

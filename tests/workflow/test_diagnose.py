@@ -320,6 +320,7 @@ def test_an_effect_that_the_building_lists_is_not_looked_for_again(diagnosed, tm
 
 def test_the_report_has_the_promised_keys_and_its_file(heavier):
     told = heavier.as_dict()
+    assert "(share of the floor's mass" in told["effects"][0]["size_in_words"]
     assert {"p_value", "verdict", "effects", "where", "seconds"} <= set(told)
     assert {
         "name",

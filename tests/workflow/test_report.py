@@ -202,7 +202,7 @@ def _middle(locator):
 
 
 def test_a_p_value_that_rounds_to_nothing_is_told_as_a_bound():
-    from femupdate.workflow.page_finder import p_text
+    from femupdate.report.page_finder import p_text
 
     assert p_text(0.0) == p_text(1e-30) == " (p-value under 1e-6)"
     assert p_text(0.0003) == " (p-value 0.0003)"

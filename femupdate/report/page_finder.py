@@ -1,40 +1,23 @@
-"""The section of the page on what the model lacks: the finding, the repair, and what remains."""
+"""What the model lacks, on the page: the finding, the repair, and what remains."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from femupdate.building.parameters import factor_titles
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.report.curves import Interval
-from femupdate.report.page import Block, Chart, Remarks, Section, Text
+from femupdate.report.page import Block, Chart, Remarks, Text
 from femupdate.report.page_charts import bar_figure, interval_figure
-from femupdate.study import as_written
 from femupdate.tables import Table
-from femupdate.workflow.page_parts import PageStudy, read_json, searched
 
 _SHOWN = 8
 _LEAST_P = 1e-6  # below it a p-value says no more
 
 
-def finder_section(page: PageStudy) -> Section:
-    """Diagnosis and repair of this study; of a repaired one, the repair that made it."""
-    folder = searched(page)
-    blocks: list[Block] = []
-    with as_written(path := folder.path("diagnosis.json")):
-        if diagnosis := read_json(path):
-            blocks += _diagnosis(diagnosis)
-    with as_written(path := folder.path("repair.json")):
-        if repair := read_json(path):
-            blocks += _repair(page, repair)
-    if not blocks:
-        text = "Nobody has looked for effects that the model lacks; femupdate diagnose does."
-        blocks = [Text((text,))]
-    return Section("finder", "What the model lacks", tuple(blocks))
-
-
-def _diagnosis(found: dict[str, Any]) -> list[Block]:
+def diagnosis_blocks(found: Mapping[str, Any]) -> list[Block]:
+    """What `diagnose` has kept as JSON, for the page."""
     lead = f"Verdict: {found['verdict']}. {found['sentence']}"
     residual = (
         f"The residuals of the model as it was add up to {found['chi2']:.0f} over "
@@ -64,13 +47,13 @@ def _label(text: str) -> str:
     return Placed(CATALOGUE[name], place).in_words if name in CATALOGUE else text
 
 
-def _words(record: dict[str, Any]) -> str:
+def _words(record: Mapping[str, Any]) -> str:
     """The same of an effect that a diagnosis or a repair has kept, an older one without words."""
     name = record.get("name") or record.get("effect")
     return str(record.get("in_words") or _label(f"{name}@{record['place']}"))
 
 
-def _ranking(effects: list[dict[str, Any]]) -> Chart:
+def _ranking(effects: Sequence[Mapping[str, Any]]) -> Chart:
     names = [_words(record) for record in effects]
     values = np.array([record["log_evidence_over_none"] for record in effects], dtype=float)
     figure = bar_figure(names, values, "log evidence")
@@ -83,7 +66,7 @@ def _ranking(effects: list[dict[str, Any]]) -> Chart:
     )
 
 
-def _effects(effects: list[dict[str, Any]]) -> Table:
+def _effects(effects: Sequence[Mapping[str, Any]]) -> Table:
     elsewhere = {True: "holds", False: "too little", None: ""}
     rows = [
         (
@@ -98,7 +81,7 @@ def _effects(effects: list[dict[str, Any]]) -> Table:
     return Table.of(head, rows, name="effects", caption="Effects")
 
 
-def _where(cells: list[dict[str, Any]]) -> Table:
+def _where(cells: Sequence[Mapping[str, Any]]) -> Table:
     rows = tuple(
         (
             ", ".join(str(part) for part in (cell["floor"], cell.get("data")) if part),
@@ -120,14 +103,19 @@ def _band(low: float, high: float) -> str:
     return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
 
-def _repair(page: PageStudy, done: dict[str, Any]) -> list[Block]:
+def repair_blocks(done: Mapping[str, Any], titles: Sequence[str]) -> list[Block]:
+    """What `repair` has kept as JSON, for the page.
+
+    Args:
+        titles: of the stiffness factors.
+    """
     if not done["rounds"]:
         return [Text((f"A repair added nothing ({done['verdict']}). {done['sentence']}",))]
     text = (added(done), f"What remains: {done['remaining']['sentence']}")
-    return [Text(text), *_held(done), _before_after(page, done)]
+    return [Text(text), *_held(done), _before_after(done, titles)]
 
 
-def added(done: dict[str, Any]) -> str:
+def added(done: Mapping[str, Any]) -> str:
     """What a repair added, and what that did."""
     names = "; ".join(_words(record) for record in done["rounds"])
     return (
@@ -148,7 +136,7 @@ def p_text(value: float) -> str:
     return f" (p-value {value:.2f})" if value >= 0.01 else f" (p-value {value:.1g})"
 
 
-def _held(done: dict[str, Any]) -> list[Block]:
+def _held(done: Mapping[str, Any]) -> list[Block]:
     """On data that were kept out."""
     before, after = done["holdout_error_before"], done["holdout_error_after"]
     # What an older femupdate wrote has no halves.
@@ -171,8 +159,7 @@ def _held(done: dict[str, Any]) -> list[Block]:
     return [Text(sentences)]
 
 
-def _before_after(page: PageStudy, done: dict[str, Any]) -> Chart:
-    titles = list(factor_titles(page.model.building).values())
+def _before_after(done: Mapping[str, Any], titles: Sequence[str]) -> Chart:
     rows = titles[: len(done["theta_before"])]
     both = []
     for word, line, series in (("before", "upper", 1), ("after", "lower", 0)):
