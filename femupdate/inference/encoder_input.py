@@ -10,7 +10,7 @@ from femupdate.arrays import Flags, Floats
 from femupdate.errors import MeasurementError
 from femupdate.inference.thresholds import DECODER
 from femupdate.measurement.observation import Observation
-from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibility
+from femupdate.surrogate.network import EARLIEST_END, LATEST_START, Visibility
 from femupdate.units import percent
 
 

@@ -12,16 +12,14 @@ from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
 from femupdate.inference.encoder_input import encoder_input
 from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, frf_data, log_responses
-from femupdate.inference.latent_search import Control, find_latent
+from femupdate.inference.latent_search import Control, LatentQuadratics, find_latent
 from femupdate.inference.learned import Settled
 from femupdate.inference.thresholds import DECODER
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.seeds import torch_generator
 from femupdate.surrogate.gauss_newton import LatentData
-from femupdate.surrogate.latent import LatentQuadratics
-from femupdate.surrogate.network import Mvae
+from femupdate.surrogate.network import Mvae, Visibility
 from femupdate.surrogate.storage import Surrogate
-from femupdate.surrogate.visibility import Visibility
 
 _CPU_ROWS = 4096
 _SEARCH_SEED = 0

@@ -17,7 +17,7 @@ from femupdate.dynamics.system import System
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, torch_generator
 from femupdate.storage import check_shapes, read_arrays, write_arrays
-from femupdate.surrogate.places import Box
+from femupdate.surrogate.network import Box
 from femupdate.workers import completed
 
 logger = logging.getLogger(__name__)

@@ -1,16 +1,298 @@
 """The multimodal variational autoencoder: parameters and FRFs in one latent space, and back."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Protocol
 
 import torch
 from torch import Tensor, nn
 
-from femupdate.surrogate.layers import FloorLinear, residual_blocks
-from femupdate.surrogate.modal_decoder import ModalDecoder
-from femupdate.surrogate.places import from_place, parameter_features, to_place
-from femupdate.surrogate.sizes import NetworkSizes
-from femupdate.surrogate.visibility import Visibility
+from femupdate.dynamics.modes import ModalData
+
+
+@dataclass(frozen=True)
+class NetworkSizes:
+    """Sizes of the MVAE.
+
+    Attributes:
+        floors: observed floors f.
+        points: frequencies k.
+        parameters: stiffness factors p.
+        free_damping: whether the damping ratio is unknown; it is then one more coordinate of z.
+        modes: of the decoder.
+        floor_features: features that the observation encoder first reduces each floor's FRF to.
+        width: of the observation encoder's residual blocks.
+        parameter_width: the same for the bend of the parameters' coordinates.
+        decoder_width: the same for the decoder.
+        blocks: residual blocks in the observation encoder.
+        parameter_blocks: the same for the bend.
+        decoder_blocks: the same for the decoder.
+        components: of the observation encoder's mixture.
+    """
+
+    floors: int
+    points: int
+    parameters: int
+    free_damping: bool
+    modes: int
+    floor_features: int = 96
+    width: int = 256
+    parameter_width: int = 64
+    decoder_width: int = 256
+    blocks: int = 3
+    parameter_blocks: int = 2
+    decoder_blocks: int = 3
+    components: int = 8
+
+    @property
+    def coordinates(self) -> int:
+        """Dimensions of z."""
+        return self.parameters + self.free_damping
+
+    @property
+    def least_weights(self) -> int:
+        """Weights of the largest parts: no file with fewer can be of these sizes."""
+        blocks = 2 * (
+            self.blocks * self.width**2
+            + self.parameter_blocks * self.parameter_width**2
+            + self.decoder_blocks * self.decoder_width**2
+        )
+        floors = self.floors * self.floor_features * (self.points + self.width)
+        modes = self.decoder_width * self.modes * (2 + self.floors)
+        mixture = 2 * self.width * self.components * self.parameters
+        return blocks + floors + modes + mixture + 2 * self.parameters**2
+
+    def as_dict(self) -> dict[str, int]:
+        """Plain numbers, for the header of a weights file."""
+        return asdict(self)
+
+
+# Bands of the training start in the lowest tenth of the grid and end above its lower 3/10.
+LATEST_START, EARLIEST_END = 0.1, 0.3
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """The observed part of each FRF: some floors, over one band.
+
+    Attributes:
+        floors: (B, f) one where the floor is observed, else zero.
+        band: (B, 2) first and last observed frequency, as shares of the grid from 0 to 1.
+    """
+
+    floors: Tensor
+    band: Tensor
+
+    def __len__(self) -> int:
+        return len(self.floors)
+
+    def __getitem__(self, rows: Tensor | slice) -> "Visibility":
+        return Visibility(self.floors[rows], self.band[rows])
+
+    def to(self, device: torch.device) -> "Visibility":
+        """The same on a device."""
+        return Visibility(self.floors.to(device), self.band.to(device))
+
+    def features(self) -> Tensor:
+        """Features (B, f + 2) for the observation encoder."""
+        return torch.cat([self.floors, 2.0 * self.band - 1.0], dim=1)
+
+    def weights(self, points: int) -> Tensor:
+        """Weights (B, f, k): one where a point is observed, else zero."""
+        share = torch.linspace(0.0, 1.0, points, device=self.band.device)
+        inside = (share >= self.band[:, :1] - 1e-6) & (share <= self.band[:, 1:] + 1e-6)
+        return self.floors[:, :, None] * inside[:, None, :]
+
+
+class Box(Protocol):
+    """Bounds of parameters, such as those of their prior."""
+
+    @property
+    def lower(self) -> Tensor:
+        """(p,) float64."""
+
+    @property
+    def upper(self) -> Tensor:
+        """(p,) float64."""
+
+
+def to_place(theta: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
+    """Positions (..., p) from -1 to 1 of theta (..., p) in a box (p,)."""
+    return 2.0 * (theta.sqrt() - lower.sqrt()) / (upper.sqrt() - lower.sqrt()) - 1.0
+
+
+def from_place(place: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
+    """Inverse of `to_place`."""
+    return (lower.sqrt() + 0.5 * (place + 1.0) * (upper.sqrt() - lower.sqrt())).square()
+
+
+def parameter_features(theta: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
+    """Features (B, 3 p) of theta: position by root, value and logarithm, from -1 to 1."""
+    linear = 2.0 * (theta - lower) / (upper - lower) - 1.0
+    logarithmic = 2.0 * torch.log(theta / lower) / torch.log(upper / lower) - 1.0
+    return torch.cat([to_place(theta, lower, upper), linear, logarithmic], dim=-1)
+
+
+class ResidualBlock(nn.Module):
+    """x + W2 silu(W1 norm(x)), with W2 starting at zero."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.norm = nn.LayerNorm(width)
+        self.inner = nn.Linear(width, width)
+        self.outer = nn.Linear(width, width)
+        nn.init.zeros_(self.outer.weight)
+        nn.init.zeros_(self.outer.bias)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, width) to (B, width)."""
+        return x + self.outer(nn.functional.silu(self.inner(self.norm(x))))
+
+
+def residual_blocks(width: int, count: int) -> nn.Sequential:
+    """`count` blocks one after another."""
+    return nn.Sequential(*(ResidualBlock(width) for _ in range(count)))
+
+
+class FloorLinear(nn.Module):
+    """One linear map for each floor, all floors in one batched product."""
+
+    def __init__(self, floors: int, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.randn(floors, inputs, outputs) * inputs**-0.5)
+        self.bias = nn.Parameter(torch.zeros(floors, 1, outputs))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, f, inputs) to (B, f, outputs)."""
+        return torch.baddbmm(self.bias, x.transpose(0, 1), self.weight).transpose(0, 1)
+
+
+# Terms of the power series that replaces the modes above the grid, as in `ModalData`.
+_SERIES = 3
+# |H|^2 below this is rounding; its logarithm would dominate the loss.
+LEAST_SQUARE = 1e-8
+
+
+@dataclass(frozen=True)
+class DecodedModes:
+    """Modes of the decoder; frequencies in units of the top of the grid.
+
+    Attributes:
+        omega: (B, m).
+        ratio: (B, m) damping ratios.
+        effect: (B, f, m) shape times participation of each mode at each floor.
+        series: (B, f, 3) coefficients of w^2, w^4, w^6.
+    """
+
+    omega: Tensor
+    ratio: Tensor
+    effect: Tensor
+    series: Tensor
+
+
+class ModalDecoder(nn.Module):
+    """Mean of ln|H| at every floor, and the variance that it leaves unexplained.
+
+    Frequencies, damping ratios and effects of a few modes are smooth functions of the stiffness,
+    while ln|H| with its sharp peaks is not. The network gives the former; mode superposition
+    (see `femupdate.dynamics.modal.ModalData`) gives the latter.
+    """
+
+    frequency: Tensor
+    centre: Tensor
+    spread: Tensor
+    damping_bounds: Tensor
+
+    def __init__(self, sizes: NetworkSizes) -> None:
+        super().__init__()
+        self.sizes = sizes
+        width = sizes.decoder_width
+        outputs = sizes.modes * (2 + sizes.floors) + _SERIES * sizes.floors
+        self.join = nn.Linear(sizes.coordinates, width)
+        self.blocks = residual_blocks(width, sizes.decoder_blocks)
+        self.norm = nn.LayerNorm(width)
+        self.modes = nn.Linear(width, outputs)
+        nn.init.normal_(self.modes.weight, std=0.01)
+        nn.init.zeros_(self.modes.bias)
+        self.straight = nn.Linear(sizes.coordinates, outputs, bias=False)
+        nn.init.zeros_(self.straight.weight)
+        self.log_excess = nn.Parameter(torch.full((sizes.floors, sizes.points), -2.0))
+        self.register_buffer("frequency", torch.linspace(0.0, 1.0, sizes.points))
+        self.register_buffer("centre", torch.zeros(outputs))
+        self.register_buffer("spread", torch.ones(outputs))
+        self.register_buffer("damping_bounds", torch.ones(2))
+
+    def forward(self, z: Tensor, points: Tensor | slice = slice(None)) -> Tensor:
+        """Mean of ln|H| (B, f, k) at z (B, z); `points` chooses some of the k frequencies."""
+        real, imaginary = self.frf_parts(z, points)
+        return 0.5 * torch.log(real**2 + imaginary**2 + LEAST_SQUARE)
+
+    def frf_parts(self, z: Tensor, points: Tensor | slice = slice(None)) -> tuple[Tensor, Tensor]:
+        """Real and imaginary part of H (B, f, k)."""
+        modes = self.decode_modes(z)
+        data = ModalData(modes.omega, modes.effect, modes.series)
+        return data.response(self.frequency[points], modes.ratio)
+
+    def excess_variance(self, points: Tensor | slice = slice(None)) -> Tensor:
+        """Variance of ln|H| (f, k) that the decoder leaves unexplained, without the noise."""
+        return self.log_excess[:, points].exp()
+
+    def decode_modes(self, z: Tensor) -> DecodedModes:
+        """Modes at z (B, z)."""
+        count, floors = self.sizes.modes, self.sizes.floors
+        raw = self.straight(z) + self.modes(self.norm(self.blocks(self.join(z))))
+        parts = (self.centre + self.spread * raw).split(
+            [count, count, floors * count, floors * _SERIES], dim=1
+        )
+        return DecodedModes(
+            parts[0].exp(),
+            parts[1].exp() * self.damping(z)[:, None],
+            parts[2].view(-1, floors, count),
+            parts[3].view(-1, floors, _SERIES),
+        )
+
+    def damping(self, z: Tensor) -> Tensor:
+        """Damping ratio (B,) from the last coordinate; uniform between its bounds under p(z)."""
+        low, high = self.damping_bounds
+        if not self.sizes.free_damping:
+            return low.expand(len(z))
+        return low + (high - low) * torch.special.ndtr(z[:, -1])
+
+    def damping_coordinate(self, zeta: Tensor) -> Tensor:
+        """The inverse of `damping`: (B, 1), or (B, 0) where the damping ratio is known."""
+        if not self.sizes.free_damping:
+            return zeta.new_zeros(len(zeta), 0)
+        low, high = self.damping_bounds
+        share = ((zeta - low) / (high - low)).clamp(1e-4, 1.0 - 1e-4)
+        return torch.special.ndtri(share)[:, None]
+
+    def standardise(
+        self, omega: Tensor, ratio: Tensor, effect: Tensor, series: Tensor, top: float
+    ) -> None:
+        """Start from the mean modes of a sample of the training set, and vary by their spread.
+
+        Args:
+            omega: (n, M) circular frequencies, rad/s, of which the decoder has the first m.
+            ratio: (n, M) damping ratios over the ratio of `damping`.
+            effect: (n, f, M).
+            series: (n, f, 3).
+            top: top of the frequency grid, rad/s.
+        """
+        count = self.sizes.modes
+        scale = torch.tensor([top**2, top**4, top**6]).to(series)
+        rows = torch.cat(
+            [
+                (omega[:, :count] / top).log(),
+                ratio[:, :count].log(),
+                effect[:, :, :count].flatten(1),
+                (series * scale).flatten(1),
+            ],
+            dim=1,
+        )
+        self.centre.copy_(rows.mean(0))
+        # Where nothing varies in the sample, a small range is left.
+        self.spread.copy_(rows.std(0).clamp_min(1e-3))
+
 
 # Least variance: finite in float32, and far below that of any posterior.
 _LEAST_LOG_VARIANCE = -18.0

@@ -21,8 +21,7 @@ from femupdate.building.files import mechanics_hash
 from femupdate.errors import SurrogateError
 from femupdate.storage import write_bytes
 from femupdate.study import Study, StudyPart
-from femupdate.surrogate.network import Mvae
-from femupdate.surrogate.sizes import NetworkSizes
+from femupdate.surrogate.network import Mvae, NetworkSizes
 
 # Half precision is enough for the observation encoder, whose proposals are refined. Errors of the
 # parameter encoder and the decoder would shift every posterior.

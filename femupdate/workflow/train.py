@@ -14,8 +14,7 @@ from femupdate.result import Item, Note, Result
 from femupdate.seeds import DATA_SET, stream
 from femupdate.study import BUILDING_FILE, Study, file_hash
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
-from femupdate.surrogate.loss import LossSettings
-from femupdate.surrogate.sizes import NetworkSizes
+from femupdate.surrogate.network import NetworkSizes
 from femupdate.surrogate.storage import (
     TRAINED,
     Surrogate,
@@ -23,7 +22,13 @@ from femupdate.surrogate.storage import (
     find_surrogate,
     load_surrogate,
 )
-from femupdate.surrogate.training import TrainingResult, TrainingSettings, TrainingTask, train_mvae
+from femupdate.surrogate.training import (
+    LossSettings,
+    TrainingResult,
+    TrainingSettings,
+    TrainingTask,
+    train_mvae,
+)
 from femupdate.workflow.calibrate_settings import unserved
 from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel, choose_building

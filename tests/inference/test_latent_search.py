@@ -5,11 +5,9 @@ import pytest
 import torch
 from scipy.optimize import least_squares
 
-from femupdate.inference.latent_search import Control, find_latent
+from femupdate.inference.latent_search import Control, LatentQuadratics, find_latent
 from femupdate.surrogate.gauss_newton import LatentData
-from femupdate.surrogate.latent import LatentQuadratics
-from femupdate.surrogate.network import LatentMixture, Mvae
-from femupdate.surrogate.sizes import NetworkSizes
+from femupdate.surrogate.network import LatentMixture, Mvae, NetworkSizes
 
 FREQUENCY = torch.arange(1, 121) / 120.0
 TRUTH = (-0.9, 0.8)

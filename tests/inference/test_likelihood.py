@@ -14,8 +14,7 @@ from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.measurement.observation import Observation, select_floors
-from femupdate.surrogate.network import Mvae
-from femupdate.surrogate.sizes import NetworkSizes
+from femupdate.surrogate.network import Mvae, NetworkSizes
 from femupdate.surrogate.storage import Surrogate, SurrogateInfo
 
 FLOORS = ("2F", "3F", "RF")

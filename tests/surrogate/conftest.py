@@ -10,9 +10,8 @@ from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.inference.parameters import Parameters
 from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
-from femupdate.surrogate.loss import LossSettings
-from femupdate.surrogate.sizes import NetworkSizes
-from femupdate.surrogate.training import TrainingSettings, TrainingTask, train_mvae
+from femupdate.surrogate.network import NetworkSizes
+from femupdate.surrogate.training import LossSettings, TrainingSettings, TrainingTask, train_mvae
 
 FREQUENCY = 0.2 * np.arange(1, 65)
 SIZES = NetworkSizes(

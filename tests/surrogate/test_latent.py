@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
-from femupdate.surrogate.latent import LatentQuadratics, ObservedLatent
+from femupdate.inference.latent_search import LatentQuadratics, ObservedLatent
 
 
 def tensor(values):

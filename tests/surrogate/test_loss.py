@@ -8,16 +8,14 @@ import torch
 from torch import nn
 from torch.distributions import Normal
 
-from femupdate.surrogate.loss import (
+from femupdate.surrogate.network import Mvae, NetworkSizes, Visibility
+from femupdate.surrogate.training import (
     LossSettings,
     loss_terms,
     noisy_input,
     proposal,
     reconstruction,
 )
-from femupdate.surrogate.network import Mvae
-from femupdate.surrogate.sizes import NetworkSizes
-from femupdate.surrogate.visibility import Visibility
 
 SIZES = NetworkSizes(
     2, 30, 2, True, 3, floor_features=6, width=16, parameter_width=12, blocks=2, components=2

@@ -7,8 +7,7 @@ from femupdate.benchmarks.modal_frf import log_frf
 
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.modes import ModalData
-from femupdate.surrogate.modal_decoder import ModalDecoder
-from femupdate.surrogate.sizes import NetworkSizes
+from femupdate.surrogate.network import ModalDecoder, NetworkSizes
 
 SIZES = NetworkSizes(3, 40, 2, True, 2, width=16, decoder_width=16, blocks=2)
 TOP = 2.0 * np.pi * 20.0

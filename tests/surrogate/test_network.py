@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.surrogate.layers import FloorLinear
-from femupdate.surrogate.network import LatentMixture, Mvae
-from femupdate.surrogate.places import parameter_features
-from femupdate.surrogate.sizes import NetworkSizes
-from femupdate.surrogate.visibility import Visibility
+from femupdate.surrogate.network import (
+    FloorLinear,
+    LatentMixture,
+    Mvae,
+    NetworkSizes,
+    Visibility,
+    parameter_features,
+)
 
 SIZES = NetworkSizes(
     3, 40, 2, True, 4, floor_features=6, width=16, parameter_width=12, blocks=2, components=3

@@ -2,7 +2,7 @@
 
 import torch
 
-from femupdate.surrogate.places import from_place, parameter_features, to_place
+from femupdate.surrogate.network import from_place, parameter_features, to_place
 
 LOWER, UPPER = torch.tensor([0.25, 1.0]), torch.tensor([4.0, 9.0])
 

@@ -11,6 +11,7 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from femupdate.errors import StudyError, SurrogateError
+from femupdate.surrogate.network import Visibility
 from femupdate.surrogate.storage import (
     Surrogate,
     SurrogateInfo,
@@ -18,7 +19,6 @@ from femupdate.surrogate.storage import (
     save_surrogate,
 )
 from femupdate.surrogate.training import TrainingSettings
-from femupdate.surrogate.visibility import Visibility
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 import torch
 from safetensors import safe_open
-from safetensors.torch import load_file
 
 from femupdate.errors import StudyError, SurrogateError
 from femupdate.surrogate import training as room
+from femupdate.surrogate.network import EARLIEST_END, LATEST_START, Visibility
 from femupdate.surrogate.training import TrainingSettings, draw_visibility, train_mvae
-from femupdate.surrogate.visibility import EARLIEST_END, LATEST_START, Visibility
 
 
 class KilledError(Exception):
@@ -305,15 +304,3 @@ def test_visible_floors_and_bands_have_their_shares():
 def test_a_building_of_one_story_always_shows_its_roof():
     seen = draw_visibility(50, 1, TrainingSettings(), torch.Generator().manual_seed(0))
     assert bool((seen.floors == 1.0).all())
-
-
-def test_a_watched_training_is_the_training(task, quick, tmp_path):
-    """Step by step, on the rows that the training does not hold out: the same weights."""
-    path = tmp_path / "training.safetensors"
-    train_mvae(task, quick, path)
-    order = torch.randperm(2000, generator=room._generator(quick.seed, 0))
-    watched = list(room.watched_training(task, quick, order[100:]))
-    assert len(watched) == 1 + 3 * quick.epochs  # 1,900 rows in batches of 500
-    kept = load_file(path)
-    for name, value in watched[-1].state_dict().items():
-        assert torch.equal(kept[f"average/{name}"], value), name
