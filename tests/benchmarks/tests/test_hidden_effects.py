@@ -19,7 +19,6 @@ from femupdate.building.files import load_building
 from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import ReportError
 from femupdate.study import Study
-from femupdate.workers import dask_executor, working_on
 from femupdate.workflow.model import open_study
 
 MODELS = Path(__file__).parents[3] / "models"
@@ -158,34 +157,3 @@ def test_trials_with_other_data_are_made_with_sticks(tmp_path, cabin_file):
     frame = replace(model, building=load_building(str(cabin_file)))
     with pytest.raises(ReportError, match="modes data are made with sticks, and this is a frame"):
         trial_models(study, frame, TrialSettings(), data=MODES)
-
-
-def test_trials_that_were_cut_off_go_on(run, tmp_path, four_stories):
-    job = Job(tmp_path, SEED)
-    none = run_hidden_effects(job, four_stories, PLAN, SHORT, minutes=0.0)
-    assert not none.content()["outcomes"]
-    parts = {**run.parts, "clean 9000001": {**run.parts["clean 9000001"], "seconds": 123.0}}
-    lines = {key: json.dumps({"key": key, "content": one}) for key, one in parts.items()}
-    half = lines.pop("clean 9000000")[:40]
-    log = "\n".join([run.header, *lines.values(), half])
-    (tmp_path / run.log).write_text(log, encoding="utf-8")
-    again = run_hidden_effects(job, four_stories, PLAN, SHORT).content()["outcomes"]
-    whole = run.report.content()["outcomes"]
-    assert [one["number"] for one in again] == [one["number"] for one in whole]
-    assert [one["seconds"] == 123.0 for one in again] == [False] * 4 + [True, False]
-    assert again[1]["p_value"] == pytest.approx(whole[1]["p_value"])
-
-
-def test_trials_shared_out_are_the_same_when_a_worker_is_killed(
-    run, tmp_path, four_stories, killer
-):
-    """Enough of them that the process in its place, which starts within seconds, gets some."""
-    pytest.importorskip("distributed", reason="the extra `distributed` is not installed")
-    plan = TrialPlan(clean=5, one=0, two=0, outside=0)
-    with dask_executor("local") as workers, working_on(workers):
-        found = run_hidden_effects(Job(tmp_path, SEED, killer), four_stories, plan, SHORT)
-    assert killer.killed
-    shared = {one["number"]: one for one in found.content()["outcomes"]}
-    assert len(shared) == 5
-    here = [one for one in run.report.content()["outcomes"] if one["kind"] == CLEAN]
-    assert [{**shared[one["number"]], "seconds": one["seconds"]} for one in here] == here
