@@ -336,8 +336,8 @@ def _require_inputs() -> None:
     for parameter in context.command.params:
         value = context.params.get(parameter.name or "")
         if isinstance(parameter.type, Input) and value is not None:
-            for one in value if isinstance(value, tuple) else (value,):
-                parameter.type.require(one)
+            for item in value if isinstance(value, tuple) else (value,):
+                parameter.type.require(item)
 
 
 def _start_logging(verbose: int) -> None:

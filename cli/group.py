@@ -64,13 +64,13 @@ class GroupedCommand(click.Command):
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options, those of a heading in the order in which they are declared."""
         headings = {name: heading for heading, names in _HEADINGS.items() for name in names}
-        found: dict[str, list[tuple[str, str]]] = {heading: [] for heading in _ORDER}
+        under: dict[str, list[tuple[str, str]]] = {heading: [] for heading in _ORDER}
         for parameter in self.get_params(ctx):
             record = parameter.get_help_record(ctx)
             if record is not None and isinstance(parameter, click.Option):
                 name = longest_name(parameter).lstrip("-")
-                found[headings.get(name, _SETTINGS)].append(record)
-        for heading, records in found.items():
+                under[headings.get(name, _SETTINGS)].append(record)
+        for heading, records in under.items():
             if records:
                 with formatter.section(heading):
                     formatter.write_dl(records)

@@ -61,20 +61,20 @@ def inspect(
         )
     if write_mapping is not None and write_mapping.exists():
         raise Failure(f"{write_mapping} is there already; choose another name, or remove it")
-    found = interface.inspect(*files, unit=unit, columns=columns)
+    report = interface.inspect(*files, unit=unit, columns=columns)
     pictures = None
-    problems = list(found.refused)
-    if picture is not None and found.files:
+    problems = list(report.refused)
+    if picture is not None and report.files:
         try:
-            pictures = (draw_inspection(found.files[0], picture),)
+            pictures = (draw_inspection(report.files[0], picture),)
         except ReportError as error:  # what is in the file is said all the same
             problems.append(str(error))
     written = []
-    if write_mapping is not None and found.files:
-        written.append(propose_mapping(found.files[0], write_mapping, unit))
-    answer = Answer(found, pictures, files=written)
+    if write_mapping is not None and report.files:
+        written.append(propose_mapping(report.files[0], write_mapping, unit))
+    answer = Answer(report, pictures, files=written)
     if problems:
-        if found.files:
+        if report.files:
             answer.show(click.get_current_context().params["as_json"])
         raise Failure("\n".join(problems))
     return answer
@@ -119,7 +119,7 @@ def identify(
     from femupdate.workflow.identify import identify as identify_file
 
     check_free(output, replace)
-    found = identify_file(record, output, columns=columns, band_hz=band, order=order)
+    report = identify_file(record, output, columns=columns, band_hz=band, order=order)
     if no_pictures:
-        return Answer(found)
-    return Answer(found, (draw_identified(found, output.with_suffix(".png")),))
+        return Answer(report)
+    return Answer(report, (draw_identified(report, output.with_suffix(".png")),))

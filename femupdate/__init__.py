@@ -66,8 +66,8 @@ if _TYPE_CHECKING:
 
 def __getattr__(name: str) -> _Any:
     if name in _NOUNS:
-        module, _, own = _NOUNS[name].partition(":")
-        return getattr(_import_module(f"femupdate.{module}"), own or name)
+        module, _, inner = _NOUNS[name].partition(":")
+        return getattr(_import_module(f"femupdate.{module}"), inner or name)
     if name in _VERBS:
         return getattr(_import_module("femupdate.interface"), name)
     raise AttributeError(f"module 'femupdate' has no attribute {name!r}")

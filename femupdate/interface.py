@@ -85,11 +85,11 @@ def train(
     effort = THOROUGH if thorough else USUAL
     count = samples or effort.samples
     weights = None if start is None else Path(start)
-    own, name = _study(study), _name(building)
-    check_training(own, count, settings.get("batch", 512), weights, name)
-    model = reduce(own, name, progress=progress)
+    opened, name = _study(study), _name(building)
+    check_training(opened, count, settings.get("batch", 512), weights, name)
+    model = reduce(opened, name, progress=progress)
     chosen = default_settings(model, **{"epochs": effort.epochs, **settings})
-    return train_study(own, model, count, chosen, fresh=fresh, start=weights, progress=progress)
+    return train_study(opened, model, count, chosen, fresh=fresh, start=weights, progress=progress)
 
 
 def calibrate(
@@ -118,11 +118,11 @@ def calibrate(
     from femupdate.workflow.calibrate_settings import CalibrationSettings
     from femupdate.workflow.observed import readable
 
-    own, chosen = Study(_study(study).folder, name), CalibrationSettings(**settings)
+    opened, chosen = Study(_study(study).folder, name), CalibrationSettings(**settings)
     source = readable(reading or {}, *map(Path, files))
-    check_calibration(own, source, chosen, _name(building))
-    model = reduce(own, building, progress=progress)
-    return calibrate_study(own, model, source, chosen, progress)
+    check_calibration(opened, source, chosen, _name(building))
+    model = reduce(opened, building, progress=progress)
+    return calibrate_study(opened, model, source, chosen, progress)
 
 
 def predict(
@@ -157,10 +157,10 @@ def predict(
     from femupdate.workflow.predict import predict_study
     from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 
-    own = _study(study)
+    opened = _study(study)
     return predict_study(
-        own,
-        open_calibrated(own, progress),
+        opened,
+        open_calibrated(opened, progress),
         RecordSource(Path(record), unit, channel, scale),
         PredictionSettings(**settings),
         measured=None if measured is None else Path(measured),
@@ -196,12 +196,12 @@ def diagnose(
     from femupdate.workflow.diagnose import diagnose_study
     from femupdate.workflow.observed import readable
 
-    how, own = reading or {}, _study(study)
+    how, opened = reading or {}, _study(study)
     source = readable(how, *map(Path, files))
     other = None if second is None else readable(how, Path(second))
-    model = reduce(own, building, progress=progress)
+    model = reduce(opened, building, progress=progress)
     chosen = DiagnosisSettings(**settings)
-    return diagnose_study(own, model, source, chosen, progress, use_phase, other)
+    return diagnose_study(opened, model, source, chosen, progress, use_phase, other)
 
 
 def repair(
@@ -229,13 +229,13 @@ def repair(
     from femupdate.workflow.observed import readable
     from femupdate.workflow.repair import repair_study
 
-    how, own = reading or {}, _study(study)
+    how, opened = reading or {}, _study(study)
     source = readable(how, *map(Path, files))
     kept_out = None if holdout is None else readable(how, Path(holdout))
     other = None if second is None else readable(how, Path(second))
-    model = reduce(own, building, progress=progress)
+    model = reduce(opened, building, progress=progress)
     chosen = DiagnosisSettings(**settings)
-    return repair_study(own, model, source, kept_out, chosen, progress, use_phase, other)
+    return repair_study(opened, model, source, kept_out, chosen, progress, use_phase, other)
 
 
 def compare(study: Folder, before: str, after: str) -> "CompareReport":
@@ -250,8 +250,8 @@ def compare(study: Folder, before: str, after: str) -> "CompareReport":
     """
     from femupdate.workflow.compare import compare_states, find_state
 
-    own = _study(study)
-    return compare_states(find_state(before, own), find_state(after, own))
+    opened = _study(study)
+    return compare_states(find_state(before, opened), find_state(after, opened))
 
 
 def simulate(

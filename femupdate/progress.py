@@ -44,8 +44,8 @@ def counted(task: Callable[[A], T], progress: Progress, what: str, total: int) -
     """The same task, which tells how many of the pieces inside a unit are done."""
     done = itertools.count(1)
 
-    def told(one: A) -> T:
-        result = task(one)
+    def told(argument: A) -> T:
+        result = task(argument)
         progress.advance(0, f"{what}, {next(done)} of {total} done")
         return result
 

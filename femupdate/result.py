@@ -108,8 +108,8 @@ class Result:
 
     def tables(self) -> tuple[Table, ...]:
         """Those for spreadsheets."""
-        found = [item for item in self.items() if isinstance(item, Table)]
-        return tuple(one for one in found if any(column.csv for column in one.columns))
+        tables = [item for item in self.items() if isinstance(item, Table)]
+        return tuple(table for table in tables if any(column.csv for column in table.columns))
 
 
 def plain(value: Any) -> Any:

@@ -175,8 +175,8 @@ def _system_error(error: Exception) -> OSError | None:
         return error
     if isinstance(error, FemupdateError):
         return None
-    found = _NUMBER.search(str(error))
-    return OSError(int(found[1]), os.strerror(int(found[1]))) if found else None
+    match = _NUMBER.search(str(error))
+    return OSError(int(match[1]), os.strerror(int(match[1]))) if match else None
 
 
 class ArchiveError(ValueError):

@@ -64,13 +64,13 @@ def made_by(words: Sequence[str]) -> Iterator[None]:
 
 
 def _are_texts(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(one, str) for one in value)
+    return isinstance(value, list) and all(isinstance(text, str) for text in value)
 
 
 def _are_words(value: Any) -> bool:
     """Whether this is a command that can be shown and typed, whoever wrote it."""
     whole = _are_texts(value) and bool(value) and sum(map(len, value)) <= _MOST_TEXT
-    return whole and all(one.isprintable() for one in value)
+    return whole and all(word.isprintable() for word in value)
 
 
 # Settings that other commands read, each with whether a value can be one.
@@ -332,8 +332,8 @@ class Study:
         Raises:
             StudyError: its file holds something else, or cannot be written.
         """
-        found = self.kept(part, made_from)
-        return self.keep(part, made_from, make()) if found is None else found
+        value = self.kept(part, made_from)
+        return self.keep(part, made_from, make()) if value is None else value
 
     def kept(self, part: StudyPart[T], made_from: Mapping[str, str]) -> T | None:
         """A part made from just these things, or None where the study has none.

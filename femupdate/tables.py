@@ -172,7 +172,7 @@ def write_tables(
     Raises:
         StudyError: a file cannot be written, or XlsxWriter is not installed.
     """
-    sheets = {one.name: one.sheet() for one in tables}
+    sheets = {table.name: table.sheet() for table in tables}
     for name, sheet in sheets.items():
         write_text(folder / f"{name}.csv", csv_text(*sheet))
     paths = tuple(folder / f"{name}.csv" for name in sheets)

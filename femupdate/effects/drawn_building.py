@@ -125,14 +125,14 @@ class DrawnBuilding:
     def sensors(self, place: str) -> tuple[Glyph, ...]:
         """The sensors of the floors that a place names, or those of all, along the motion."""
         floors, mesh = self.structure.floors, self.structure.mesh
-        found = []
+        glyphs = []
         for floor in [part for part in place.split(",") if part in floors] or floors:
             points = self.centre(self.level(floor))[None]
             if mesh is not None:
                 points = mesh.model.nodes[np.asarray(mesh.floor_nodes[floor])]
             arm = self.along(0.16 * self.size)
-            found += [Glyph.of("sensor", point, point + arm, self.radius) for point in points]
-        return tuple(found)
+            glyphs += [Glyph.of("sensor", point, point + arm, self.radius) for point in points]
+        return tuple(glyphs)
 
     def members(self, kinds: tuple[str, ...], place: str) -> tuple[Glyph, ...]:
         """The members of some kinds, in the story that a place names or in all."""

@@ -205,7 +205,7 @@ class Terms:
     def changes_shapes(self) -> bool:
         """Whether the shapes that a basis must hold change."""
         added = self.springs, self.mass, self.hinges
-        return bool(self.stiffness) or any(one is not None for one in added)
+        return bool(self.stiffness) or any(matrix is not None for matrix in added)
 
     @property
     def shapeless(self) -> bool:
@@ -346,9 +346,9 @@ class Effect(ABC):
         places = self.places(structure)
         narrow = {*structure.floors, *structure.building.story_names}
         wide = [place for place in places if place not in narrow and "/" not in place]
-        one = self.parameters[0]
-        both = [one.neutral + sign * one.scale for sign in (-1.0, 1.0)]
-        sizes = [size for size in both if one.lower <= size <= one.upper]
+        size_of = self.parameters[0]
+        both = [size_of.neutral + sign * size_of.scale for sign in (-1.0, 1.0)]
+        sizes = [size for size in both if size_of.lower <= size <= size_of.upper]
         if wide or len(places) == 1:
             return tuple((place, size) for place in wide or places for size in sizes)
         return tuple((place, sizes[-1]) for place in places)

@@ -57,10 +57,14 @@ class MemberStiffness(Effect):
         """All stories together, and every story, where there are such members."""
         if structure.mesh is None:
             return ()
-        parts = [one for one in structure.mesh.model.elements if isinstance(one, self.elements)]
-        groups = {k for one in parts for k in one.group[np.isin(one.kind, self.kinds)].tolist()}
-        own = tuple(structure.building.story_names[k] for k in sorted(groups))
-        return (ALL, *own) if len(own) > 1 else own
+        parts = [
+            block for block in structure.mesh.model.elements if isinstance(block, self.elements)
+        ]
+        groups = {
+            k for block in parts for k in block.group[np.isin(block.kind, self.kinds)].tolist()
+        }
+        stories = tuple(structure.building.story_names[k] for k in sorted(groups))
+        return (ALL, *stories) if len(stories) > 1 else stories
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The members themselves."""
@@ -72,15 +76,15 @@ class MemberStiffness(Effect):
         chosen = range(len(names)) if place == ALL else [names.index(place)]
         if not self.bending_only:
             matrices = self.stiffness(structure)
-            own = (Stiffness(k, matrices[k]) for k in chosen if matrices[k].nnz)
-            return Terms(stiffness=tuple(own))
+            scaled = (Stiffness(k, matrices[k]) for k in chosen if matrices[k].nnz)
+            return Terms(stiffness=tuple(scaled))
         mesh, operators = structure.mesh, structure.operators
         if mesh is None or operators is None:
             raise ValueError("a shear building has no members")
         bending = structure.once(
             ("bending", self.kinds), lambda: bending_terms(mesh.model, operators, self.kinds)
         )
-        return Terms(stiffness=tuple(one for one in bending if one.story in chosen))
+        return Terms(stiffness=tuple(term for term in bending if term.story in chosen))
 
     def stiffness(self, structure: Structure) -> Sequence[csc_matrix]:
         """That of the members of every story, (n, n)."""

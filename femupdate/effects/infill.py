@@ -99,9 +99,9 @@ def _condensed(stiff: FiniteElementModel, walls: Shells, known: cKDTree) -> tupl
     nodes, corners = np.unique(walls.nodes, return_inverse=True)
     corners = corners.reshape(len(walls), -1)
     elements = walls.matrices(stiff.nodes).stiffness
-    own = (DOF_PER_NODE * corners[:, :, None] + np.arange(DOF_PER_NODE)).reshape(len(walls), -1)
+    dofs = (DOF_PER_NODE * corners[:, :, None] + np.arange(DOF_PER_NODE)).reshape(len(walls), -1)
     stiffness = np.zeros((DOF_PER_NODE * len(nodes),) * 2)
-    np.add.at(stiffness, (own[:, :, None], own[:, None, :]), elements)
+    np.add.at(stiffness, (dofs[:, :, None], dofs[:, None, :]), elements)
     distance, place = known.query(stiff.nodes[nodes])
     shared = np.repeat(distance < _SAME, DOF_PER_NODE)
     alone = ~shared & ~stiff.fixed[nodes].ravel()

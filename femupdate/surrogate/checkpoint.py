@@ -122,9 +122,9 @@ def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
 
 def _check_data(run: TrainingRun, state: dict[str, Tensor], path: Path) -> None:
     """Refuse other data: the buffers hold prior box, mean and scale of the data."""
-    for name, own in run.mvae.named_buffers():
+    for name, now in run.mvae.named_buffers():
         # The order of summation may differ between runs, so rounding may differ.
-        if not torch.allclose(state[name], own.cpu(), rtol=1e-4, atol=1e-4):
+        if not torch.allclose(state[name], now.cpu(), rtol=1e-4, atol=1e-4):
             raise SurrogateError(
                 f"the checkpoint {path} belongs to a training on other data; delete it to train "
                 "from the start"

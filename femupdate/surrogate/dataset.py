@@ -88,10 +88,10 @@ def compute_dataset(
     paths = [folder / f"{k:04d}.npz" for k in range(len(rows))]
     kept = modes_kept(system, plan.modes)
     shards: dict[int, ModalDataset] = {}
-    for k, (path, own) in enumerate(zip(paths, rows, strict=True)):
-        if (shard := kept_shard(path, own, kept)) is not None:
+    for k, (path, factors) in enumerate(zip(paths, rows, strict=True)):
+        if (shard := kept_shard(path, factors, kept)) is not None:
             shards[k] = shard
-            progress.advance(len(own))
+            progress.advance(len(factors))
     missing = [k for k in range(len(rows)) if k not in shards]
     solve = partial(_solve_shard, system, plan=plan)
     for number, modal in completed(solve, [rows[k] for k in missing]):

@@ -419,7 +419,7 @@ def _check_initial(initial: Mvae, mvae: Mvae) -> None:
             "the weights to start from have other sizes than this training; train from scratch"
         )
     bounds = zip((initial.lower, initial.upper), (mvae.lower, mvae.upper), strict=True)
-    if not all(torch.allclose(one.cpu(), other) for one, other in bounds):
+    if not all(torch.allclose(ours.cpu(), theirs) for ours, theirs in bounds):
         raise SurrogateError(
             "the weights to start from were trained on another prior; train from scratch"
         )

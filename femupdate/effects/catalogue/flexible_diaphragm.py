@@ -49,4 +49,4 @@ def _membranes(model: FiniteElementModel, operators: AffineOperators) -> tuple[c
         for group in range(model.groups)
     ]
     entries = [element_entries(some.nodes, some.membrane(model.nodes)) for some in slabs]
-    return tuple(onto_free(summed([one], operators.dof), operators) for one in entries)
+    return tuple(onto_free(summed([entry], operators.dof), operators) for entry in entries)

@@ -56,5 +56,5 @@ class JointFlexibility(Effect):
         mesh, operators = structure.mesh, structure.operators
         if mesh is None or operators is None:
             return Terms(hinges=turning_floors(structure))
-        own = structure.once(("joints",), lambda: turning_beams(mesh.model, operators))
-        return Terms(stiffness=own)
+        turning = structure.once(("joints",), lambda: turning_beams(mesh.model, operators))
+        return Terms(stiffness=turning)

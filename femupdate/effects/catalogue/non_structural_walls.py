@@ -30,15 +30,15 @@ class NonStructuralWalls(Effect):
         """All such walls, those of a line, of a story, and each by itself, as in "X1/S2"."""
         lines = infill_lines(structure.building)
         names = structure.building.story_names
-        stories = sorted({story for own in lines.values() for story in own})
-        found = [_ALL, *lines, *(f"{_ALL}/{names[story]}" for story in stories)]
-        found += [f"{line}/{names[story]}" for line, own in lines.items() for story in own]
+        stories = sorted({story for levels in lines.values() for story in levels})
+        places = [_ALL, *lines, *(f"{_ALL}/{names[story]}" for story in stories)]
+        places += [f"{line}/{names[story]}" for line, levels in lines.items() for story in levels]
         one_line, one_story = len(lines) == 1, len(stories) == 1
         if one_line:  # nothing is said twice
-            found = [place for place in found if place not in lines and _ALL + "/" not in place]
+            places = [place for place in places if place not in lines and _ALL + "/" not in place]
         if one_story:
-            found = [place for place in found if "/" not in place]
-        return tuple(found) if lines else ()
+            places = [place for place in places if "/" not in place]
+        return tuple(places) if lines else ()
 
     def where(self, place: str) -> str:
         """As `Effect.where`."""
@@ -52,9 +52,9 @@ class NonStructuralWalls(Effect):
         if not isinstance(building, FrameBuilding):
             return ()
         grid, faces = building.grid, []
-        for own, stories in infill_lines(building).items():
-            axis, at = (1, grid.y[own]) if own in grid.y else (0, grid.x[own])
-            chosen = [k for k in stories if _names(place, own, building.story_names[k])]
+        for line, stories in infill_lines(building).items():
+            axis, at = (1, grid.y[line]) if line in grid.y else (0, grid.x[line])
+            chosen = [k for k in stories if _names(place, line, building.story_names[k])]
             faces += [drawn.upright(axis, float(at), k) for k in chosen]
         return (Glyph.of("surfaces", faces),)
 
