@@ -40,7 +40,7 @@ def mesh_frame(building: FrameBuilding, size: float, least: int = 1) -> Building
     """
     try:
         extra = column_lines(building) + opening_lines(building)
-        if _may_have_joints(building):
+        if (building.walls or building.slabs) and (building.beams or building.columns):
             coarse = lattice_of(building.grid, building.stories, math.inf, 2, extra)
             parts = _parts_on(building, coarse)
             extra += face_lines(parts.model)
@@ -48,10 +48,6 @@ def mesh_frame(building: FrameBuilding, size: float, least: int = 1) -> Building
         return _mesh_on(building, lattice)
     except Complaint as complaint:
         raise BuildingError(f"{complaint.key}: {complaint}") from None
-
-
-def _may_have_joints(building: FrameBuilding) -> bool:
-    return bool(building.walls or building.slabs) and bool(building.beams or building.columns)
 
 
 @dataclass(frozen=True)

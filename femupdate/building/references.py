@@ -52,16 +52,9 @@ def resolve(names: tuple[str, ...], known: Iterable[str], what: str, key: str) -
 
 def require(name: str, known: Iterable[str], what: str, key: str) -> str:
     """Return the name; raise Complaint at `key` where it is not known."""
-    return resolve((name,), known, what, key)[0] if name != "*" else _not_all(key)
-
-
-def _not_all(key: str) -> str:
-    raise Complaint(key, '"*" cannot stand here; write one name')
-
-
-def _axis_of(grid: Grid, line: str, key: str) -> int:
-    require(line, [*grid.x, *grid.y], "grid line", key)
-    return 0 if line in grid.y else 1
+    if name == "*":
+        raise Complaint(key, '"*" cannot stand here; write one name')
+    return resolve((name,), known, what, key)[0]
 
 
 def _crossing(grid: Grid, axis: int) -> Mapping[str, float]:
@@ -76,7 +69,8 @@ def stretch_of(grid: Grid, line: str, bounds: tuple[str | None, str | None], key
     Raises:
         Complaint: an unknown line, one that does not cross, or no length between the two.
     """
-    axis = _axis_of(grid, line, f"{key}.along")
+    require(line, [*grid.x, *grid.y], "grid line", f"{key}.along")
+    axis = 0 if line in grid.y else 1
     crossing = _crossing(grid, axis)
     order = list(crossing)
     start, end = bounds[0] or order[0], bounds[1] or order[-1]

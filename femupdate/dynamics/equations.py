@@ -17,7 +17,7 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel, reduce_terms
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import UNSCALED, Hinges, Placed, SpringTerms, Terms
+from femupdate.effects.effect import UNSCALED, Placed, SpringTerms, Terms
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
 from femupdate.fe.driven import Factored, driven_shapes
 from femupdate.fe.factorization import factorize
@@ -140,7 +140,8 @@ def equations_at(
             factor = size / (1.0 + series * size)
             stiffness = stiffness + factor * (1.0 if story == UNSCALED else theta[story]) * matrix
         if terms.hinges is not None:
-            stiffness = stiffness - csc_matrix(_softening(terms.hinges, theta, size))
+            at = torch.from_numpy(theta[None]), torch.tensor([size], dtype=torch.float64)
+            stiffness = stiffness - csc_matrix(terms.hinges.softening(*at)[0].numpy())
         if terms.mass is not None:
             mass = mass + size * terms.mass.matrix
             force = force + size * terms.mass.force
@@ -150,12 +151,6 @@ def equations_at(
     between = SpringTerms(np.concatenate(rows), np.concatenate(springs))
     known = csc_matrix(stiffness), between, csc_matrix(mass)
     return Equations(*known, force, rigid, inertia, story_rigid)
-
-
-def _softening(hinges: Hinges, theta: Floats, size: float) -> Floats:
-    """Stiffness (n, n) that hinges of a size take away."""
-    one = torch.from_numpy(theta[None]), torch.tensor([size], dtype=torch.float64)
-    return np.asarray(hinges.softening(*one)[0].numpy())
 
 
 def driven_system(

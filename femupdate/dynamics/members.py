@@ -58,7 +58,9 @@ def beam_end_rows(
         raise ModelError(f"there is no beam {beam}; the model has {len(beams)} beam elements")
     one = beams.taken(np.array([beam]))
     rows = group_factors(one.group, theta) * one.force_rows(model.nodes)[0]
-    return _gathered(operators, rows, one.nodes)
+    full = np.zeros((len(rows), operators.dof))
+    full[:, _dof(one.nodes.ravel())] = rows
+    return operators.gather(full.T).T
 
 
 def cut_rows(
@@ -153,12 +155,6 @@ def wall_rows(
 
 def _dof(nodes: Integers) -> Integers:
     return (DOF_PER_NODE * nodes[:, None] + np.arange(DOF_PER_NODE)).ravel()
-
-
-def _gathered(operators: AffineOperators, rows: Floats, nodes: Integers) -> Floats:
-    full = np.zeros((len(rows), operators.dof))
-    full[:, _dof(nodes.ravel())] = rows
-    return operators.gather(full.T).T
 
 
 Place = tuple[float, float, float]
@@ -346,16 +342,11 @@ def member_forces(
         progress.advance()
     histories = np.stack(found)
     starts = np.cumsum([len(member.forces) for member in chosen.members])[:-1]
-    return tuple(
-        _over_draws(member, own)
-        for member, own in zip(chosen.members, np.split(histories, starts, axis=1), strict=True)
-    )
-
-
-def _over_draws(member: Member, histories: Floats) -> MemberForces:
-    """Statistics of histories (S, k, n)."""
-    over = statistics(histories)
-    return MemberForces(member, over.mean, over.sd, statistics(np.abs(histories).max(axis=2)))
+    forces = []
+    for member, own in zip(chosen.members, np.split(histories, starts, axis=1), strict=True):
+        over, peak = statistics(own), statistics(np.abs(own).max(axis=2))
+        forces.append(MemberForces(member, over.mean, over.sd, peak))
+    return tuple(forces)
 
 
 def _at_draw(

@@ -273,20 +273,20 @@ def reduce_terms(basis: Floats, terms: Terms, matrices: Projections | None = Non
         stretch = along(terms.springs.rows, basis)  # (c, r)
         own = stretch.T @ (terms.springs.stiffness[:, None] * stretch)
         stiffness.append(Stiffness(UNSCALED, torch.from_numpy(0.5 * (own + own.T))))
+    hinges = None
+    if terms.hinges is not None:
+        coupling = np.stack([along(columns.T, basis).T for columns in terms.hinges.coupling])
+        parts = coupling, terms.hinges.inner, terms.hinges.spring
+        hinges = Hinges(*(torch.as_tensor(part) for part in parts))
     return Terms(
         stiffness=tuple(stiffness),
-        hinges=None if terms.hinges is None else _reduced_hinges(basis, terms.hinges),
+        hinges=hinges,
         mass=None if terms.mass is None else _reduced_mass(basis, terms.mass),
         flexibility=terms.flexibility,
         pitch=terms.pitch,
         port=port,
         constants=terms.constants,
     )
-
-
-def _reduced_hinges(basis: Floats, hinges: Hinges) -> Hinges:
-    coupling = np.stack([along(own.T, basis).T for own in hinges.coupling])
-    return Hinges(*(torch.as_tensor(part) for part in (coupling, hinges.inner, hinges.spring)))
 
 
 def _reduced_mass(basis: Floats, mass: MassTerms) -> MassTerms:

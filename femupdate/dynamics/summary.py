@@ -88,13 +88,18 @@ def summarise(
     for batch in [histories] if isinstance(histories, ResponseHistories) else histories:
         fresh = _moments(batch.floor_acceleration)
         moments = fresh if moments is None else _merge(moments, fresh)
-        rows.append(_per_sample(batch))
+        of_story = story_stiffness(batch.story_shear, batch.story_drift)
+        peaks = (batch.floor_acceleration, batch.story_shear, batch.story_drift)
+        rows.append((*(_peak(values) for values in peaks), of_story))
         room = max(examples, 1) - sum(len(k) for k in kept)
         if room > 0:
             kept.append(_first(batch, room))
     if moments is None:
         raise ModelError("there are no histories to summarise; give at least one sample")
-    return _assemble(moments, rows, join_histories(kept))
+    floors, shear, drift, stiffness = (np.concatenate(part) for part in zip(*rows, strict=True))
+    whole = join_histories(kept)
+    of_floors = whole.floors, moments.mean, _sd(moments), floors
+    return HistorySummary(*of_floors, shear, drift, stiffness, whole)
 
 
 def story_stiffness(shear: Floats, drift: Floats) -> Floats:
@@ -126,31 +131,6 @@ def story_stiffness(shear: Floats, drift: Floats) -> Floats:
             "is the base acceleration zero?"
         )
     return np.einsum("...n,...n->...", shear, centred) / power
-
-
-def _assemble(
-    moments: "_RunningMoments", rows: list[tuple[Floats, ...]], examples: ResponseHistories
-) -> HistorySummary:
-    columns = [np.concatenate(column) for column in zip(*rows, strict=True)]
-    return HistorySummary(
-        floors=examples.floors,
-        acceleration_mean=moments.mean,
-        acceleration_sd=_sd(moments),
-        peak_acceleration=columns[0],
-        peak_shear=columns[1],
-        peak_drift=columns[2],
-        story_stiffness=columns[3],
-        examples=examples,
-    )
-
-
-def _per_sample(batch: ResponseHistories) -> tuple[Floats, ...]:
-    return (
-        _peak(batch.floor_acceleration),
-        _peak(batch.story_shear),
-        _peak(batch.story_drift),
-        story_stiffness(batch.story_shear, batch.story_drift),
-    )
 
 
 def _peak(values: Floats) -> Floats:

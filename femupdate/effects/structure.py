@@ -24,7 +24,7 @@ from femupdate.effects.infill import Infill, infills
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import AffineOperators, assemble
 from femupdate.fe.factorization import factorize
-from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
+from femupdate.fe.model import DOF_PER_NODE
 
 TRANSLATION, ROTATION = 0, 1
 T = TypeVar("T")
@@ -220,7 +220,10 @@ class Structure:
     def _members(self, kinds: tuple[str, ...]) -> tuple[csc_matrix, ...]:
         if self.mesh is None or self.operators is None:
             raise ValueError("a shear building has no members")
-        more = assemble(_twice(self.mesh.model, kinds))
+        twice = self.mesh.model.mapped(
+            lambda part: part.scaled(np.where(np.isin(part.kind, kinds), 2.0, 1.0))
+        )
+        more = assemble(twice)
         pairs = zip(more.stiffness_terms, self.operators.stiffness_terms, strict=True)
         return tuple(csc_matrix(new - old) for new, old in pairs)
 
@@ -344,8 +347,3 @@ def _motion(operators: AffineOperators) -> csr_matrix:
     free = operators.free
     where = (free, np.arange(len(free)))
     return csr_matrix((np.ones(len(free)), where), shape=(operators.dof, len(free)))
-
-
-def _twice(model: FiniteElementModel, kinds: tuple[str, ...]) -> FiniteElementModel:
-    """The model with the members of some kinds twice as stiff."""
-    return model.mapped(lambda part: part.scaled(np.where(np.isin(part.kind, kinds), 2.0, 1.0)))

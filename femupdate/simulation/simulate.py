@@ -205,18 +205,28 @@ def simulate_observation(
     zeta = _zeta(building, chosen.zeta)
     motion = _with_rotation(building, chosen, _base_motion(chosen, streams[1]), streams[3])
     effects = tuple(parse_effect(building, name, own) for name, own in chosen.effects)
-    truth = _full_model(building, chosen, theta, effects, motion, progress)
+    progress.start("Solving the full model", 1)
+    fine, law = fine_model(building, chosen.mesh_size, chosen.sensors), damping_law(building)
+    top = 0.5 * chosen.sampling_hz  # modes are kept up to there, well above the motion's band
+    if chosen.base_motion is None:
+        top = max(top, 1.5 * chosen.band_hz[1])
+    truth = truth_of(fine, theta, law, top, effects, motion.rotation is not None)
+    progress.advance()
     progress.start("Integrating the motion", 1)
     exact = truth.respond(0.0 if zeta is None else zeta, motion)
     progress.advance()
-    fine = truth.fine
     base = FloorChannel(channel_name(BASE, direction=fine.direction), BASE, "", fine.direction)
-    vertical = _vertical(chosen, motion)
+    vertical = {}
+    if motion.rotation is not None:
+        vertical = {vertical_channel(x): -x * motion.rotation for x in chosen.vertical_at}
     exact = np.vstack([motion.acceleration, exact, *vertical.values()])
+    recorded = exact + chosen.sensor_noise_m_s2 * streams[2].standard_normal(exact.shape)
+    if (step := chosen.quantisation_m_s2) is not None:
+        recorded = step * np.round(recorded / step)
     histories = Histories(
         motion.time_step,
         (base, *fine.channels, *vertical),
-        _record(exact, chosen, streams[2]),
+        recorded,
         f"synthetic observation of {building.name}",
     )
     told = replace(
@@ -352,43 +362,6 @@ def _with_rotation(
     if motion.rotation is not None:
         require_heights(building)
     return motion
-
-
-def _vertical(settings: SimulationSettings, motion: GroundMotion) -> dict[FloorChannel, Floats]:
-    """What vertical sensors of the base feel, (n,) m/s2 each; none where it does not turn."""
-    if motion.rotation is None:
-        return {}
-    return {vertical_channel(place): -place * motion.rotation for place in settings.vertical_at}
-
-
-def _top(settings: SimulationSettings) -> float:
-    """Frequency up to which modes are kept: the Nyquist frequency, well above the motion's band."""
-    nyquist = 0.5 * settings.sampling_hz
-    return nyquist if settings.base_motion else max(nyquist, 1.5 * settings.band_hz[1])
-
-
-def _full_model(
-    building: Building,
-    settings: SimulationSettings,
-    theta: Floats,
-    effects: tuple[tuple[Placed, tuple[float, ...]], ...],
-    motion: GroundMotion,
-    show: Progress,
-) -> Truth:
-    """What moves, with what is hidden in it."""
-    show.start("Solving the full model", 1)
-    fine = fine_model(building, settings.mesh_size, settings.sensors)
-    law, turns = damping_law(building), motion.rotation is not None
-    truth = truth_of(fine, theta, law, _top(settings), effects, turns)
-    show.advance()
-    return truth
-
-
-def _record(exact: Floats, settings: SimulationSettings, rng: np.random.Generator) -> Floats:
-    """What the recorder writes of the channels (c, n)."""
-    noisy = exact + settings.sensor_noise_m_s2 * rng.standard_normal(exact.shape)
-    step = settings.quantisation_m_s2
-    return noisy if step is None else step * np.round(noisy / step)
 
 
 def _truth(
