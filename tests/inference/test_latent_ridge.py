@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from femupdate.inference.latent_ridge import along_ridges, bent
+from femupdate.inference.latent_search import along_ridges, bent
 from femupdate.surrogate.gauss_newton import Descent, LatentData, Misfit, descend
 
 REACH = torch.full((2,), 2.25, dtype=torch.float64)
