@@ -299,12 +299,8 @@ def cabin_file(buildings: Path) -> Path:
 @pytest.fixture(scope="session")
 def tower_observation(buildings: Path, tower_file: Path) -> SimpleNamespace:
     """Histories of the tower: `path`, and the true `theta` and `zeta` behind them."""
-    from femupdate.building.files import load_building
-    from femupdate.simulation.simulate import (
-        SimulationSettings,
-        simulate_observation,
-        write_simulation,
-    )
+    from femupdate.building import load_building
+    from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 
     settings = SimulationSettings(
         theta=(0.8, 1.3), zeta=0.05, duration_s=60.0, sampling_hz=50.0, band_hz=(0.3, 20.0), seed=3

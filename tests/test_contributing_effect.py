@@ -9,21 +9,17 @@ import pytest
 import torch
 from scipy.linalg import eigh
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.local_basis import local_structure
 from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
-from femupdate.effects import catalogue
-from femupdate.effects.drawn_building import DrawnBuilding
-from femupdate.effects.effect import Effect, Placed
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
+from femupdate.effects import CATALOGUE, DrawnBuilding, Effect, Placed, catalogue, structure_of
 from femupdate.errors import BuildingError
 from femupdate.registry import classes_in
 from femupdate.report.glyphs import drawn
-from femupdate.simulation.simulate import SimulationSettings, simulate_observation, write_simulation
+from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study

@@ -10,15 +10,19 @@ import meshio
 import numpy as np
 import pytest
 
-from femupdate.building.files import load_building
-from femupdate.building.mesh import mesh_building
+from femupdate.building import load_building, mesh_building
 from femupdate.errors import BuildingError, ModelError
+from femupdate.fe import (
+    FiniteElementModel,
+    PointMasses,
+    assemble,
+    element_forces,
+    element_kinds,
+    lowest_modes,
+    opensees_script,
+    static_displacement,
+)
 from femupdate.fe import elements as folder
-from femupdate.fe.assembly import assemble
-from femupdate.fe.export_opensees import opensees_script
-from femupdate.fe.model import FiniteElementModel, PointMasses, element_forces
-from femupdate.fe.registry import element_kinds
-from femupdate.fe.solve import lowest_modes, static_displacement
 
 PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
 E, AREA, DENSITY, ONE = 200e9, 3e-4, 7850.0, np.ones(1)

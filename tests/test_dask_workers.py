@@ -13,13 +13,11 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.dynamics.local_basis import local_structure
 from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
+from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.errors import WorkersError
 from femupdate.inference.priors import theta_prior
 from femupdate.surrogate import dataset as room

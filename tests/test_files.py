@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.errors import BuildingError, FemupdateError, MeasurementError, StudyError
 from femupdate.measurement import text
 from femupdate.measurement.kinds import read_observation_file

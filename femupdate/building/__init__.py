@@ -5,7 +5,7 @@ from femupdate.lazy import lazily
 _PUBLIC = {
     "building_hash": "files",
     "building_text": "shipped",
-    "EffectEntry": "analysis",
+    "EffectEntry": "common",
     "factor_titles": "parameters",
     "FrameBuilding": "frame",
     "from_document": "document",
@@ -15,7 +15,7 @@ _PUBLIC = {
     "mesh_building": "mesh",
     "save_building": "files",
     "Section": "sections",
-    "self_mass": "masses",
+    "self_mass": "building_mesh",
     "shear_operators": "shear",
     "shipped_buildings": "shipped",
     "stiffness_factors": "parameters",

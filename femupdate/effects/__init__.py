@@ -3,9 +3,9 @@
 from femupdate.lazy import lazily
 
 _PUBLIC = {
-    "building_effects": "listed",
+    "building_effects": "registry",
     "CATALOGUE": "registry",
-    "check_places": "listed",
+    "check_places": "registry",
     "DrawnBuilding": "drawn_building",
     "Effect": "effect",
     "effect_named": "registry",
@@ -13,7 +13,7 @@ _PUBLIC = {
     "Placed": "effect",
     "structure_of": "structure",
     "Terms": "effect",
-    "with_effect": "listed",
+    "with_effect": "registry",
 }
 __all__ = list(_PUBLIC)
 __getattr__ = lazily(__name__, _PUBLIC)

@@ -9,7 +9,7 @@ _PUBLIC = {
     "driven_shapes": "driven",
     "edge_joints": "joints",
     "element_for": "registry",
-    "element_forces": "stress",
+    "element_forces": "model",
     "element_kinds": "registry",
     "Elements": "element",
     "factorize": "factorization",

@@ -6,7 +6,7 @@ _PUBLIC = {
     "fine_model": "truth",
     "parse_effect": "simulate",
     "simulate_observation": "simulate",
-    "SimulationSettings": "synthetic",
+    "SimulationSettings": "simulate",
     "truth_of": "truth",
     "truth_path": "simulate",
     "white_noise": "simulate",

@@ -3,8 +3,8 @@
 import hashlib
 from importlib.resources import as_file, files
 
+from femupdate.building import load_building
 from femupdate.building.document import Building
-from femupdate.building.files import load_building
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.system import System
 from femupdate.inference.priors import damping_parameter, theta_prior

@@ -3,14 +3,9 @@
 import numpy as np
 import pytest
 
-from femupdate.building.building_mesh import self_mass
-from femupdate.building.document import from_document, to_document
-from femupdate.building.files import mechanics_hash
-from femupdate.building.mesh import mesh_building
+from femupdate.building import from_document, mechanics_hash, mesh_building, self_mass, to_document
 from femupdate.errors import BuildingError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.solve import static_displacement
+from femupdate.fe import Beams, assemble, static_displacement
 
 WIDTH, HEIGHT, AREA = 4.0, 3.0, 2e-3
 LENGTH, COSINE = np.hypot(WIDTH, HEIGHT), WIDTH / np.hypot(WIDTH, HEIGHT)

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from femupdate.building.files import load_building
-from femupdate.building.mesh import mesh_building
-from femupdate.fe.assembly import assemble
-from femupdate.fe.solve import lowest_modes
+from femupdate.building import load_building, mesh_building
+from femupdate.fe import assemble, lowest_modes
 
 
 @pytest.mark.parametrize(

@@ -4,16 +4,18 @@ from collections import Counter
 
 import pytest
 
-from femupdate.building.common import EffectEntry
-from femupdate.building.document import from_document, to_document
-from femupdate.building.files import (
+from femupdate.building import (
+    EffectEntry,
+    FrameBuilding,
     building_hash,
+    building_text,
+    from_document,
     load_building,
     mechanics_hash,
     save_building,
+    shipped_buildings,
+    to_document,
 )
-from femupdate.building.frame import FrameBuilding
-from femupdate.building.shipped import building_text, shipped_buildings
 from femupdate.errors import BuildingError
 
 NAMES = ("shear_3dof", "shear_4dof", "six_story_wall_frame")

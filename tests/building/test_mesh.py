@@ -5,16 +5,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from femupdate.building.building_mesh import self_mass
-from femupdate.building.document import from_document
-from femupdate.building.files import load_building
+from femupdate.building import from_document, load_building, mesh_building, self_mass
 from femupdate.building.lattice import divisions
-from femupdate.building.mesh import mesh_building
 from femupdate.errors import BuildingError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.elements.shell import Shells
-from femupdate.fe.solve import lowest_modes
+from femupdate.fe import Beams, Shells, assemble, lowest_modes
 
 DENSITY = 2400.0
 COLUMN, BEAM = 0.4 * 0.6, 0.3 * 0.5  # m2, as the maker of documents has them

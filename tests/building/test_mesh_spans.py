@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.mesh_export import export_mesh
 
-from femupdate.building.document import from_document, to_document
-from femupdate.building.mesh import mesh_building
+from femupdate.building import from_document, mesh_building, to_document
 from femupdate.building.mesh_import import span_ends
 from femupdate.errors import BuildingError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.solve import lowest_modes, static_displacement
+from femupdate.fe import assemble, lowest_modes, static_displacement
 
 YOUNG, SIDE, HEIGHT = 30e9, 0.4, 3.0
 AREA, INERTIA = SIDE**2, SIDE**4 / 12

@@ -5,15 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.building.building_mesh import self_mass
-from femupdate.building.document import from_document, to_document
-from femupdate.building.files import load_building, mechanics_hash, save_building
-from femupdate.building.mesh import mesh_building
+from femupdate.building import (
+    from_document,
+    load_building,
+    mechanics_hash,
+    mesh_building,
+    save_building,
+    self_mass,
+    to_document,
+)
 from femupdate.errors import BuildingError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.elements.shell import Shells
-from femupdate.fe.solve import lowest_modes, static_displacement
+from femupdate.fe import Beams, Shells, assemble, lowest_modes, static_displacement
 
 
 def meshed(document, size=None):

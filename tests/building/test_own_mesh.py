@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.mesh_export import export_mesh
 
-from femupdate.building.building_mesh import self_mass
-from femupdate.building.document import from_document, to_document
-from femupdate.building.files import load_building, mechanics_hash, save_building
-from femupdate.building.mesh import mesh_building
-from femupdate.building.mesh_import import import_mesh
+from femupdate.building import (
+    from_document,
+    import_mesh,
+    load_building,
+    mechanics_hash,
+    mesh_building,
+    save_building,
+    self_mass,
+    to_document,
+)
 from femupdate.errors import BuildingError, ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.elements.shell import Shells
-from femupdate.fe.elements.triangle import Triangles
-from femupdate.fe.solve import lowest_modes
+from femupdate.fe import Beams, Shells, Triangles, assemble, lowest_modes
 
 NUMBERS = {"slab": "1", "wall": "2", "column": "4", "beam": "5"}
 

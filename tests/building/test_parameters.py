@@ -6,12 +6,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from femupdate.building.document import from_document, mechanics_hash
-from femupdate.building.mesh import mesh_building
-from femupdate.building.parameters import stiffness_factors
+from femupdate.building import from_document, mechanics_hash, mesh_building, stiffness_factors
 from femupdate.effects.structure import require_story_factors
 from femupdate.errors import BuildingError
-from femupdate.fe.assembly import assemble
+from femupdate.fe import assemble
 from femupdate.inference.priors import theta_prior
 
 BY_KIND = {"by": ["story", "kind"]}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from femupdate.building.sections import Section
+from femupdate.building import Section
 
 SECTION = TypeAdapter(Section)
 

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from femupdate.building.document import from_document
-from femupdate.building.files import load_building
-from femupdate.building.shear import shear_operators
+from femupdate.building import from_document, load_building, shear_operators
 from femupdate.errors import BuildingError
 
 

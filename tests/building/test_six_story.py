@@ -10,13 +10,8 @@ the same bay, and non-structural walls are left out.
 import numpy as np
 import pytest
 
-from femupdate.building.building_mesh import self_mass
-from femupdate.building.files import load_building
-from femupdate.building.mesh import mesh_building
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.elements.shell import Shells
-from femupdate.fe.solve import lowest_modes
+from femupdate.building import load_building, mesh_building, self_mass
+from femupdate.fe import Beams, Shells, assemble, lowest_modes
 
 TABLE = {
     0.3: (9204, [3.350, 5.255, 7.046, 10.396, 16.965, 18.343]),

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.errors import BuildingError
 
 ZETA = "[prior.zeta]\nlower = 0.01\nupper = 0.05\n"

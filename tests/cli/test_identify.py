@@ -9,8 +9,8 @@ pytest.importorskip("pyoma2")
 @pytest.fixture(scope="module")
 def ambient(tmp_path_factory):
     """A record of the three-story frame, without its base, in names of its own."""
-    from femupdate.building.files import load_building
-    from femupdate.simulation.simulate import SimulationSettings, simulate_observation
+    from femupdate.building import load_building
+    from femupdate.simulation import SimulationSettings, simulate_observation
 
     settings = SimulationSettings(
         theta=(0.9, 1.1, 1.0),

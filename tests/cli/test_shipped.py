@@ -2,9 +2,8 @@
 
 import pytest
 
-from femupdate.building.files import load_building
-from femupdate.building.shipped import shipped_buildings
-from femupdate.effects.registry import CATALOGUE
+from femupdate.building import load_building, shipped_buildings
+from femupdate.effects import CATALOGUE
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.reader import readers
 

@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femupdate.building.document import from_document
+from femupdate.building import from_document
 from femupdate.discrepancy.finder_model import problem_of
 from femupdate.dynamics.reduced import lumped
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
+from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.inference.frf_data import COMPARING, frf_data
 from femupdate.measurement.observation import Observation
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from safetensors import safe_open
 
-from femupdate.building.files import load_building, mechanics_hash, save_building
-from femupdate.effects.registry import building_effects, check_places, with_effect
+from femupdate.building import load_building, mechanics_hash, save_building
+from femupdate.effects import building_effects, check_places, with_effect
 from femupdate.errors import BuildingError
 
 MODELS = Path(__file__).parents[2] / "models"

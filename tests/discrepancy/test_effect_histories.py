@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.linalg import eigh
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.history import (
     ResponseHistories,
@@ -16,7 +16,7 @@ from femupdate.dynamics.history import (
 )
 from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
-from femupdate.effects.structure import structure_of
+from femupdate.effects import structure_of
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 THETA, ZETA, STEP = np.array([[0.8, 1.4, 1.1]]), 0.05, 0.005

@@ -6,8 +6,7 @@ import pytest
 import torch
 
 from femupdate.discrepancy.diagnose import Finding, unseen
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
+from femupdate.effects import CATALOGUE, Placed
 
 
 def fitted(unit_mass=None, nominal=False):

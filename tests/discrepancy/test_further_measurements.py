@@ -8,8 +8,7 @@ import pytest
 from femupdate.discrepancy.diagnose import DiagnosisSettings, diagnose
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.discrepancy.further_measurements import PHASE, measurement_values
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
+from femupdate.effects import CATALOGUE, Placed
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS = ("2F", "3F", "4F", "5F", "RF")

@@ -7,17 +7,16 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.building.document import from_document
+from femupdate.building import from_document
 from femupdate.discrepancy.fit import about, fit_baseline, settle
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error, modes_shown
 from femupdate.discrepancy.mesh_scatter import left_open
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
-from femupdate.effects.structure import structure_of
+from femupdate.effects import structure_of
 from femupdate.errors import ModelError
-from femupdate.fe.driven import driven_shapes
-from femupdate.fe.factorization import factorize
+from femupdate.fe import driven_shapes, factorize
 from femupdate.inference.frf_data import COMPARING, frf_data
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.parameters import Parameters

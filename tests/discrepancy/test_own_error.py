@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
+from femupdate.effects import CATALOGUE, Placed
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS, THETA, SD = ("2F", "3F", "RF"), np.array([0.7, 1.4, 0.9]), 0.02

@@ -8,8 +8,7 @@ from femupdate.discrepancy import certify, diagnose, repair
 from femupdate.discrepancy.diagnose import Finding
 from femupdate.discrepancy.evidence import Evidence
 from femupdate.discrepancy.thresholds import DiagnosisSettings
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
+from femupdate.effects import CATALOGUE, Placed
 
 SETTINGS = DiagnosisSettings()
 LATE, MASS = Placed(CATALOGUE["channel_delay"], "RF"), Placed(CATALOGUE["added_mass"], "RF")

@@ -8,9 +8,9 @@ import pytest
 import torch
 from scipy.linalg import eigh
 
-from femupdate.building.document import from_document
+from femupdate.building import from_document
 from femupdate.dynamics.reduced import reduce_lumped
-from femupdate.effects.structure import structure_of
+from femupdate.effects import structure_of
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,11 @@ import torch
 from scipy.integrate import solve_ivp
 from scipy.ndimage import uniform_filter1d
 
-from femupdate.building.document import from_document
+from femupdate.building import from_document
 from femupdate.dynamics.history import OwnLevel, floor_histories, history_batches
 from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
+from femupdate.effects import CATALOGUE, Placed, structure_of
 
 MASS, SPRING, STEP = 2000.0, 8e5, 0.01
 ZETA, MEAN = 0.03, 1.0

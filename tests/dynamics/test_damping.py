@@ -6,7 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.dynamics.damping import (
     ConstantDamping,
     DampingLaw,

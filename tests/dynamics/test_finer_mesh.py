@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from femupdate.dynamics.finer_mesh import interpolation, on_finer_mesh, on_nodes_of
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.snapshots import ReductionTarget, log_even_samples
-from femupdate.effects.structure import structure_of
+from femupdate.effects import structure_of
 
 GRID = 0.2 * np.arange(1, 151)
 TARGET = ReductionTarget(np.full(2, 1 / 3), np.full(2, 3.0), GRID, 0.01, 0.02, 16)

@@ -4,18 +4,15 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.building.files import load_building
-from femupdate.building.shear import shear_operators
+from femupdate.building import load_building, shear_operators
 from femupdate.dynamics.damping import RayleighDamping
 from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.force_response import rest_flexibility
 from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
-from femupdate.fe.factorization import factorize
+from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.fe import factorize
 from femupdate.inference.priors import reduction_target
 
 THETA = np.array([1.3, 0.8, 1.1, 0.7])

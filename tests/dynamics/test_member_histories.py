@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.mesh_export import export_mesh
 
-from femupdate.building.document import from_document, to_document
-from femupdate.building.files import load_building
-from femupdate.building.mesh import mesh_building
+from femupdate.building import from_document, load_building, mesh_building, to_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.members import (
     BaseRecord,

@@ -6,7 +6,7 @@ import torch
 from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import splu
 
-from femupdate.building.document import from_document, to_document
+from femupdate.building import from_document, to_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.equations import SensorRows, driven_system, equations_at
 from femupdate.dynamics.history import HistorySettings, displacement_histories
@@ -19,11 +19,9 @@ from femupdate.dynamics.members import (
 )
 from femupdate.dynamics.spectra import response_spectrum
 from femupdate.dynamics.system import Rows
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
+from femupdate.effects import CATALOGUE, structure_of
 from femupdate.errors import MeasurementError, ModelError
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.solve import static_displacement
+from femupdate.fe import Beams, static_displacement
 
 THETA = np.array([0.7, 1.5])
 

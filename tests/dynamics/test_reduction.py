@@ -14,7 +14,7 @@ from femupdate.dynamics.reduction import CERTIFY, CHOOSE, reduce_structure
 from femupdate.dynamics.snapshots import TOP, ReductionTarget
 from femupdate.dynamics.system import System
 from femupdate.errors import ModelError
-from femupdate.fe.solve import static_displacement
+from femupdate.fe import static_displacement
 from femupdate.progress import SILENT
 from femupdate.seeds import spawn
 

@@ -5,16 +5,15 @@ import pytest
 import torch
 from scipy.linalg import eigh
 
-from femupdate.building.document import from_document
-from femupdate.building.files import load_building
+from femupdate.building import from_document, load_building
 from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.force_response import rest_flexibility
 from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.system import System
-from femupdate.effects.structure import structure_of
+from femupdate.effects import structure_of
 from femupdate.errors import BuildingError
-from femupdate.fe.factorization import factorize
+from femupdate.fe import factorize
 from femupdate.inference.modal_terms import shown_modes
 from femupdate.inference.priors import reduction_target
 

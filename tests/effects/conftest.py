@@ -7,17 +7,12 @@ import pytest
 import torch
 from scipy.linalg import eigh
 
-from femupdate.building.document import from_document
-from femupdate.building.files import load_building
+from femupdate.building import from_document, load_building
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.reduced import ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.elements.shell import Shells
+from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.fe import Beams, Shells, assemble
 
 
 @dataclass(frozen=True)

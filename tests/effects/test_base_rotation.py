@@ -7,13 +7,13 @@ import pytest
 import torch
 from scipy.integrate import solve_ivp
 
-from femupdate.building.document import from_document
+from femupdate.building import from_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.history import floor_histories, transformed_sensors
 from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.system import Responses, System
-from femupdate.effects.structure import structure_of
+from femupdate.effects import structure_of
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.names import parse_channel

@@ -8,8 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femupdate.effects.effect import Terms
-from femupdate.effects.registry import CATALOGUE, effect_named
+from femupdate.effects import CATALOGUE, Terms, effect_named
 from femupdate.errors import BuildingError
 
 EFFECTS = pytest.mark.parametrize("effect", CATALOGUE.values(), ids=list(CATALOGUE))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femupdate.effects.registry import CATALOGUE
+from femupdate.effects import CATALOGUE
 
 EFFECT = CATALOGUE["flexible_diaphragm"]
 YOUNG, POISSON, THICKNESS, AREA = 25e9, 0.2, 0.15, 9.0 * 6.0

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from femupdate.dynamics.damping import RayleighDamping
-from femupdate.effects.registry import CATALOGUE
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.elements.shell import Shells
+from femupdate.effects import CATALOGUE
+from femupdate.fe import Beams, Shells
 
 ZETA = 0.03
 # Both sides solve the same equations; what is left is rounding, over K's condition number.

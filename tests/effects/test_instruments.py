@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femupdate.effects.registry import CATALOGUE
+from femupdate.effects import CATALOGUE
 
 
 @pytest.fixture(scope="module")

@@ -7,17 +7,13 @@ import pytest
 import torch
 from scipy.linalg import eigh
 
-from femupdate.building.document import from_document
+from femupdate.building import from_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.equations import equations_at
 from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.model import RigidLinks, Springs
+from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.fe import Beams, RigidLinks, Springs, assemble
 
 JOINTS = CATALOGUE["joint_flexibility"]
 TURN = {0: 4, 1: 3}  # axis of a beam and the rotation that bends it in the vertical plane

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from femupdate.building.document import from_document
+from femupdate.building import from_document
 from femupdate.dynamics.equations import WithSprings, equations_at
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
-from femupdate.fe.factorization import factorize
+from femupdate.effects import CATALOGUE, structure_of
+from femupdate.fe import factorize
 
 ZETA = 0.03
 HEIGHTS, MASSES = np.array([3.5, 3.0, 3.0]), np.array([40e3, 35e3, 30e3])

@@ -5,9 +5,8 @@ import copy
 import numpy as np
 import pytest
 
-from femupdate.building.document import from_document
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
+from femupdate.building import from_document
+from femupdate.effects import CATALOGUE, structure_of
 
 EFFECT = CATALOGUE["non_structural_walls"]
 

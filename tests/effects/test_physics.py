@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.building.document import from_document
+from femupdate.building import from_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
-from femupdate.fe.elements.shell import Shells
-from femupdate.fe.elements.triangle import Triangles
+from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.fe import Shells, Triangles
 
 ZETA = 0.04
 GRID = np.linspace(0.2, 9.0, 45)
@@ -196,7 +193,7 @@ def test_rigid_motions_of_a_free_frame_cost_no_energy(frame):
     """The base's translation and rotation strain nothing, in an unsupported mesh."""
     from dataclasses import replace
 
-    from femupdate.fe.assembly import assemble
+    from femupdate.fe import assemble
 
     model = replace(frame.mesh.model, fixed=np.zeros_like(frame.mesh.model.fixed))
     free = assemble(model)
@@ -242,7 +239,7 @@ def test_masses_on_a_rigid_diaphragm(frame_document, frame_of, node_masses):
         mass=np.append(masses.mass, 0.3 * own[node]),
         inertia=np.concatenate([masses.inertia, np.zeros((len(node), 3))]),
     )
-    from femupdate.fe.assembly import assemble
+    from femupdate.fe import assemble
 
     exact = assemble(replace(model, masses=heavier)).mass.toarray()
     ours = (structure.mass + 0.3 * added.matrix).toarray()
@@ -258,7 +255,7 @@ def test_walls_of_triangles_count_too(frame):
     """Each wall shell cut in two: the walls' effect is then all of the triangles' stiffness."""
     from dataclasses import replace
 
-    from femupdate.fe.assembly import assemble
+    from femupdate.fe import assemble
 
     model = frame.mesh.model
     shells = model.elements_of(Shells)

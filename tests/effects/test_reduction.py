@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import eigh
 
-from femupdate.building.document import from_document
+from femupdate.building import from_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.equations import equations_at
 from femupdate.dynamics.local_basis import KnownModes, local_structure, nearby_shapes
@@ -17,11 +17,9 @@ from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.snapshots import TOP, ReductionTarget
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
+from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.errors import ModelError
-from femupdate.fe.solve import modes_below
+from femupdate.fe import modes_below
 
 GRID = np.linspace(0.2, 30.0, 150)
 ZETA = 0.02

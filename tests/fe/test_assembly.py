@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.elements.shell import Shells
-from femupdate.fe.model import PointMasses, Springs
-from femupdate.fe.solve import lowest_modes
+from femupdate.fe import Beams, PointMasses, Shells, Springs, assemble, lowest_modes
 
 
 @pytest.fixture

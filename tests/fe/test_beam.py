@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.solve import lowest_modes
+from femupdate.fe import assemble, lowest_modes
 
 E, NU, DENSITY = 210e9, 0.3, 7850.0
 G = E / (2 * (1 + NU))

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.solve import static_displacement
+from femupdate.fe import Beams, assemble, static_displacement
 
 
 def cantilever(meshes, count=4, **changes):

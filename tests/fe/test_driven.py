@@ -5,8 +5,7 @@ import pytest
 from scipy.sparse import csc_matrix, diags
 
 from femupdate.errors import ModelError
-from femupdate.fe.driven import driven_shapes
-from femupdate.fe.factorization import factorize
+from femupdate.fe import driven_shapes, factorize
 
 ROWS = np.eye(400)[[50, 399]]
 

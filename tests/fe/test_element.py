@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.element import Elements
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.elements.shell import Shells
-from femupdate.fe.elements.triangle import Triangles
-from femupdate.fe.model import FiniteElementModel, element_forces
-from femupdate.fe.registry import cell_types, element_for, element_kinds
+from femupdate.fe import (
+    Beams,
+    Elements,
+    FiniteElementModel,
+    Shells,
+    Triangles,
+    assemble,
+    cell_types,
+    element_for,
+    element_forces,
+    element_kinds,
+)
 
 
 @pytest.fixture

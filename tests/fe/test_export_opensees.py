@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.export_opensees import opensees_script
-from femupdate.fe.model import PointMasses, RigidLinks, Springs
-from femupdate.fe.solve import lowest_modes
+from femupdate.fe import (
+    Beams,
+    PointMasses,
+    RigidLinks,
+    Springs,
+    assemble,
+    lowest_modes,
+    opensees_script,
+)
 
 THETA = np.array([0.7, 1.4])
 

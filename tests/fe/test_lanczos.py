@@ -7,11 +7,8 @@ from scipy.sparse import csc_matrix, diags
 
 import femupdate.fe.lanczos as lanczos
 import femupdate.fe.solve as solve
-from femupdate.fe.assembly import assemble
-from femupdate.fe.factorization import factorize
+from femupdate.fe import PointMasses, Springs, assemble, factorize, lowest_modes
 from femupdate.fe.lanczos import block_size, largest_of_inverse, most_vectors
-from femupdate.fe.model import PointMasses, Springs
-from femupdate.fe.solve import lowest_modes
 
 ONE = np.ones(1)
 

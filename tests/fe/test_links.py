@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.joints import edge_joints, joint_links
-from femupdate.fe.model import PointMasses, RigidLinks
-from femupdate.fe.solve import lowest_modes, static_displacement
+from femupdate.fe import (
+    Beams,
+    PointMasses,
+    RigidLinks,
+    assemble,
+    edge_joints,
+    joint_links,
+    lowest_modes,
+    static_displacement,
+)
 
 ONE = np.ones(1)
 ALL = np.ones((1, 6), dtype=bool)

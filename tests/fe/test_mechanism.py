@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.model import PointMasses, Springs
-from femupdate.fe.solve import lowest_modes, static_displacement
+from femupdate.fe import PointMasses, Springs, assemble, lowest_modes, static_displacement
 
 ONE = np.ones(1)
 SECTION = {

@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.solver.vibrations import distorted_cantilever
 
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.elements.shell import Shells
-from femupdate.fe.model import PointMasses
-from femupdate.fe.solve import lowest_modes, static_displacement
+from femupdate.fe import Beams, PointMasses, Shells, assemble, lowest_modes, static_displacement
 
 
 def build(ops, model, shell="ASDShellQ4"):

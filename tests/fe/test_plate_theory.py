@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.solver.vibrations import distorted_cantilever
 
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.shell import Shells
-from femupdate.fe.solve import lowest_modes
+from femupdate.fe import Shells, assemble, lowest_modes
 
 A, B = 6.0, 4.0
 E, NU, DENSITY = 30e9, 0.2, 2500.0

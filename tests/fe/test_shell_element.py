@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.shell import Shells
+from femupdate.fe import Shells, assemble
 
 E, NU, DENSITY = 3.0e10, 0.2, 2500.0
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from femupdate.fe.assembly import assemble
-from femupdate.fe.solve import factorize
+from femupdate.fe import assemble, factorize
 
 E, NU, THICKNESS = 1e6, 0.25, 0.001
 CORNERS = [(0.0, 0.0), (0.24, 0.0), (0.24, 0.12), (0.0, 0.12)]

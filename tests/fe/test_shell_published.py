@@ -18,7 +18,7 @@ from femupdate.benchmarks.solver.static_scores import (
     TWISTED_TARGETS,
 )
 
-from femupdate.fe.elements.shell import Shells
+from femupdate.fe import Shells
 
 TWO_PER_CENT = 0.02  # coarse-mesh scores differ by that much between drilling formulations
 

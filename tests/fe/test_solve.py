@@ -10,11 +10,17 @@ from scipy.sparse import csc_matrix, diags
 import femupdate.fe.factorization as factorization
 import femupdate.fe.solve as solve
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.shell import Shells
+from femupdate.fe import (
+    PointMasses,
+    Shells,
+    Springs,
+    assemble,
+    factorize,
+    lowest_modes,
+    modes_below,
+    static_displacement,
+)
 from femupdate.fe.factorization import cholmod_is_there
-from femupdate.fe.model import PointMasses, Springs
-from femupdate.fe.solve import factorize, lowest_modes, modes_below, static_displacement
 
 ONE = np.ones(1)
 

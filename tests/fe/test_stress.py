@@ -5,8 +5,7 @@ import pytest
 from femupdate.benchmarks.solver.shell_forces import shell_forces
 
 from femupdate.errors import ModelError
-from femupdate.fe.elements.triangle import Triangles
-from femupdate.fe.model import FiniteElementModel, element_forces
+from femupdate.fe import FiniteElementModel, Triangles, element_forces
 
 E, NU, THICKNESS = 2e6, 0.25, 0.1
 QUADS = [(0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7)]

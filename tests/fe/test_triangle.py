@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.elements.triangle import Triangles
-from femupdate.fe.solve import lowest_modes, static_displacement
+from femupdate.fe import Triangles, assemble, lowest_modes, static_displacement
 
 ONE = np.ones(1)
 YOUNG, POISSON = 1e6, 0.25

@@ -9,8 +9,7 @@ import torch
 from femupdate.benchmarks.modal_frf import log_frf
 from scipy.stats import norm
 
-from femupdate.building.files import load_building
-from femupdate.building.shear import shear_operators
+from femupdate.building import load_building, shear_operators
 from femupdate.dynamics.damping import RayleighDamping
 from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.system import System

@@ -7,8 +7,7 @@ import pytest
 import torch
 from scipy.stats import qmc
 
-from femupdate.building.files import load_building
-from femupdate.building.shear import shear_operators
+from femupdate.building import load_building, shear_operators
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.system import System

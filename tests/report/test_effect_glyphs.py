@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from femupdate.building.files import load_building
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
+from femupdate.building import load_building
+from femupdate.effects import CATALOGUE, DrawnBuilding, Glyph, structure_of
 from femupdate.errors import ReportError
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import drawn

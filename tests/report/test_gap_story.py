@@ -3,12 +3,9 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.discrepancy.held_out import Held
-from femupdate.effects.drawn_building import DrawnBuilding
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import structure_of
+from femupdate.effects import CATALOGUE, DrawnBuilding, Placed, structure_of
 from femupdate.report.curves import Curve
 from femupdate.report.plot_diagnosis import ResidualMap
 from femupdate.report.plot_repair import gap_story

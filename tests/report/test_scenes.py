@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import ReportError
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.elements.shell import Shells
-from femupdate.fe.model import FiniteElementModel
+from femupdate.fe import Beams, FiniteElementModel, Shells
 from femupdate.report import rendering as rendering_module
 from femupdate.report import scenes
 from femupdate.report.drawing_matplotlib import project

@@ -10,25 +10,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femupdate.building.document import from_document
-from femupdate.building.files import load_building, mechanics_hash
-from femupdate.building.mesh import mesh_building
+from femupdate.building import from_document, load_building, mechanics_hash, mesh_building
 from femupdate.dynamics.damping import damping_law
 from femupdate.errors import BuildingError, MeasurementError, ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.solve import lowest_modes, modes_below
+from femupdate.fe import assemble, lowest_modes, modes_below
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import GroundMotion
-from femupdate.simulation.simulate import (
+from femupdate.simulation import (
     SimulationSettings,
+    fine_model,
     simulate_observation,
+    truth_of,
     truth_path,
     white_noise,
     write_simulation,
 )
-from femupdate.simulation.truth import fine_model, truth_of
 from femupdate.study import file_hash
 
 ROOT = Path(__file__).parents[2]

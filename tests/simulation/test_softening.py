@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.errors import ModelError
-from femupdate.simulation.simulate import SimulationSettings, simulate_observation
+from femupdate.simulation import SimulationSettings, simulate_observation
 
 
 def simulated(file, *effects):

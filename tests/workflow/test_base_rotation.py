@@ -5,14 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from femupdate.building.document import from_document
-from femupdate.building.files import save_building
+from femupdate.building import from_document, save_building
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import read_record
 from femupdate.measurement.write import write_observation_histories
-from femupdate.simulation.simulate import SimulationSettings, simulate_observation
+from femupdate.simulation import SimulationSettings, simulate_observation
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study, check_calibration
 from femupdate.workflow.calibrate_draws import predictive_log_frf

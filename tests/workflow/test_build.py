@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femupdate.building.files import load_building, save_building
+from femupdate.building import load_building, save_building
 from femupdate.dynamics.tracking import reduced_modes
 from femupdate.errors import BuildingError, ModelError, StudyError
 from femupdate.inference.priors import damping_parameter
@@ -257,7 +257,7 @@ def test_a_building_with_its_own_mesh_goes_the_same_way(tmp_path):
     """Four columns under a slab of triangles, from a VTU file: built, kept and opened again."""
     import meshio
 
-    from femupdate.building.document import from_document
+    from femupdate.building import from_document
 
     points = [[x, y, z] for z in (0.0, 3.0) for y in (0.0, 4.0) for x in (0.0, 5.0)]
     cells = [

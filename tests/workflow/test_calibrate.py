@@ -8,18 +8,14 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.dynamics.tracking import reduced_modes
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
 from femupdate.measurement.observation import on_all_floors
 from femupdate.report.figure import draw
-from femupdate.simulation.simulate import (
-    SimulationSettings,
-    simulate_observation,
-    write_simulation,
-)
+from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.surrogate.storage import Surrogate, require_surrogate
 from femupdate.surrogate.training import TrainingSettings

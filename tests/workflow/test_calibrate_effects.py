@@ -7,14 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.errors import MeasurementError
 from femupdate.inference.posterior import load_posterior
-from femupdate.simulation.simulate import (
-    SimulationSettings,
-    simulate_observation,
-    write_simulation,
-)
+from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings

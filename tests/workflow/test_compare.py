@@ -16,12 +16,8 @@ from femupdate.workflow.compare import compare_states, find_state, open_state
 @pytest.fixture(scope="module")
 def state(tmp_path_factory, tower_file):
     """A function that measures and calibrates the tower with these stiffness factors."""
-    from femupdate.building.files import load_building
-    from femupdate.simulation.simulate import (
-        SimulationSettings,
-        simulate_observation,
-        write_simulation,
-    )
+    from femupdate.building import load_building
+    from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
     from femupdate.workflow.calibrate import calibrate_study
     from femupdate.workflow.calibrate_settings import CalibrationSettings
     from femupdate.workflow.model import open_study

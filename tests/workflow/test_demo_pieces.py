@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.errors import FemupdateError
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import GroundMotion, read_record

@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.discrepancy import search
 from femupdate.discrepancy.diagnose import STANDS_IN, diagnose
 from femupdate.discrepancy.thresholds import DiagnosisSettings

@@ -22,8 +22,7 @@ from femupdate.discrepancy.thresholds import VERDICT
 from femupdate.dynamics.local_basis import local_structure
 from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE, with_effect
+from femupdate.effects import CATALOGUE, Placed, with_effect
 from femupdate.errors import BuildingError
 from femupdate.inference.frf_data import COMPARING, frf_data
 from femupdate.inference.priors import reduction_target

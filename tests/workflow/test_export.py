@@ -9,8 +9,8 @@ import sys
 import numpy as np
 import pytest
 
-from femupdate.building.files import load_building
-from femupdate.effects.structure import structure_of
+from femupdate.building import load_building
+from femupdate.effects import structure_of
 from femupdate.errors import StudyError
 from femupdate.study import Study
 from femupdate.workflow.build import export_opensees
@@ -19,7 +19,7 @@ from femupdate.workflow.build import export_opensees
 def test_a_building_has_the_same_frequencies_in_opensees(cabin_file, tmp_path):
     if importlib.util.find_spec("openseespy") is None:
         pytest.skip("OpenSeesPy is not installed")
-    from femupdate.fe.solve import lowest_modes
+    from femupdate.fe import lowest_modes
 
     text = cabin_file.read_text(encoding="utf-8")
     (tmp_path / "fine.toml").write_text(re.sub(r"size = .*", 'size = "0.5 m"', text))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.errors import StudyError
 from femupdate.study import Study

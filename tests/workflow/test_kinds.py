@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.errors import InferenceError, MeasurementError
 from femupdate.report.figure import draw
 from femupdate.study import Study

@@ -12,7 +12,7 @@ from femupdate.dynamics.tracking import (
     reduced_modes,
     track_mode,
 )
-from femupdate.effects.structure import structure_of
+from femupdate.effects import structure_of
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import Observation
@@ -76,7 +76,7 @@ def cabin(cabin_study):
 
 def full_frequencies(model, theta):
     """Driven modes of the full model, not the reduced one, at one theta."""
-    from femupdate.fe.solve import lowest_modes
+    from femupdate.fe import lowest_modes
 
     parts = structure_of(model.building)
     modes = lowest_modes(parts.operators, theta, 6)
@@ -251,8 +251,7 @@ def test_modes_move(tower, tower_model):
 def test_a_mesh_moves_without_opengl(tmp_path, cabin_file):
     from PIL import Image
 
-    from femupdate.building.files import load_building
-    from femupdate.building.mesh import mesh_building
+    from femupdate.building import load_building, mesh_building
     from femupdate.report.animation import mode_animation
     from femupdate.report.geometry import Geometry
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.discrepancy.repair import as_fitted
 from femupdate.discrepancy.residual_map import p_value
 from femupdate.dynamics.history import floor_histories
 from femupdate.dynamics.system import System
-from femupdate.effects.registry import CATALOGUE
+from femupdate.effects import CATALOGUE
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion

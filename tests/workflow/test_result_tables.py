@@ -8,8 +8,7 @@ import pytest
 from click.testing import CliRunner
 from femupdate.cli.main import group
 
-from femupdate.building.files import load_building
-from femupdate.building.parameters import factor_titles
+from femupdate.building import factor_titles, load_building
 from femupdate.dynamics.members import Member, MemberForces
 from femupdate.dynamics.summary import Statistics
 from femupdate.inference.posterior import load_posterior
@@ -175,7 +174,7 @@ def test_the_posterior_and_its_responses(calibrated, tower_observation, tower_fi
 
 
 def test_titles_say_what_a_parameter_is_of():
-    from femupdate.building.files import load_building
+    from femupdate.building import load_building
 
     assert factor_titles(load_building("shear_3dof"))["theta_2"] == "story S2"
     title = effect_title("added_mass@3F.size")

@@ -11,7 +11,7 @@ import pytest
 from femupdate.discrepancy.residual_map import p_value
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.measurement.record import GroundMotion
-from femupdate.simulation.simulate import parse_effect
+from femupdate.simulation import parse_effect
 from femupdate.study import Study
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study

@@ -8,18 +8,14 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
 from femupdate.inference.likelihood import cost_of_scatter, likelihood_of
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
 from femupdate.measurement.runs import pooled
-from femupdate.simulation.simulate import (
-    SimulationSettings,
-    simulate_observation,
-    write_simulation,
-)
+from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study, file_hash
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings

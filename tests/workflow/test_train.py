@@ -14,7 +14,7 @@ import pytest
 import torch
 from safetensors import safe_open
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.errors import SurrogateError
 from femupdate.study import Study
 from femupdate.surrogate import storage as surrogates

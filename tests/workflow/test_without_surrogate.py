@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.dynamics.history import floor_histories
 from femupdate.errors import SurrogateError
 from femupdate.measurement.record import GroundMotion

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
 from femupdate.surrogate.storage import ANY_FLOORS, Surrogate

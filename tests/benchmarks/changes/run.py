@@ -9,12 +9,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.files import load_building
-from femupdate.simulation.simulate import (
-    SimulationSettings,
-    simulate_observation,
-    write_simulation,
-)
+from femupdate.building import load_building
+from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings

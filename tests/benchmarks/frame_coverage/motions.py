@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from femupdate.measurement.record import GroundMotion, read_record
-from femupdate.simulation.simulate import white_noise
+from femupdate.simulation import white_noise
 
 WHITE, RECORDED, SIMULATED = "white noise", "recorded earthquake", "simulated earthquake"
 RATE_HZ = 100.0

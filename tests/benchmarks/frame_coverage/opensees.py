@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.frame import FrameBuilding
-from femupdate.building.mesh import mesh_building
+from femupdate.building import FrameBuilding, mesh_building
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.errors import ReportError
-from femupdate.fe.export_opensees import opensees_script
-from femupdate.fe.model import FiniteElementModel
+from femupdate.fe import FiniteElementModel, opensees_script
 
 SHELLS = ("ASDShellQ4", "ShellMITC4")
 _ONE_AT_A_TIME = threading.Lock()  # OpenSees knows one model in a process

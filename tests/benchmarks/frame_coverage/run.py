@@ -11,8 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from femupdate.arrays import Flags, Floats
-from femupdate.building.files import load_building
-from femupdate.building.frame import FrameBuilding
+from femupdate.building import FrameBuilding, load_building
 from femupdate.building.quantities import ALL
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.history import HistorySettings, floor_histories
@@ -22,7 +21,8 @@ from femupdate.measurement.histories import Histories
 from femupdate.measurement.names import BASE, FloorChannel
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
-from femupdate.simulation.truth import FineModel, fine_model, truth_of
+from femupdate.simulation import fine_model, truth_of
+from femupdate.simulation.truth import FineModel
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings

@@ -6,14 +6,13 @@ import numpy as np
 
 from femupdate.dynamics.damping import damping_law
 from femupdate.dynamics.system import System
+from femupdate.effects import Effect, Terms
 from femupdate.effects.catalogue.added_mass import AddedMass
 from femupdate.effects.catalogue.flexible_diaphragm import FlexibleDiaphragm
-from femupdate.effects.effect import Effect, Terms
 from femupdate.effects.families import MemberStiffness
 from femupdate.effects.structure import Structure
-from femupdate.fe.element import Elements
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, PointMasses
+from femupdate.fe import Beams, Elements, FiniteElementModel, PointMasses
+from femupdate.fe.model import DOF_PER_NODE
 from femupdate.simulation.truth import FineModel, Truth
 
 from ..frame_coverage.opensees import SHELLS, opensees_modes

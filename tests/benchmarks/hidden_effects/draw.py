@@ -7,8 +7,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.document import Building
 from femupdate.dynamics.system import changes_in_run
-from femupdate.effects.effect import Effect, Placed
-from femupdate.effects.registry import CATALOGUE
+from femupdate.effects import CATALOGUE, Effect, Placed
 from femupdate.effects.structure import Structure
 from femupdate.inference.priors import damping_parameter, theta_prior
 

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from femupdate.building.document import Building
 from femupdate.dynamics.excitation import Excitation
-from femupdate.effects.effect import Effect
+from femupdate.effects import Effect
 from femupdate.inference.frf_data import FloorForce
 from femupdate.inference.modal_terms import ModalErrors
 from femupdate.inference.mode_data import modes_as_read

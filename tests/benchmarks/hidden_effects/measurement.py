@@ -8,14 +8,14 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.document import Building
 from femupdate.dynamics.damping import damping_law
-from femupdate.effects.effect import Placed
+from femupdate.effects import Placed
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.names import BASE, FloorChannel
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.record import GroundMotion, read_record
-from femupdate.simulation.simulate import white_noise
-from femupdate.simulation.truth import FineModel, Truth, truth_of
+from femupdate.simulation import truth_of, white_noise
+from femupdate.simulation.truth import FineModel, Truth
 
 # Shaking of the base: half of the trials white, a quarter each an earthquake simulated or recorded.
 WHITE, SIMULATED, RECORDED = "white", "simulated", "recorded"

@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass
 from functools import partial
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.study import Study
 from femupdate.workers import completed
 from femupdate.workflow.model import open_study

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.building.frame import FrameBuilding
+from femupdate.building import FrameBuilding
 from femupdate.discrepancy.diagnose import NAMED, PARTLY, Diagnosis, DiagnosisSettings
 from femupdate.discrepancy.finder_model import FinderModel
 from femupdate.discrepancy.fit import Fit, extended, fit, settle
@@ -15,11 +15,12 @@ from femupdate.discrepancy.repair import mend
 from femupdate.discrepancy.score import score, starts
 from femupdate.discrepancy.search import refined
 from femupdate.dynamics.history import transformed_sensors
-from femupdate.effects.effect import Effect
+from femupdate.effects import Effect
 from femupdate.errors import ReportError
 from femupdate.inference.likelihood import Likelihood
 from femupdate.progress import SILENT, Progress
-from femupdate.simulation.truth import FineModel, Truth, fine_model
+from femupdate.simulation import fine_model
+from femupdate.simulation.truth import FineModel, Truth
 from femupdate.study import Study
 from femupdate.workflow.diagnose import finder_model, search
 from femupdate.workflow.finder_data import Given

@@ -7,14 +7,12 @@ from scipy.sparse import csc_matrix
 from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.effects import DrawnBuilding, Effect, Glyph, Terms
 from femupdate.effects.catalogue.added_mass import AddedMass
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import UNSCALED, Effect, EffectParameter, Stiffness, Terms, as_complex
+from femupdate.effects.effect import UNSCALED, EffectParameter, Stiffness, as_complex
 from femupdate.effects.families import ChannelEffect
 from femupdate.effects.structure import Structure
-from femupdate.fe.assembly import assemble
-from femupdate.fe.element import Elements
-from femupdate.fe.model import FiniteElementModel
+from femupdate.fe import Elements, FiniteElementModel, assemble
 
 _TOP_HZ = 20.0
 

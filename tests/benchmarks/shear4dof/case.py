@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import norm
 
 from femupdate.arrays import Floats
-from femupdate.building.shear import shear_operators
+from femupdate.building import shear_operators
 from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
 from femupdate.inference.importance import WeightedDraws, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood

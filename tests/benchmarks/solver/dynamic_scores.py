@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from femupdate.fe.model import FiniteElementModel
+from femupdate.fe import FiniteElementModel
 
 from .forced import (
     Peak,

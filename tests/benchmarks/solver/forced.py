@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.fe.assembly import assemble
-from femupdate.fe.solve import lowest_modes
+from femupdate.fe import assemble, lowest_modes
 
 from .meshes import UZ, area_shares
 from .shell_forces import shell_forces

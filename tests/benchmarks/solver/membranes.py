@@ -9,8 +9,7 @@ from typing import Literal
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.fe.assembly import assemble
-from femupdate.fe.factorization import factorize
+from femupdate.fe import assemble, factorize
 
 from .meshes import (
     ALL,

@@ -7,13 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Flags, Floats, Integers
-from femupdate.fe.assembly import assemble
-from femupdate.fe.element import Elements
-from femupdate.fe.elements.beam import Beams
-from femupdate.fe.elements.shell import Shells
+from femupdate.fe import Beams, Elements, FiniteElementModel, Shells, assemble, static_displacement
 from femupdate.fe.membrane import GAUSS_POINTS, parent_derivatives, shape_functions
-from femupdate.fe.model import FiniteElementModel
-from femupdate.fe.solve import static_displacement
 
 UX, UY, UZ, RX, RY, RZ = range(6)
 ALL = (UX, UY, UZ, RX, RY, RZ)

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from femupdate.arrays import Floats, Integers
-from femupdate.fe.elements.shell import Shells, mean_planes
-from femupdate.fe.model import FiniteElementModel, element_forces
+from femupdate.fe import FiniteElementModel, Shells, element_forces
+from femupdate.fe.elements.shell import mean_planes
 
 
 @dataclass(frozen=True)

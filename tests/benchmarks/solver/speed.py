@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.errors import ModelError
-from femupdate.fe.export_opensees import opensees_script
+from femupdate.fe import opensees_script
 from femupdate.fe.factorization import ENVIRONMENT, Backend, cholmod_is_there
 from femupdate.progress import SILENT, Progress
 

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.fe.assembly import assemble
+from femupdate.fe import assemble, lowest_modes
 from femupdate.fe.factorization import default_backend
-from femupdate.fe.solve import lowest_modes
 
 from .tower import tower
 

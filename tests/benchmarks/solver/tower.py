@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
-from femupdate.fe.model import FiniteElementModel
+from femupdate.fe import FiniteElementModel
 
 from .meshes import ALL, beams, grid, hold, model, shells
 

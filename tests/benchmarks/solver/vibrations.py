@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Flags, Floats
-from femupdate.fe.assembly import assemble
-from femupdate.fe.model import FiniteElementModel, PointMasses
-from femupdate.fe.solve import lowest_modes
+from femupdate.fe import FiniteElementModel, PointMasses, assemble, lowest_modes
 
 from .meshes import (
     ALL,

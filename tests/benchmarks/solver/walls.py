@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.fe.assembly import assemble
-from femupdate.fe.model import FiniteElementModel
-from femupdate.fe.solve import lowest_modes
+from femupdate.fe import FiniteElementModel, assemble, lowest_modes
 
 from .meshes import (
     ALL,

@@ -5,7 +5,7 @@ After "The standard NAFEMS benchmarks" (1990), as quoted in the benchmarks manua
 
 import numpy as np
 
-from femupdate.fe.model import FiniteElementModel
+from femupdate.fe import FiniteElementModel
 
 from .meshes import ALL, UY, displacement, hold, model, shells, zeros
 from .shell_forces import shell_forces

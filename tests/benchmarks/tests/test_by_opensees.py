@@ -17,12 +17,11 @@ from femupdate.benchmarks.hidden_effects.measurement import (
 from femupdate.benchmarks.hidden_effects.trial import trial_models
 from femupdate.benchmarks.hidden_effects.uncatalogued import UNCATALOGUED
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.effects.effect import Placed
-from femupdate.effects.registry import CATALOGUE
+from femupdate.effects import CATALOGUE, Placed
 from femupdate.errors import ReportError
-from femupdate.simulation.truth import fine_model, truth_of
+from femupdate.simulation import fine_model, truth_of
 from femupdate.study import Study
 from femupdate.workflow.model import open_study
 

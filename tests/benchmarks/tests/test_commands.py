@@ -7,8 +7,8 @@ from femupdate.benchmarks.changes.run import BUILDING, MODELS, run_changes
 from femupdate.benchmarks.result import Job
 from femupdate.cli.main import group
 
-from femupdate.building.files import load_building
-from femupdate.simulation.simulate import parse_effect
+from femupdate.building import load_building
+from femupdate.simulation import parse_effect
 
 
 def test_an_unknown_size_is_one_sentence(tmp_path):

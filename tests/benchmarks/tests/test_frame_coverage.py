@@ -13,7 +13,7 @@ from femupdate.benchmarks.frame_coverage.motions import (
 )
 from femupdate.benchmarks.frame_coverage.run import Case, counted, meshed, written
 
-from femupdate.building.files import load_building
+from femupdate.building import load_building
 from femupdate.measurement.kinds import read_observation_file
 
 CASE = Case(

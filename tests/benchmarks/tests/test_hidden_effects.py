@@ -15,8 +15,8 @@ from femupdate.benchmarks.hidden_effects.trial import Outcome, Trial, run_trial,
 from femupdate.benchmarks.log import restored
 from femupdate.benchmarks.result import Job
 
-from femupdate.building.files import load_building
-from femupdate.effects.registry import CATALOGUE
+from femupdate.building import load_building
+from femupdate.effects import CATALOGUE
 from femupdate.errors import ReportError
 from femupdate.study import Study
 from femupdate.workflow.model import open_study

@@ -10,8 +10,7 @@ from femupdate.benchmarks.solver.score import ElementTest, Peer
 from femupdate.benchmarks.solver.tower import tower
 
 from femupdate.errors import ModelError
-from femupdate.fe.assembly import assemble
-from femupdate.fe.solve import lowest_modes
+from femupdate.fe import assemble, lowest_modes
 
 
 def score(value, peer=None, target=2.0):
