@@ -26,6 +26,11 @@ from femupdate.measurement.modes import alike, in_phase, phase_collinearity
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.thresholds import AMBIENT
 
+# Figures by which files are judged.
+_FEWEST_BLOCKS = 5  # of the record, at least
+# of the first mode in a block: twice the memory of a mode of 1 % damping, 1 / (2 pi zeta)
+_PERIODS = 32
+
 _MISSING = (
     "modes of ambient records need the package pyOMA2; install it with pip install"
     " 'femupdate[ambient]'"
@@ -105,8 +110,9 @@ class Subspace:
     def _of_order(self, order: int, a: list[Any], c: list[Any]) -> tuple[Pole, ...]:
         with _library() as ssi:
             pair = [a[0], a[order]], [c[0], c[order]]
+            # A pole of more damping than 0.2 is no mode.
             results = ssi.SSI_poles(
-                self._obs[:, :order], *pair, order, self._step, order, True, AMBIENT.largest_damping
+                self._obs[:, :order], *pair, order, self._step, order, True, 0.2
             )
         frequency, damping, shape = results[0][:, 1], results[1][:, 1], results[2][:, 1]
         return tuple(
@@ -203,7 +209,9 @@ def identify_modes(
     moving = values - values.mean(axis=1, keepdims=True)
     frequency, spectra = _spectra(moving, time_step)
     first = _first_peak(frequency, spectra, band_hz)
-    band = band_hz or (AMBIENT.bottom * first, min(AMBIENT.top * first, 0.4 / time_step))
+    # Modes are looked for from 0.4 of the first frequency on.
+    # They are looked for up to 12 times that: buildings have some six modes below.
+    band = band_hz or (0.4 * first, min(12.0 * first, 0.4 / time_step))
     if band[1] > 0.5 / time_step:
         raise MeasurementError(
             f"the record shows nothing above {0.5 / time_step:g} Hz; lower the band's end"
@@ -264,29 +272,32 @@ def _first_peak(frequency: Floats, spectra: Floats, band_hz: tuple[float, float]
     for k in np.flatnonzero(inside):
         around = power[(frequency >= 0.5 * frequency[k]) & (frequency <= 2.0 * frequency[k])]
         peak = 0 < k < len(power) - 1 and power[k] == power[k - 1 : k + 2].max()
-        if peak and power[k] > AMBIENT.peak * np.median(around):
+        # The first mode has eight times the power of the octave around it.
+        if peak and power[k] > 8.0 * np.median(around):
             return float(frequency[k])
     return float(frequency[inside][np.argmax(power[inside])])
 
 
 def _blocks(seconds: float, first_hz: float) -> int:
     """How many parts of the record are told apart."""
-    blocks = int(seconds * first_hz) // AMBIENT.periods
-    if blocks < AMBIENT.fewest_blocks:
+    blocks = int(seconds * first_hz) // _PERIODS
+    if blocks < _FEWEST_BLOCKS:
         raise MeasurementError(
             f"the record lasts {seconds * first_hz:.0f} periods of its first mode, at"
             f" {first_hz:.3g} Hz; modes need"
-            f" {AMBIENT.fewest_blocks * AMBIENT.periods} at least, and better a thousand:"
+            f" {_FEWEST_BLOCKS * _PERIODS} at least, and better a thousand:"
             " give a longer record"
         )
-    return min(blocks, AMBIENT.most_blocks)
+    # More than 50 blocks tell nothing more.
+    return min(blocks, 50)
 
 
 def _thinned(moving: Floats, time_step: float, top_hz: float) -> tuple[Floats, float]:
     """The record (c, m) at a lower rate, and its time step."""
     from scipy.signal import decimate
 
-    factor = int(1.0 / (AMBIENT.rate * top_hz * time_step))
+    # 2.5 samples in a period of the highest frequency.
+    factor = int(1.0 / (2.5 * top_hz * time_step))
     if factor < 2:
         return moving, time_step
     return decimate(moving, factor, ftype="fir", axis=1), time_step * factor
@@ -295,7 +306,8 @@ def _thinned(moving: Floats, time_step: float, top_hz: float) -> tuple[Floats, f
 def _block_rows(channels: int, time_step: float, first_hz: float, order: int) -> int:
     """Time lags: half a period of the first mode, and enough for the order."""
     wanted = max(0.5 / (first_hz * time_step), 1.5 * order / channels)
-    return max(3, min(int(np.ceil(wanted)), AMBIENT.longest // channels))
+    # At most 240 rows of blocks times channels.
+    return max(3, min(int(np.ceil(wanted)), 240 // channels))
 
 
 def _groups(poles: Sequence[Pole]) -> Integers:
@@ -307,8 +319,10 @@ def _groups(poles: Sequence[Pole]) -> Integers:
         return np.zeros(len(poles), dtype=np.int64)
     shapes = np.array([pole.shape / np.linalg.norm(pole.shape) for pole in poles])
     level = np.log([pole.frequency_hz for pole in poles])
-    apart = np.abs(level[:, None] - level) / AMBIENT.same_frequency
-    apart += (1.0 - np.minimum(np.abs(shapes.conj() @ shapes.T) ** 2, 1.0)) / AMBIENT.same_shape
+    # Poles of one mode differ by a tenth of this, those of noise by several times it.
+    apart = np.abs(level[:, None] - level) / 0.02
+    # The same of 1 - MAC.
+    apart += (1.0 - np.minimum(np.abs(shapes.conj() @ shapes.T) ** 2, 1.0)) / 0.1
     tree = linkage(squareform(apart, checks=False), "average")
     return np.asarray(fcluster(tree, 1.0, "distance"), dtype=np.int64)
 
@@ -322,14 +336,16 @@ def _chosen(
     for number in np.unique(group):
         members = [poles[k] for k in np.flatnonzero(group == number).tolist()]
         orders = {pole.order for pole in members}
-        enough = len(orders) >= AMBIENT.share_of_all * order
-        steady = len(orders) >= AMBIENT.share * (order + 1 - min(orders))
-        aligned = (
-            np.median([phase_collinearity(pole.shape) for pole in members]) >= AMBIENT.in_phase
-        )
+        # A mode is there in 0.4 of all orders.
+        enough = len(orders) >= 0.4 * order
+        # And in half of the orders from its first one on.
+        steady = len(orders) >= 0.5 * (order + 1 - min(orders))
+        # Its shape moves in one phase by 0.7 at least.
+        aligned = np.median([phase_collinearity(pole.shape) for pole in members]) >= 0.7
         if enough and steady and aligned:
             chosen[int(number)] = _middle(members)
-        elif len(orders) >= AMBIENT.told * order:
+        # A doubtful group is worth a word from 0.15 of all orders on.
+        elif len(orders) >= 0.15 * order:
             doubtful.append(float(np.median([pole.frequency_hz for pole in members])))
     listed = ", ".join(f"{value:.4g}" for value in sorted(doubtful))
     note = (
@@ -345,7 +361,8 @@ def _middle(poles: Sequence[Pole]) -> tuple[Pole, ...]:
     away = np.hypot(*(places - np.median(places, axis=0)).T)
     near = [pole for pole, distance in zip(poles, away, strict=True) if distance <= np.median(away)]
     near.sort(key=lambda pole: pole.order)
-    spaced = np.linspace(0, len(near) - 1, min(AMBIENT.tried, len(near)))
+    # Standard deviations are looked at in four orders.
+    spaced = np.linspace(0, len(near) - 1, min(4, len(near)))
     return tuple(near[round(k)] for k in spaced)
 
 
@@ -370,9 +387,12 @@ def _modes(
     notes = []
     best = _best(subspace, list(chosen.values()))
     for number, (pole, spread) in zip(chosen, best, strict=True):
-        if not spread.frequency_hz <= AMBIENT.vague * pole.frequency_hz:
+        # A mode's frequency is known to 2 %.
+        if not spread.frequency_hz <= 0.02 * pole.frequency_hz:
             notes.append(f"Left out: {pole.frequency_hz:.4g} Hz, which is hardly known.")
-        elif pole.damping < max(AMBIENT.undamped, AMBIENT.undamped_sd * spread.damping):
+        # A machine looks undamped: within two standard deviations of no damping,
+        # or below a tenth of the least damping that buildings have.
+        elif pole.damping < max(5e-4, 2.0 * spread.damping):
             notes.append(
                 f"Left out: {pole.frequency_hz:.4g} Hz, whose damping ratio {pole.damping:.2g} ±"
                 f" {spread.damping:.1g} may be none, as of a machine that runs at one frequency."
@@ -410,6 +430,7 @@ def _mode(
     shape = in_phase(pole.shape)
     largest = shape[np.abs(shape).argmax()]
     several = shape.size > 1
+    # No component of a shape is known better than to 1e-4 of the largest.
     return RecordedMode(
         frequency_hz=pole.frequency_hz,
         sensors=channels,
@@ -417,7 +438,7 @@ def _mode(
         damping=pole.damping,
         damping_sd=float(np.hypot(spread.damping, _scatter(members, "damping"))),
         shape=shape / largest,
-        shape_sd=np.maximum(spread.shape / abs(largest), AMBIENT.least_sd) if several else None,
+        shape_sd=np.maximum(spread.shape / abs(largest), 1e-4) if several else None,
     )
 
 

@@ -17,8 +17,15 @@ from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.measurement.histories import LARGEST_PEAK, SMALLEST_PEAK
 from femupdate.measurement.names import BASE, floor_height, parse_channel
 from femupdate.measurement.recording import RecordedChannel
-from femupdate.measurement.thresholds import CHANNEL, PAIR
 from femupdate.units import STANDARD_GRAVITY
+
+# Figures by which files are judged.
+_LATE = 0.03  # of the first period, a delay; damping alone makes a fifth of it
+_LEAST_BINS = 3  # frequencies, that are compared at least
+_COHERENCE = 0.8  # of frequencies that are compared
+_CLIPPED = 4  # equal samples in a row at an extreme; smooth signals have two
+_FASTEST_HZ = 100_000.0  # sampling rate of measurements on buildings
+_SLOWEST_HZ = 5.0  # likewise, at least
 
 
 def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, ...]:
@@ -62,29 +69,31 @@ def _of_scale(
             )
     stated = channel.stated_peak
     # Some headers state the peak about the mean.
-    if stated and min(abs(peak - stated), abs(swing - stated)) > CHANNEL.peak * stated + 5e-4:
+    # Headers round to three digits.
+    if stated and min(abs(peak - stated), abs(swing - stated)) > 0.01 * stated + 5e-4:
         yield f"it peaks at {peak:.4g} {channel.unit}, but its header says {stated:.4g}."
 
 
 def _of_offset(channel: RecordedChannel, moving: Floats, mean: float, peak: float) -> Iterator[str]:
-    if abs(mean) > CHANNEL.offset * float(np.abs(moving).max()):
+    # A mean of 5 % of the largest swing is worth a word.
+    if abs(mean) > 0.05 * float(np.abs(moving).max()):
         unit = f" {channel.unit}" if channel.unit else ""
         yield f"its mean is {mean * peak:.3g}{unit}, an offset to remove."
 
 
 def _of_sampling(channel: RecordedChannel) -> Iterator[str]:
     rate = 1.0 / channel.time_step
-    if not CHANNEL.slowest_hz <= rate <= CHANNEL.fastest_hz:
+    if not _SLOWEST_HZ <= rate <= _FASTEST_HZ:
         yield (
             f"its sampling rate is {rate:.3g} Hz; buildings are measured at"
-            f" {CHANNEL.slowest_hz:g} to {CHANNEL.fastest_hz:g} Hz: is the time's unit wrong?"
+            f" {_SLOWEST_HZ:g} to {_FASTEST_HZ:g} Hz: is the time's unit wrong?"
         )
 
 
 def _of_force(values: Floats) -> Iterator[str]:
     """A hammer hits in some samples and rests between them: its force may only be clipped."""
     run = _longest_run(np.abs(values) == np.abs(values).max())
-    if run >= CHANNEL.clipped:
+    if run >= _CLIPPED:
         yield f"it is clipped: {run} samples in a row stand at its largest value."
 
 
@@ -92,13 +101,14 @@ def _of_shape(values: Floats, channel: RecordedChannel) -> Iterator[str]:
     time_step = channel.time_step
     moving = values - values.mean()
     peak, step = float(np.abs(moving).max()), _quantum(values)
-    if peak < CHANNEL.steps * step:
+    # Below 50 steps of its digits nothing can be called clipped, a spike or stuck.
+    if peak < 50.0 * step:
         yield (
             f"it moves by {2.0 * peak / step:.0f} steps of its digits only: too weak to show more."
         )
         return
     ends = [_longest_run(values == extreme) for extreme in (values.max(), values.min())]
-    if max(ends) >= CHANNEL.clipped:
+    if max(ends) >= _CLIPPED:
         yield f"it is clipped: {max(ends)} samples in a row stand at its largest value."
     spikes = np.flatnonzero(_spikes(moving, peak))
     if spikes.size:
@@ -107,7 +117,8 @@ def _of_shape(values: Floats, channel: RecordedChannel) -> Iterator[str]:
         plural = "s" if spikes.size > 1 else ""
         yield f"it has {spikes.size} spike{plural} of one sample: {at}{more}."
     start, count = _stuck(values)
-    if count * time_step >= CHANNEL.stuck_s:
+    # Parts that move lie on both sides of such a second.
+    if count * time_step >= 1.0:
         first, last = start * time_step, (start + count) * time_step
         yield f"it stands still from {first:.4g} to {last:.4g} s: a gap that was filled?"
 
@@ -129,11 +140,14 @@ def _spikes(moving: Floats, peak: float) -> Flags:
     from scipy.ndimage import median_filter, uniform_filter1d
 
     away = np.abs(moving - median_filter(moving, 5, mode="nearest"))
-    width = 2 * CHANNEL.neighbours + 1
+    # Ten samples to either side.
+    width = 2 * 10 + 1
     # The mean square around a sample, without itself and the one to either side.
     wide, close = (uniform_filter1d(moving**2, n, mode="nearest") * n for n in (width, 3))
     around = np.sqrt(np.maximum(wide - close, 0.0) / (width - 3))
-    return np.asarray((away > CHANNEL.spike * around) & (away > CHANNEL.spike_share * peak))
+    # Gaussian noise is ten times its rms away from the median of five once in 1e8 samples.
+    # A spike also stands out by a tenth of the peak.
+    return np.asarray((away > 10.0 * around) & (away > 0.1 * peak))
 
 
 def _stuck(values: Floats) -> tuple[int, int]:
@@ -219,11 +233,13 @@ def _groups(
 
 
 def _of_group(group: Sequence[_Sensor]) -> Iterator[str]:
-    if len(group) < 2 or group[0].channel.values.size < PAIR.least_samples:
+    # Shorter records show too little.
+    if len(group) < 2 or group[0].channel.values.size < 1024:
         return
     based = group[0].floor == BASE
     seconds = group[0].channel.values.size * group[0].channel.time_step
-    if not based and seconds < PAIR.ambient_s:
+    # Without a base it takes two minutes to show the first mode.
+    if not based and seconds < 120.0:
         return
     reference = group[0] if based else group[-1]
     others = [one for one in group if one is not reference]
@@ -275,7 +291,8 @@ def _response(reference: _Sensor, one: _Sensor, part: int, parts: int) -> _Respo
         for each in (reference, one)
     )
     scale = float(np.abs(one.channel.values).max() / np.abs(reference.channel.values).max())
-    segment = reference.channel.values.size // PAIR.segments // parts
+    # Twelve segments of Welch's method, half overlapping.
+    segment = reference.channel.values.size // 12 // parts
     options = {"fs": 1.0 / reference.channel.time_step, "nperseg": segment}
     frequency, own = welch(x, **options)
     other, cross = welch(y, **options)[1], csd(x, y, **options)[1]
@@ -289,12 +306,13 @@ def _first_mode(top: _Response, based: bool) -> float | None:
     """Frequency of the first mode, Hz, from the response of a high floor; or None."""
     if not based:
         # Coherent noise lies high, drifts low: the velocity is largest in the first mode.
-        seen = (top.coherence > PAIR.coherence) & (top.frequency_hz > 0.0)
+        seen = (top.coherence > _COHERENCE) & (top.frequency_hz > 0.0)
         velocity = np.where(seen, top.power / np.maximum(top.frequency_hz, 1e-12) ** 2, 0.0)
         return float(top.frequency_hz[velocity.argmax()]) if seen.any() else None
     size = np.where(top.coherence > 0.7, np.abs(top.values), 0.0)
     for k in range(1, size.size - 1):
-        if size[k] > PAIR.amplified and size[k] >= size[k - 1 : k + 2].max():
+        # A peak of 1.25 times the base is a mode.
+        if size[k] > 1.25 and size[k] >= size[k - 1 : k + 2].max():
             return float(top.frequency_hz[k])
     return None
 
@@ -303,14 +321,12 @@ def _low(response: _Response, first: float, based: bool) -> Flags:
     """Frequencies at which the floors should move together."""
     low, high = (0.0, 0.5 * first) if based else (0.7 * first, 1.2 * first)
     frequency = response.frequency_hz
-    return np.asarray(
-        (frequency > low) & (frequency < high) & (response.coherence > PAIR.coherence)
-    )
+    return np.asarray((frequency > low) & (frequency < high) & (response.coherence > _COHERENCE))
 
 
 def _runs_against(response: _Response, first: float, based: bool) -> bool:
     low = _low(response, first, based)
-    return bool(low.sum() >= PAIR.least_bins and np.mean(response.values[low].real < 0.0) > 0.9)
+    return bool(low.sum() >= _LEAST_BINS and np.mean(response.values[low].real < 0.0) > 0.9)
 
 
 def _out_of_order(
@@ -321,18 +337,20 @@ def _out_of_order(
     for one in others:
         own = responses[one.number]
         near = np.abs(own.frequency_hz - first) <= 0.1 * first + own.frequency_hz[1]
-        near &= own.coherence > PAIR.coherence
+        near &= own.coherence > _COHERENCE
         if not near.any():
             return
         sizes[one.number] = float(np.abs(own.values[near]).max())
-    if reference.floor == BASE and max(sizes.values()) < PAIR.resonant:
+    # Floors must be in order where the mode amplifies twofold.
+    if reference.floor == BASE and max(sizes.values()) < 2.0:
         return
     ordered = sorted((reference, *others), key=lambda one: floor_height(one.floor))
+    # A floor that moves 1.6 times as much as one above it is out of order.
     wrong = [
         (low, high)
         for k, low in enumerate(ordered)
         for high in ordered[k + 1 :]
-        if low.floor != high.floor and sizes[low.number] > PAIR.out_of_order * sizes[high.number]
+        if low.floor != high.floor and sizes[low.number] > 1.6 * sizes[high.number]
     ]
     if not wrong:
         return
@@ -350,16 +368,14 @@ def _delay(response: _Response, first: float, based: bool) -> float | None:
     angle = np.angle(response.values[used])
     found = _shift(response.frequency_hz[used], angle, response.phase_sd()[used], first)
     # Beside a floor, neighbouring modes turn the phase at the first one's frequency too.
-    least = (1.0 if based else 2.0) * PAIR.late / first
+    least = (1.0 if based else 2.0) * _LATE / first
     return found if found is not None and abs(found) > least else None
 
 
 def _drift(reference: _Sensor, one: _Sensor, first: float) -> float | None:
     """Seconds by which a channel falls behind from half to half; None where it does not."""
     early, late = (_response(reference, one, part, 2) for part in (0, 1))
-    used = (early.frequency_hz > 0.0) & (
-        np.minimum(early.coherence, late.coherence) > PAIR.coherence
-    )
+    used = (early.frequency_hz > 0.0) & (np.minimum(early.coherence, late.coherence) > _COHERENCE)
     turn = np.angle(late.values[used] / early.values[used])
     sd = np.hypot(early.phase_sd(), late.phase_sd())[used]
     return _shift(early.frequency_hz[used], turn, sd, first)
@@ -367,7 +383,7 @@ def _drift(reference: _Sensor, one: _Sensor, first: float) -> float | None:
 
 def _shift(frequency: Floats, angle: Floats, sd: Floats, first: float) -> float | None:
     """Delay, s, that explains phases in proportion to frequency; None where none is sure."""
-    if frequency.size < PAIR.least_bins:
+    if frequency.size < _LEAST_BINS:
         return None
     weight = 1.0 / sd**2
     # Few frequencies would fit one long delay or other by chance.
@@ -382,5 +398,7 @@ def _shift(frequency: Floats, angle: Floats, sd: Floats, first: float) -> float 
     scatter = float(np.sqrt((weight * left**2).sum() / weight.sum()))
     # Half-overlapping Hann windows: two bins of three are independent.
     spread = np.sqrt(1.5 / power) / (2.0 * np.pi) * max(1.0, scatter / float(np.median(sd)))
-    sure = abs(delay) > PAIR.sure * spread and scatter < PAIR.scatter_rad
-    return delay if sure and abs(delay) > PAIR.late / first else None
+    # A delay is sure from five standard deviations on,
+    # and where no more than 0.15 rad of the phase is left beside it.
+    sure = abs(delay) > 5.0 * spread and scatter < 0.15
+    return delay if sure and abs(delay) > _LATE / first else None

@@ -29,7 +29,12 @@ from femupdate.measurement.observation import (
     require_floors_of_building,
     select_floors,
 )
-from femupdate.measurement.thresholds import ROTATION, SPECTRUM
+from femupdate.measurement.thresholds import SPECTRUM
+
+# Figures by which files are judged.
+# independent bins to either side over which the noise is averaged; with seven segments, mean square
+# of error over noise falls from 1.2 to 1.05
+_NOISE_BINS = 3
 
 _TINY = float(np.finfo(np.float64).tiny)
 
@@ -74,7 +79,8 @@ def estimate_frf(
     trusted = _trusted(spectra, incoherent, noise, segments.effective)
     if half is not None:
         whole, segments = segments, segments.half(half)
-        if segments.effective < SPECTRUM.fewest_averages:
+        # With fewer than two segments the coherence says nothing.
+        if segments.effective < 2.0:
             raise MeasurementError(
                 f"{histories.source}: {whole.count} segments are too few to be parted in two halves"
             )
@@ -125,7 +131,8 @@ def _more_explained(spectra: Spectra, beside: Spectra, of_rotation: Spectra) -> 
     own = beside.floors[0] - np.abs(share) ** 2 * spectra.base
     cross = of_rotation.cross - share.conj() * spectra.cross
     # What goes with the translation alone leaves rounding.
-    there = own > ROTATION.rounding * beside.floors[0]
+    # Sums of spectra in double precision leave 1e-9 of the power.
+    there = own > 1e-9 * beside.floors[0]
     power = np.abs(cross) ** 2 / np.where(there, own, 1.0)
     return np.asarray(np.where(there, power, 0.0) / np.maximum(spectra.floors, _TINY))
 
@@ -248,7 +255,7 @@ def _smooth(density: Floats, spectra: Spectra) -> Floats:
     """Mean of a density (f, b) over its neighbours, Hann-weighted."""
     from scipy.ndimage import convolve1d
 
-    kernel = np.hanning(2 * SPECTRUM.noise_bins * spectra.padding + 1)
+    kernel = np.hanning(2 * _NOISE_BINS * spectra.padding + 1)
     return np.asarray(convolve1d(density, kernel / kernel.sum(), axis=-1, mode="nearest"))
 
 
@@ -277,14 +284,19 @@ def _trusted(spectra: Spectra, incoherent: Floats, noise: Floats, averages: floa
     # Chance exceeds g2 with probability (1 - g2)^(n - 1) between unrelated signals. The coherence
     # around a frequency rests on about half as many more averages as it has bins (Hann windows
     # make neighbours repeat each other).
-    pooled = averages * (2 * SPECTRUM.noise_bins + 1) / 2.0
-    chance = 1.0 - SPECTRUM.chance ** (1.0 / (pooled - 1.0))
-    nearby = maximum_filter1d(spectra.base, 2 * SPECTRUM.nearby * spectra.padding + 1)
-    power = (spectra.base > SPECTRUM.power_nearby * nearby) & (
-        spectra.base > SPECTRUM.power_anywhere * spectra.base.max()
-    )
-    related = around >= max(SPECTRUM.coherence, chance)
-    return np.asarray(related & (noise <= SPECTRUM.largest_noise) & power)
+    pooled = averages * (2 * _NOISE_BINS + 1) / 2.0
+    # A coherence that unrelated signals exceed in one of a hundred counts as zero.
+    chance = 1.0 - 0.01 ** (1.0 / (pooled - 1.0))
+    # Ten independent bins to either side are nearby.
+    nearby = maximum_filter1d(spectra.base, 2 * 10 * spectra.padding + 1)
+    # With so little power the base shows leakage: far side lobes of the window fall as k^-6.
+    # Likewise of the largest power anywhere.
+    power = (spectra.base > 1e-3 * nearby) & (spectra.base > 1e-7 * spectra.base.max())
+    # Below a coherence of a half, noise in the base could bias H1 as much as noise in the floor
+    # scatters it.
+    related = around >= max(0.5, chance)
+    # Above a noise of 0.5 the first-order relation with the coherence no longer holds.
+    return np.asarray(related & (noise <= 0.5) & power)
 
 
 def _require_points(valid: Flags, source: str) -> None:

@@ -21,13 +21,18 @@ from femupdate.measurement.recording import RecordedChannel, Recording, accelera
 from femupdate.measurement.resolve import Motion, placed_channels
 from femupdate.measurement.table import check_step
 from femupdate.measurement.text import TextFile
-from femupdate.measurement.thresholds import RECORD, ROTATION
+from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY, percent
+
+# Figures by which files are judged.
+_HEIGHT_M = 10.0  # m, at which the rotation is compared with the translation
+# of the largest peak of the ground, that a floor feels; beyond it is a spike or a wrong unit
+_LARGEST_FLOOR = 40.0
 
 # m/s2.
 LARGEST_PEAK = RECORD.largest_g * STANDARD_GRAVITY
 SMALLEST_PEAK = RECORD.smallest_g * STANDARD_GRAVITY
-LARGEST_RESPONSE = RECORD.largest_floor * LARGEST_PEAK  # m/s2
+LARGEST_RESPONSE = _LARGEST_FLOOR * LARGEST_PEAK  # m/s2
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +269,8 @@ def rotation_of(channels: Sequence[FloorChannel], acceleration: Floats) -> Float
 def fault_of(channels: Sequence[FloorChannel]) -> str | None:
     """Why vertical sensors of the base cannot measure its rotation, or None where they can."""
     rows, places = _vertical(channels)
-    if len(rows) < 2 or np.ptp(places) >= ROTATION.apart_m:
+    # Within a centimetre they stand at one place.
+    if len(rows) < 2 or np.ptp(places) >= 0.01:
         return None
     names = " and ".join(channels[row].name for row in rows)
     return (
@@ -287,13 +293,12 @@ def said_of_rotation(
     if rotation is not None:
         at = ", ".join(f"{place:g}" for place in places)
         moved = float(np.sqrt((rotation**2).mean()))
-        share = ROTATION.height_m * moved / float(base.std())
-        doubt = (
-            " Is their unit right, and are the places in metres?" if share > ROTATION.most else ""
-        )
+        share = _HEIGHT_M * moved / float(base.std())
+        # A table that pitches by 0.3 rad/m moves such a point by three times the translation.
+        doubt = " Is their unit right, and are the places in metres?" if share > 3.0 else ""
         return (
             f"The base's rotation is measured by vertical sensors at {at} m and is an input:"
-            f" {moved:.3g} rad/s2 rms, which moves a point {ROTATION.height_m:g} m up by"
+            f" {moved:.3g} rad/s2 rms, which moves a point {_HEIGHT_M:g} m up by"
             f" {percent(share)} of what the translation does.{doubt}",
         )
     alone = [one.name for one in channels if one.floor == BASE and one.direction == "z"]

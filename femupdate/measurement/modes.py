@@ -18,7 +18,9 @@ from femupdate.measurement.recording import RecordedMode, Recording
 from femupdate.measurement.resolve import positions, renamed_columns, whole_or_parts
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile, closest
-from femupdate.measurement.thresholds import RECORDED_MODE
+
+# Figures by which files are judged.
+_IN_PHASE = 0.9  # collinearity of the parts of a shape, below which they do not move in phase
 
 MODE, FREQUENCY_SD, DAMPING, DAMPING_SD = "mode", "frequency_sd_hz", "damping", "damping_sd"
 MODE_COLUMNS = (
@@ -260,7 +262,8 @@ def _check(file: TextFile, mode: RecordedMode) -> None:
         raise file.error(
             f"the frequency of {which} is {mode.frequency_hz:g} Hz; it must be above 0"
         )
-    if mode.damping is not None and not 0.0 < mode.damping <= RECORDED_MODE.largest_damping:
+    # No building loses more than half: such a figure is in percent.
+    if mode.damping is not None and not 0.0 < mode.damping <= 0.5:
         raise file.error(
             f"the damping ratio of {which} is {mode.damping:g}, which no building has; give a"
             " ratio such as 0.02, or write the unit % behind the column's name: damping (%)"
@@ -357,7 +360,7 @@ def _notes(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
     loose = [
         mode.name or f"{mode.frequency_hz:.4g} Hz"
         for mode in modes
-        if mode.shape.size and phase_collinearity(mode.shape) < RECORDED_MODE.in_phase
+        if mode.shape.size and phase_collinearity(mode.shape) < _IN_PHASE
     ]
     if not loose:
         return ()
@@ -393,15 +396,14 @@ def mac(first: RecordedMode, second: RecordedMode) -> float:
 
 def _of_one(mode: RecordedMode) -> list[str]:
     findings, shape = [], np.asarray(mode.shape)
-    if mode.damping is not None and not 0.0 < mode.damping <= RECORDED_MODE.much_damping:
+    # Buildings have damping ratios of .005 to .1.
+    if mode.damping is not None and not 0.0 < mode.damping <= 0.1:
         findings.append(f"{_called(mode)} has a damping ratio of {mode.damping:.3g}")
-    if (
-        mode.frequency_sd_hz is not None
-        and mode.frequency_sd_hz > RECORDED_MODE.wide * mode.frequency_hz
-    ):
+    # A standard deviation of a tenth of the frequency is worth a word.
+    if mode.frequency_sd_hz is not None and mode.frequency_sd_hz > 0.1 * mode.frequency_hz:
         findings.append(f"{_called(mode)} is hardly known: ±{mode.frequency_sd_hz:.3g} Hz")
     seen = shape[~np.isnan(shape)]
-    if seen.size and phase_collinearity(seen) < RECORDED_MODE.in_phase:
+    if seen.size and phase_collinearity(seen) < _IN_PHASE:
         findings.append(f"{_called(mode)}: the sensors do not move in phase")
     if seen.size > 1 and not np.abs(in_phase(seen)).any():
         findings.append(f"{_called(mode)}: every component of the shape is zero")
@@ -417,5 +419,7 @@ def alike(first: RecordedMode, second: RecordedMode) -> bool:
     """Whether two modes look like one that was found twice."""
     if not (first.frequency_hz > 0.0 and second.frequency_hz > 0.0):
         return False
-    close = abs(np.log(first.frequency_hz / second.frequency_hz)) < RECORDED_MODE.same_frequency
-    return close and mac(first, second) > RECORDED_MODE.same_shape
+    # Within 2 % in frequency
+    close = abs(np.log(first.frequency_hz / second.frequency_hz)) < 0.02
+    # and by a MAC of 0.95 two modes are one.
+    return close and mac(first, second) > 0.95

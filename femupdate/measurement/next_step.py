@@ -18,7 +18,10 @@ from femupdate.measurement.names import (
     parse_history,
 )
 from femupdate.measurement.recording import RecordedChannel
-from femupdate.measurement.thresholds import PROPOSAL
+
+# Figures by which files are judged.
+_COMPONENTS = 3  # channels of a record of one place, at most
+_ALONG_DEG = 10.0  # degrees, by which azimuths of one direction may differ
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ def _key(
         return channel.direction.upper()
     for key, own in directions.items():
         other = channels[own[0]].azimuth_deg
-        if other is not None and _angle(channel.azimuth_deg, other) <= PROPOSAL.along_deg:
+        if other is not None and _angle(channel.azimuth_deg, other) <= _ALONG_DEG:
             return key
     return f"{channel.azimuth_deg:.0f}"
 
@@ -118,7 +121,7 @@ def _right_angled(
     first = channels[directions[ordered[0]][0]].azimuth_deg
     for key in ordered[1:]:
         other = channels[directions[key][0]].azimuth_deg
-        if first is None or other is None or _angle(first, other) >= 90.0 - PROPOSAL.along_deg:
+        if first is None or other is None or _angle(first, other) >= 90.0 - _ALONG_DEG:
             return [ordered[0], key]
     return [ordered[0]]
 
@@ -210,12 +213,13 @@ def next_step(
         own = str(pushed + 1) if names is None else histories[pushed].name
         option = columns_option({"force/RF": own, **along}, [] if floors else ["RF"], what)
         return NextStep(calibrate + option, _FORCED, columns)
-    if len(histories) <= PROPOSAL.components and not floors:
+    if len(histories) <= _COMPONENTS and not floors:
         return NextStep(_predict(path, histories, usable, options), "")
-    if floors and not base and _lasts(histories[usable[0]]) >= PROPOSAL.ambient_s:
+    # Records of earthquakes end before two minutes.
+    if floors and not base and _lasts(histories[usable[0]]) >= 120.0:
         identify = f"femupdate identify {shlex.quote(str(path))} -o modes.csv{mapped}"
         return NextStep(identify, _NO_BASE, columns)
-    if not base and len(histories) <= PROPOSAL.components:
+    if not base and len(histories) <= _COMPONENTS:
         return NextStep(
             "",
             f"The channel sits at {', '.join(floors)}: a response needs the base's record too, with"

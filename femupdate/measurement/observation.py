@@ -9,7 +9,6 @@ import numpy as np
 from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.errors import MeasurementError
-from femupdate.measurement.thresholds import SPECTRUM
 
 if TYPE_CHECKING:
     from femupdate.measurement.estimated import Estimator
@@ -202,6 +201,7 @@ def require_floors_of_building(
 def band_edges(frequency_hz: Floats) -> Floats:
     """Edges (bands + 1,) Hz, a third of an octave or wider, over the upper part of the grid."""
     bottom, top = float(frequency_hz.min()), float(frequency_hz.max())
-    edges = np.geomspace(max(bottom, top / 64.0), top * 1.0001, SPECTRUM.bands + 1)
+    # Floors are compared in ten bands.
+    edges = np.geomspace(max(bottom, top / 64.0), top * 1.0001, 10 + 1)
     edges[0] = bottom
     return edges

@@ -27,6 +27,9 @@ from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY
 
+# Figures by which files are judged.
+_LARGEST_RATIO = 1000  # of two rates, in whole numbers, at most
+
 logger = logging.getLogger(__name__)
 
 
@@ -107,7 +110,8 @@ class GroundMotion:
         """Return the motion times a factor; a negative one turns its direction round."""
         if not np.isfinite(factor):
             raise MeasurementError(f"ground motion {self.name}: cannot be scaled by {factor}")
-        if self.peak * abs(factor) > RECORD.largest_scaled_g * STANDARD_GRAVITY:
+        # No shaking table reaches 100 g.
+        if self.peak * abs(factor) > 100.0 * STANDARD_GRAVITY:
             raise MeasurementError(
                 f"ground motion {self.name}: times {factor:g} it peaks at "
                 f"{self.peak * abs(factor) / STANDARD_GRAVITY:.3g} g, which no shaking table"
@@ -131,8 +135,10 @@ class GroundMotion:
             return self
         ratio = self._ratio(time_step)
         up, down = ratio.numerator, ratio.denominator
-        half = RECORD.filter_periods * max(up, down)
-        window = firwin(2 * half + 1, 1.0 / max(up, down), window=("kaiser", RECORD.filter_beta))
+        # 32 periods of the lower rate to either side,
+        half = 32 * max(up, down)
+        # and a Kaiser window whose stopband is 80 dB down.
+        window = firwin(2 * half + 1, 1.0 / max(up, down), window=("kaiser", 8.0))
         return self._changed(
             lambda row: np.asarray(resample_poly(row, up, down, window=window)),
             time_step=float(time_step),
@@ -140,15 +146,15 @@ class GroundMotion:
 
     def _ratio(self, time_step: float) -> Fraction:
         if np.isfinite(time_step) and time_step > 0:
-            ratio = Fraction(self.time_step / time_step).limit_denominator(RECORD.largest_ratio)
+            ratio = Fraction(self.time_step / time_step).limit_denominator(_LARGEST_RATIO)
             drift = abs(float(ratio) * time_step / self.time_step - 1.0) * self.acceleration.size
             # The last sample may drift by a thousandth of a step.
-            if 0 < ratio.numerator <= RECORD.largest_ratio and drift < 1e-3:
+            if 0 < ratio.numerator <= _LARGEST_RATIO and drift < 1e-3:
                 return ratio
         raise MeasurementError(
             f"ground motion {self.name}: cannot be resampled from {self.time_step:g} s to"
             f" {time_step:g} s; take a step in a ratio of whole numbers up to"
-            f" {RECORD.largest_ratio}"
+            f" {_LARGEST_RATIO}"
         )
 
 
@@ -258,7 +264,8 @@ def _choose(
 def _check_plausible(file: TextFile, motion: GroundMotion, unit: str) -> None:
     where = repr(motion.channel)
     check_step(file, motion.time_step, where)
-    if motion.acceleration.size < RECORD.fewest:
+    # Ten samples of the ground are the least.
+    if motion.acceleration.size < 10:
         raise file.error(
             f"{motion.acceleration.size} values are no record; give the whole time history",
             column=where,
@@ -277,7 +284,8 @@ def _check_plausible(file: TextFile, motion: GroundMotion, unit: str) -> None:
             column=where,
         )
     offset = abs(float(motion.acceleration.mean()))
-    if offset > RECORD.offset * swing:
+    # A mean of 5 % of the largest swing is worth a warning.
+    if offset > 0.05 * swing:
         logger.warning(
             "%s, channel %s: the mean is %.3g m/s2; remove it from the file",
             file.path,

@@ -27,7 +27,6 @@ from femupdate.measurement.observation import (
     on_all_floors,
     resolved_share,
 )
-from femupdate.measurement.thresholds import AGREEMENT
 
 _TINY = float(np.finfo(np.float64).tiny)
 
@@ -197,8 +196,10 @@ class Agreement:
     @property
     def beyond_chance(self) -> tuple[Difference, ...]:
         """Differences that noise does not explain, the least likely first."""
-        limit = AGREEMENT.chance / max(len(self.differences), 1)
-        found = [d for d in self.differences if d.p_value < limit and d.ratio > AGREEMENT.ratio]
+        # Runs that agree are said to differ once in a thousand times.
+        limit = 1e-3 / max(len(self.differences), 1)
+        # The noise is an estimate itself: nothing is said below 1.3 times it.
+        found = [d for d in self.differences if d.p_value < limit and d.ratio > 1.3]
         return tuple(sorted(found, key=lambda one: (one.p_value, -one.ratio)))
 
     def sentence(self) -> str:
@@ -254,7 +255,8 @@ def _differences(run: Observation, others: Observation, floors: Sequence[str]) -
         for row, floor in enumerate(floors):
             seen = both[row] & inside
             independent = share * float(np.count_nonzero(seen))
-            if independent < AGREEMENT.fewest:
+            # Fewer than three independent points tell nothing.
+            if independent < 3.0:
                 continue
             weight = 1.0 / variance[row, seen]
             square = float((weight * difference[row, seen] ** 2).mean())

@@ -12,7 +12,9 @@ from femupdate.arrays import Floats, Integers
 from femupdate.measurement.names import TIME
 from femupdate.measurement.quantity import split_unit
 from femupdate.measurement.text import TextFile
-from femupdate.measurement.thresholds import FILES, TIMES
+
+# Figures by which files are judged.
+_DECIMALS = 9  # of times that are looked at, at most
 
 Row = tuple[int, str]  # line number, text
 
@@ -80,7 +82,8 @@ def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
 
 
 def _complex(cell: str) -> re.Match[str] | None:
-    return _COMPLEX.fullmatch(cell) if len(cell) <= FILES.longest_cell else None
+    # The pattern takes very long to refuse a long cell.
+    return _COMPLEX.fullmatch(cell) if len(cell) <= 80 else None
 
 
 def _named(title: str, part: str) -> str:
@@ -149,7 +152,8 @@ def check_step(file: TextFile, step: float, title: str | None = None) -> None:
     Raises:
         MeasurementError: it is none of the possible ones.
     """
-    shortest, longest = TIMES.shortest_s, TIMES.longest_s
+    # An impact on a model has steps of 1e-6 s, the slowest monitoring of a tower 10 s.
+    shortest, longest = 1e-6, 10.0
     if not shortest <= step <= longest:
         raise file.error(
             f"the time step is {step:.3g} s, and buildings are measured every {shortest:g} to"
@@ -180,7 +184,9 @@ def uniform_step(file: TextFile, time: Floats, lines: Integers, title: str) -> f
     digit = 10.0 ** -_decimals(time)
     time = time - time[0]
     step, start = np.polyfit(np.arange(time.size), time, 1)
-    tolerance = min(max(0.75 * digit, TIMES.jitter * step), TIMES.coarsest * step)
+    # A hundredth of a step turns the phase at half the Nyquist frequency by less than a degree;
+    # a lost sample shifts all times by half a step.
+    tolerance = min(max(0.75 * digit, 0.01 * step), 0.3 * step)
     deviation = np.abs(time - (start + step * np.arange(time.size)))
     if backwards.size or deviation.max() > tolerance:
         _raise_uneven(file, time, lines, title)
@@ -202,10 +208,10 @@ def _raise_uneven(file: TextFile, time: Floats, lines: Integers, title: str) -> 
 def _decimals(time: Floats) -> int:
     """Number of decimals that the times are printed with."""
     scale = np.abs(time).max() * 1e-14
-    for decimals in range(TIMES.decimals):
+    for decimals in range(_DECIMALS):
         if np.abs(np.round(time, decimals) - time).max() <= scale:
             return decimals
-    return TIMES.decimals
+    return _DECIMALS
 
 
 def _rounded_step(step: float, count: int, digit: float) -> float:
@@ -214,7 +220,7 @@ def _rounded_step(step: float, count: int, digit: float) -> float:
     rate = round(1.0 / step)
     if rate > 0 and abs(step - 1.0 / rate) <= allowed:
         return 1.0 / rate
-    rounded = round(step, TIMES.decimals)
+    rounded = round(step, _DECIMALS)
     return rounded if abs(step - rounded) <= allowed else float(step)
 
 

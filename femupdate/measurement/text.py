@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.thresholds import FILES
 from femupdate.storage import read_file
 
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
@@ -121,7 +120,8 @@ def read_bytes(path: str | Path, limit: int = -1) -> bytes:
     Raises:
         MeasurementError: the file is missing, no regular file, unreadable, too large or empty.
     """
-    data = read_file(path, FILES.text_mb * 1_000_000, MeasurementError, limit)
+    # 300 MB of text make a table of some three times that in memory.
+    data = read_file(path, 300 * 1_000_000, MeasurementError, limit)
     if not data.strip():
         raise MeasurementError(f"{path}: the file is empty; write it again from its source")
     return data

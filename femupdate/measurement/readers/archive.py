@@ -15,7 +15,9 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.text import TextFile, read_head
-from femupdate.measurement.thresholds import FILES
+
+# Figures by which files are judged.
+_ARCHIVE_MB = 500  # of all files of an archive, unpacked
 
 # A station archive holds some tens of files of a few MB; text shrinks five to ten times.
 _NOT_LOOKED_INTO = ("archive", "unsupported")
@@ -114,7 +116,7 @@ def _is_alone(path: Path) -> bool:
 
 def _alone(file: TextFile) -> Iterator[_Packed]:
     with gzip.open(file.path, "rb") as stream:
-        data = _Limited(file, stream).read(FILES.archive_mb * 1_000_000 + 2 * _PADDING)
+        data = _Limited(file, stream).read(_ARCHIVE_MB * 1_000_000 + 2 * _PADDING)
     yield _Packed(file.path.stem, len(data), lambda: data)
 
 
@@ -139,7 +141,8 @@ def _unpacked(file: TextFile, members: Iterator[_Packed], folder: Path) -> dict[
 def _check_size(file: TextFile, count: int, size: int) -> None:
     """Refuse more files or bytes than archives of records hold."""
     factor = size / max(file.path.stat().st_size, 1)
-    if count > FILES.members or size > FILES.archive_mb * 1_000_000 or factor > FILES.packed:
+    # At most 2,000 files, packed by a factor of 200: station archives hold some tens.
+    if count > 2000 or size > _ARCHIVE_MB * 1_000_000 or factor > 200.0:
         raise file.error(
             f"the archive holds {count or 'some'} files of {size / 1e6:.0f} MB, {factor:.0f}"
             " times its own size: no archive of records; unpack it yourself and give the record"

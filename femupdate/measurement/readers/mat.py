@@ -118,7 +118,8 @@ class _Elements:
 
     def check(self, data: bytes, depth: int) -> None:
         """All elements of a stretch, one after the other."""
-        if depth > FILES.nested:
+        # Parts within parts are at most 50 levels deep.
+        if depth > 50:
             raise ValueError("its structures are nested too deep")
         at = 0
         while at < len(data):

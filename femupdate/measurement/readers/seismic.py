@@ -10,7 +10,6 @@ import numpy as np
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import TextFile, reading_package
-from femupdate.measurement.thresholds import TIMES
 
 # Second letter of a channel's code in the SEED convention: what the instrument feels.
 _QUANTITIES = {"N": "acceleration", "G": "acceleration", "H": "velocity", "L": "velocity"}
@@ -104,7 +103,8 @@ def _together(file: TextFile, traces: list[Any]) -> tuple[list[Any], tuple[str, 
         abs(cut_trace.stats.starttime - cut[0].stats.starttime) / cut_trace.stats.delta
         for cut_trace in cut
     ]
-    if max(late) > TIMES.apart:
+    # From a tenth of a step on it is worth a word.
+    if max(late) > 0.1:
         notes.append(
             f"Traces begin up to {max(late):.2g} of a sample apart; resample them to one clock."
         )

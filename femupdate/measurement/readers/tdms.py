@@ -11,7 +11,6 @@ from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.table import uniform_step
 from femupdate.measurement.text import TextFile, reading_package
-from femupdate.measurement.thresholds import TIMES
 
 _STEP = "wf_increment"
 _UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit")
@@ -68,12 +67,13 @@ def _read(path: Path) -> Recording:
 
 def _timed(file: TextFile, numbers: list[tuple[str, Any]]) -> list[tuple[str, Any, float]]:
     """Group, channel and time step: of the waveform, else of the times in the channel's group."""
+    # Three times tell a step.
     steps = {
         name: uniform_step(
             file, np.asarray(channel[:], float), np.arange(len(channel)) + 1, channel.name
         )
         for name, channel in numbers
-        if TIME_NAME.match(channel.name) and len(channel) >= TIMES.fewest
+        if TIME_NAME.match(channel.name) and len(channel) >= 3
     }
     timed = []
     for name, channel in numbers:
