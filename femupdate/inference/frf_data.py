@@ -12,7 +12,7 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.closed_form import observed
-from femupdate.dynamics.excitation import Excitation
+from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.dynamics.system import Responses, System
 from femupdate.effects.effect import Effect, Placed
@@ -60,44 +60,6 @@ AT_ITS_WORD = Believed(wild=math.inf, table=STATED)
 
 
 @dataclass(frozen=True)
-class BaseMotion:
-    """Motion of the base, over whose acceleration those of the floors are taken."""
-
-    name: str = ""
-
-    def frf(
-        self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor
-    ) -> Tensor:
-        """Complex FRFs (N, f, k) of all floors as their sensors give them."""
-        return system.frf(theta, zeta, sizes, frequency_hz)
-
-
-@dataclass(frozen=True)
-class FloorForce:
-    """A force at a floor, over which the accelerations of all floors are taken.
-
-    Attributes:
-        floor: at which it acts.
-        rest: static displacement that the reduced model lacks; None of a stick.
-    """
-
-    floor: str
-    rest: RestFlexibility | None = None
-
-    @property
-    def name(self) -> str:
-        """For people."""
-        return f"force at {self.floor}"
-
-    def frf(
-        self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor
-    ) -> Tensor:
-        """Complex accelerance (N, f, k) of all floors as their sensors give them."""
-        force = Excitation(self.floor)
-        return system.respond(force, theta, zeta, sizes, frequency_hz, self.rest)[:, :, 0]
-
-
-@dataclass(frozen=True)
 class Block:
     """Some neighbouring points of the frequency axis, which one record gave.
 
@@ -130,6 +92,7 @@ class FrfData:
         sd: (f, k) of ln|H| and phase; infinite where not valid.
         blocks: the records.
         excitation: what drives the building.
+        rest: static displacement under a force that the reduced model lacks; None of a stick.
         halves: the data in two parts that err independently; none where they cannot be parted.
         believed: of the data and of the model beside them.
         logs: how ln|H| of one record is made, of the observed floors alone and far faster than
@@ -146,7 +109,8 @@ class FrfData:
     phase: Tensor | None
     sd: Tensor
     blocks: tuple[Block, ...]
-    excitation: BaseMotion | FloorForce = BaseMotion()
+    excitation: Excitation = BASE_MOTION
+    rest: RestFlexibility | None = None
     halves: "tuple[FrfData, ...]" = ()
     believed: Believed = LEARNING
     logs: Responses | None = None
@@ -206,7 +170,7 @@ class FrfData:
 
     def checked(self, squares: Tensor, wild: Tensor) -> list[tuple[str, Tensor, Tensor]]:
         """Name, squares (n,), and independent numbers (n,), of every floor."""
-        force = f"/{self.excitation.floor}" if isinstance(self.excitation, FloorForce) else ""
+        force = f"/{self.excitation.force}" if self.forced else ""
         counted = self.valid & ~wild.unflatten(1, (self._parts, *self.sd.shape))
         counts = (counted * self.independent).sum((1, 3))
         own = zip(self.names, squares.unbind(1), counts.unbind(1), strict=True)
@@ -259,16 +223,22 @@ class FrfData:
             first += block.points
             own = system.at_level(theta, zeta, sizes, block.level)
             if block.estimator is None:
-                parts.append(self.excitation.frf(system, *own, sizes, frequency))
+                parts.append(self._frf(system, *own, sizes, frequency))
                 continue
             moving = _as_run(system, block.estimator)
             known = *own, sizes, torch.from_numpy(block.estimator.frequency_hz)
             if block.estimator.turns:
                 parts.append(moving.seen_frf(*known, block.estimator))
                 continue
-            frf = self.excitation.frf(moving, *known)
-            parts.append(block.estimator(frf))
+            parts.append(block.estimator(self._frf(moving, *known)))
         return torch.cat(parts, dim=2)
+
+    def _frf(
+        self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor
+    ) -> Tensor:
+        """Complex FRFs (N, f, k) of all floors, to the first column of the excitation."""
+        force = Excitation(self.excitation.force)
+        return system.respond(force, theta, zeta, sizes, frequency_hz, self.rest)[:, :, 0]
 
     def _logs(
         self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, how: Responses
@@ -315,7 +285,7 @@ class FrfData:
         """Complex FRFs (f, k) of the observed floors at the first record's points, as they are."""
         block = self.blocks[0]
         known = theta, zeta, sizes, self.frequency_hz[: block.points]
-        frf = self.excitation.frf(system, *known)
+        frf = self._frf(system, *known)
         if block.rotation is not None:
             frf, turned = system.respond(Excitation(turns=True), *known).unbind(dim=2)
             frf = frf + block.rotation * turned
@@ -420,14 +390,14 @@ class FrfData:
     @property
     def forced(self) -> bool:
         """Whether a force acts."""
-        return isinstance(self.excitation, FloorForce)
+        return bool(self.excitation.force)
 
     def with_rest(self, rest: RestFlexibility) -> "FrfData":
         """The same with another static displacement that the reduced model lacks under a force."""
-        if not isinstance(self.excitation, FloorForce):
+        if not self.forced:
             return self
         halves = tuple(one.with_rest(rest) for one in self.halves)
-        return replace(self, excitation=replace(self.excitation, rest=rest), halves=halves)
+        return replace(self, rest=rest, halves=halves)
 
     def at_level(self, level: float) -> "FrfData":
         """The same with every record at a level, in doublings."""
@@ -524,7 +494,7 @@ def frf_data(
     observation: Observation,
     floors: tuple[str, ...],
     *,
-    excitation: BaseMotion | FloorForce | None = None,
+    rest: RestFlexibility | None = None,
     use_phase: bool = True,
     halves: Sequence[FrfData] = (),
     believed: Believed = LEARNING,
@@ -534,7 +504,7 @@ def frf_data(
     Args:
         observation: on its own grid.
         floors: of the model.
-        excitation: what drove the building; base motion by default.
+        rest: static displacement under a force that the reduced model lacks.
         use_phase: compare phases where they were measured.
         halves: of the observation, where it can be parted.
         believed: of it and of the model.
@@ -556,7 +526,8 @@ def frf_data(
         phase=None if phase is None else torch.from_numpy(np.nan_to_num(phase)),
         sd=torch.where(valid, noise, torch.inf),
         blocks=(block,),
-        excitation=excitation or BaseMotion(),
+        excitation=observation.excitation,
+        rest=rest,
         halves=tuple(halves),
         believed=believed,
     )
@@ -618,7 +589,7 @@ def forced_data(
         return frf_data(
             seen,
             floors,
-            excitation=FloorForce(forced.excitation.force, rest),
+            rest=rest,
             use_phase=use_phase,
             halves=tuple(read(part, ()) for part in parts),
             believed=believed,
@@ -675,10 +646,8 @@ __all__ = [
     "AT_ITS_WORD",
     "COMPARING",
     "LEARNING",
-    "BaseMotion",
     "Believed",
     "Block",
-    "FloorForce",
     "FrfData",
     "base_logs",
     "forced_data",

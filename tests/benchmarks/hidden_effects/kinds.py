@@ -7,7 +7,6 @@ from torch import Tensor
 from femupdate.building.document import Building
 from femupdate.dynamics.excitation import Excitation
 from femupdate.effects import Effect
-from femupdate.inference.frf_data import FloorForce
 from femupdate.inference.modal_terms import ModalErrors
 from femupdate.inference.mode_data import modes_as_read
 from femupdate.measurement.modes import IdentifiedModes
@@ -107,8 +106,9 @@ def _hammer(
 ) -> Observation:
     grid = np.arange(_FIRST_HZ, building.frequency_grid.stop, _SPACING_HZ)
     floors = truth.system.floors
-    force = FloorForce(floors[int(rng.integers(len(floors)))])
-    exact = force.frf(truth.system, *known, torch.from_numpy(grid))[0].abs().log().numpy()
+    force = Excitation(floors[int(rng.integers(len(floors)))])
+    frf = truth.system.respond(force, *known, torch.from_numpy(grid))[0, :, 0]
+    exact = frf.abs().log().numpy()
     noise = np.full(exact.shape, _ACCELERANCE)
     return Observation(
         frequency_hz=grid,
@@ -117,5 +117,5 @@ def _hammer(
         noise_sd=noise,
         valid=np.ones(exact.shape, dtype=bool),
         source="trial",
-        excitation=Excitation(force.floor),
+        excitation=force,
     )
