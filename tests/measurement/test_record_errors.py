@@ -231,5 +231,5 @@ def test_damage_that_a_reader_does_not_expect(write, monkeypatch):
 
     broken = {"plain": replace(registry.readers()["plain"], read=fails)}
     monkeypatch.setattr(registry, "readers", lambda: broken)
-    with pytest.raises(MeasurementError, match=r"bad\.csv: it is read as .* is damaged \(list"):
-        read_record(write(plain(rows()), "bad.csv"))
+    with pytest.raises(MeasurementError, match=r"bad\.txt: it is read as .* is damaged \(list"):
+        read_record(write(plain(rows()), "bad.txt"))
