@@ -516,6 +516,7 @@ def frf_data(
         observation.frequency_hz.size,
         independent_share(observation),
         observation.estimator,
+        observation.level,
         rotation=None if turn is None else torch.from_numpy(np.nan_to_num(turn)),
     )
     return FrfData(

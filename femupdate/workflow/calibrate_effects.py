@@ -73,9 +73,7 @@ def fitted_effects(
     phase = any(one.effect.needs_phase for one in building_effects(model.building).placed)
     data: list[Data] = []
     if measured.has_base:
-        levels = measured.levels or (0.0,) * len(measured.runs)
-        records = zip(measured.runs, levels, strict=True)
-        data.append(base_data(records, model.system, phase, believed=COMPARING))
+        data.append(base_data(measured.runs_at_levels, model.system, phase, believed=COMPARING))
     data += data_of_forces(measured, model.system, use_phase=phase, believed=COMPARING)
     data += data_of_modes(measured, model.system)
     problem, fitted = prepared(finder, data, None, progress)

@@ -8,7 +8,6 @@ from femupdate.discrepancy.thresholds import LEVEL
 from femupdate.dynamics.system import System
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import COMPARING
-from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.kinds import Measured, measured_of, with_rest
@@ -24,13 +23,11 @@ class Given:
 
     Attributes:
         measured: as read.
-        halves: of the FRFs under base motion, where they can be parted.
         second: histories at another level, under base motion or a force.
         level: of those above the first ones, in doublings; zero where they are alike.
     """
 
     measured: Measured
-    halves: tuple[Observation, ...] = ()
     second: "Given | None" = None
     level: float = 0.0
 
@@ -53,12 +50,12 @@ class Given:
             InferenceError: more modes are identified than the model has.
         """
         given = [(self, 0.0), *([] if self.second is None else [(self.second, self.level)])]
-        based = [(one, level) for one, level in given if one.measured.has_base]
+        based = [
+            replace(one.measured.base, level=level) for one, level in given if one.measured.has_base
+        ]
         found: list[Data] = []
         if based:
-            records = [(one.measured.base, level) for one, level in based]
-            halves = [one.halves for one, _ in based]
-            found.append(base_data(records, system, use_phase, halves, COMPARING))
+            found.append(base_data(based, system, use_phase, COMPARING))
         for one, level in given:
             own = one.measured
             found += data_of_forces(
@@ -116,5 +113,4 @@ def read_held(
 
 def _given(building: Building, source: ObservationSource) -> Given:
     """The files of one source, with halves of their FRFs under base motion."""
-    measured = measured_of(building, source, halves=True)
-    return Given(measured, measured.base.halves)
+    return Given(measured_of(building, source, halves=True))

@@ -82,6 +82,14 @@ class Measured:
         return self.runs[0] if apart else self.base
 
     @property
+    def runs_at_levels(self) -> tuple[Observation, ...]:
+        """The runs, each at its level."""
+        levels = self.levels or (0.0,) * len(self.runs)
+        return tuple(
+            replace(run, level=level) for run, level in zip(self.runs, levels, strict=True)
+        )
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on how everything was read, and what was assumed."""
         return (*self.doubts, *self.base.notes, *self.notes_of_others)

@@ -1,6 +1,6 @@
 """The likelihood of all that was measured of a building, and where it is highest."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import reduce
 
@@ -53,10 +53,10 @@ def smooth_likelihood(
     if not measured.has_base:
         return likelihood_of(others, model.system, model.parameters)
     if any(measured.levels):
-        base = base_data(zip(measured.runs, measured.levels, strict=True), model.system, phase)
+        base = base_data(measured.runs_at_levels, model.system, phase)
         cost = 0.0
     else:
-        base = base_data([(measured.base, 0.0)], model.system, phase)
+        base = base_data([measured.base], model.system, phase)
         base = base if phase else base.as_logs(model.system, device=device, modes=None)
         cost = cost_of_scatter(measured.base, base)
     base = base.with_least_noise(max(least_noise, model.least_noise))
@@ -65,31 +65,26 @@ def smooth_likelihood(
 
 
 def base_data(
-    records: Iterable[tuple[Observation, float]],
+    records: Iterable[Observation],
     system: System,
     use_phase: bool,
-    halves: Sequence[Sequence[Observation]] = (),
     believed: Believed = LEARNING,
 ) -> FrfData:
-    """FRFs under base motion of one record or several.
+    """FRFs under base motion of one record or several, each at its level and with its halves.
 
     Args:
-        records: each with its level, in doublings above the first.
+        records: as they were observed.
         system: whose floors they are of.
         use_phase: compare phases where they were measured.
-        halves: of every record, where it can be parted.
         believed: of the data and of the model.
     """
 
-    def read(one: Observation, parts: Sequence[Observation]) -> FrfData:
-        own = tuple(read(part, ()) for part in parts)
+    def read(one: Observation) -> FrfData:
+        halves = tuple(read(replace(half, level=one.level, halves=())) for half in one.halves)
         seen, floors = that_says(one), system.floors
-        return frf_data(seen, floors, use_phase=use_phase, halves=own, believed=believed)
+        return frf_data(seen, floors, use_phase=use_phase, halves=halves, believed=believed)
 
-    apart = list(records)
-    both = zip(apart, halves or [()] * len(apart), strict=True)
-    found = [read(one, parts).at_level(level) for (one, level), parts in both]
-    return reduce(together, found)
+    return reduce(together, map(read, records))
 
 
 def on_fewer_modes(likelihood: Likelihood) -> Likelihood:

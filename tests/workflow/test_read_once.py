@@ -49,7 +49,7 @@ def test_a_calibration_reads_its_file_once(path, reads, tower_file, tmp_path):
 def test_so_does_the_search_for_what_is_missing(path, reads, calibrated):
     study = Study(calibrated)
     given = read_given(study, open_study(study), readable({}, path), None, SILENT)
-    assert len(given.halves) == 2
+    assert len(given.measured.base.halves) == 2
     assert reads == [path]
 
 

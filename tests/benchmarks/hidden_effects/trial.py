@@ -72,7 +72,7 @@ class TrialModels:
         if self.data != BASE:
             return given(self.data, truth, measured.building, measured.zeta, rng)
         observation, halves = measured.observe(truth, rng)
-        return Given(Measured(base=observation), halves)
+        return Given(Measured(base=replace(observation, halves=halves)))
 
 
 def trial_models(
