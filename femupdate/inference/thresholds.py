@@ -191,10 +191,6 @@ class LearnedErrorThresholds:
     """How the error of a model is learned together with its parameters."""
 
     rounds: int = entry(6, "fits", "at a row of the table, each followed by the choice of another")
-    bends: float = entry(
-        0.7, "ln|H|", "by known errors, from which a point is no straight line", "half of |H|"
-    )
-    bent: float = entry(10.0, "of that", "standard deviation of such a point by itself")
     tried: int = entry(
         200, "draws", "at which the error is looked at", "it hardly differs between draws"
     )

@@ -14,7 +14,7 @@ def fitted(unit_mass=None, nominal=False):
     mass = None if unit_mass is None else SimpleNamespace(rigid=unit_mass * torch.eye(2))
     structure = SimpleNamespace(building=SimpleNamespace(forces_are_relative=nominal))
     return SimpleNamespace(
-        problem=SimpleNamespace(reduced=SimpleNamespace(structure=structure)),
+        likelihood=SimpleNamespace(reduced=SimpleNamespace(structure=structure)),
         system=SimpleNamespace(terms=(SimpleNamespace(mass=mass),)),
     )
 

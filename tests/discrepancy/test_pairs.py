@@ -20,7 +20,7 @@ class Fitted:
     chi2: float
 
     @property
-    def problem(self):
+    def likelihood(self):
         return SimpleNamespace(effective=0.0)
 
 

@@ -104,7 +104,7 @@ def test_refined_moves_the_basis_to_where_theta_ended(cabin, observation):
     model = finder_model(cabin)
     target = reduction_target(cabin.building)
     away = local_structure(cabin.plain.structure, FAR, target, size=16)
-    problem = replace(posed(cabin.plain, cabin, observation), reduced=away)
+    problem = posed(cabin.plain, cabin, observation).without_effects_on(away)
     base = fit_baseline(problem)[0]
     fitted = fit(problem, HEAVY, extended(problem, base, HEAVY, [0.1]))
     moved, after = refined(model, problem, fitted)
@@ -127,7 +127,7 @@ def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monk
 
     monkeypatch.setattr("femupdate.discrepancy.search.structure_near", near)
     here = structure_near(cabin.plain.structure, cabin.building, FAR, ZETA)
-    problem = replace(posed(cabin.plain, cabin, observation), reduced=here)
+    problem = posed(cabin.plain, cabin, observation).without_effects_on(here)
     start = extended(problem, fit_baseline(problem)[0], HEAVY, [0.1])
     start[:2] = torch.from_numpy(np.log(FAR))
     stuck = fit(problem, HEAVY, start, iterations=0)
