@@ -68,14 +68,17 @@ def error(cabin, reduced, theta, placed=(), sizes=()):
 
 
 def observed(cabin, mass, seed):
-    """The full model with mass on its roof, with errors of a hundredth of |H| and the phase."""
+    """The full model with mass on its roof, with errors of a hundredth of |H| and the phase.
+
+    The noise is stated as .14, so that searches from far off and bases that err a little will do.
+    """
     seen = frf(cabin, cabin.exact, THETA, HEAVY, [mass])
     noise = NOISE * np.random.default_rng(seed).standard_normal((2, *seen.shape))
     return Observation(
         cabin.grid,
         cabin.exact.model.floors,
         np.log(np.abs(seen)) + noise[0],
-        np.full(seen.shape, NOISE),
+        np.full(seen.shape, np.hypot(NOISE, 0.14)),
         np.ones(seen.shape, dtype=bool),
         np.angle(seen) + noise[1],
         None,
