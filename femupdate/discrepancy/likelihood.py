@@ -7,6 +7,7 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, likeliest_row
 from femupdate.inference.likelihood import Likelihood
+from femupdate.inference.priors import effect_parameters
 
 
 def likelihood_about(fitted: Fit) -> Likelihood:
@@ -17,7 +18,8 @@ def likelihood_about(fitted: Fit) -> Likelihood:
     densities = error.log_densities(fitted.raw[None])
     likeliest = tuple(int(one.argmax()) for one in densities)
     rows = error.counting_beside(likeliest, densities)
-    prior = own.prior.of("stiffness") + own.prior.of("effect") + own.prior.of("damping")
+    effects = effect_parameters(fitted.placed)
+    prior = own.prior.of("stiffness") + effects + own.prior.of("damping")
     return replace(own, error=error, prior=prior).at_row(likeliest).kept(rows)
 
 

@@ -122,7 +122,8 @@ class Likelihood:
             return self
         terms = tuple(self.reduced.terms(one) for one in placed)
         system = replace(self.system, placed=placed, terms=terms)
-        prior = self.prior.of("stiffness", "damping") + effect_parameters(placed)
+        own = effect_parameters(placed, searched=True)
+        prior = self.prior.of("stiffness", "damping") + own
         return replace(self, system=system, prior=prior)
 
     def of(self, other: "Likelihood") -> "Likelihood":

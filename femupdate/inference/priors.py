@@ -46,16 +46,19 @@ def size_names(placed: Sequence[Placed]) -> tuple[str, ...]:
     return tuple(f"{one.label}.{p.name}" for one in placed for p in one.effect.parameters)
 
 
-def effect_parameters(placed: Sequence[Placed]) -> Parameters:
-    """The effects' parameters with the priors of the catalogue, within what is likely."""
+def effect_parameters(placed: Sequence[Placed], *, searched: bool = False) -> Parameters:
+    """The effects' parameters with the priors of the catalogue.
+
+    Within what is likely; or, where they are `searched` for, as far as they can be.
+    """
     pairs = zip(size_names(placed), parameters_of(placed), strict=True)
     return Parameters(
         tuple(
             Parameter(
                 name=name,
                 kind="effect",
-                lower=one.likely[0],
-                upper=one.likely[1],
+                lower=one.lower if searched else one.likely[0],
+                upper=one.upper if searched else one.likely[1],
                 neutral=one.neutral,
                 centre=one.neutral,
                 scale=one.scale,
