@@ -19,7 +19,7 @@ from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.errors import WorkersError
-from femupdate.inference.priors import theta_prior
+from femupdate.inference.parameters import theta_prior
 from femupdate.surrogate import dataset as room
 from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
 from femupdate.workers import completed, dask_executor, everywhere, working_on

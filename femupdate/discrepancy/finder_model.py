@@ -21,8 +21,7 @@ from femupdate.errors import BuildingError
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood, likelihood_of
-from femupdate.inference.parameters import Parameters
-from femupdate.inference.priors import damping_parameter, theta_prior
+from femupdate.inference.parameters import Parameters, damping_parameter, theta_prior
 
 
 @dataclass(frozen=True, eq=False)

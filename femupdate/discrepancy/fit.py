@@ -21,8 +21,7 @@ from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.inference.joint_error import Row, summed
 from femupdate.inference.likelihood import Likelihood
-from femupdate.inference.parameters import LogSteps
-from femupdate.inference.priors import own_errors
+from femupdate.inference.parameters import LogSteps, own_errors
 from femupdate.maximise import Search, maximise
 from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.workers import in_threads

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import Fit, likeliest_row
 from femupdate.inference.likelihood import Likelihood
-from femupdate.inference.priors import effect_parameters
+from femupdate.inference.parameters import effect_parameters
 
 
 def likelihood_about(fitted: Fit) -> Likelihood:

@@ -11,7 +11,7 @@ from femupdate.discrepancy.thresholds import FIT
 from femupdate.dynamics.local_basis import Sized, local_structure
 from femupdate.dynamics.reduced import ReducedStructure, reduced_on
 from femupdate.effects.structure import Structure
-from femupdate.inference.priors import reduction_target
+from femupdate.inference.parameters import reduction_target
 from femupdate.progress import Progress, Silent
 
 Bases = Callable[[Structure, Floats, float, Callable[[], Floats]], Floats]

@@ -1,10 +1,17 @@
 """Whether chains that ran apart agree: rank-normalised split r-hat."""
 
-import numpy as np
-from numpy.typing import ArrayLike
-from scipy.special import ndtri
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-from femupdate.arrays import Floats
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
+from scipy.special import chdtrc, ndtri
+
+from femupdate.arrays import Flags, Floats, Integers
+from femupdate.inference.modes import separate_modes
+from femupdate.inference.thresholds import IDENTIFIABILITY
+from femupdate.units import percent
 
 
 def r_hat(draws: ArrayLike) -> Floats | None:
@@ -49,3 +56,277 @@ def _plain(chains: Floats) -> float:
     within = chains.var(axis=1, ddof=1).mean()
     between = chains.mean(axis=1).var(ddof=1)
     return float(np.sqrt((draws - 1) / draws + between / within)) if within > 0.0 else float("nan")
+
+
+@dataclass(frozen=True)
+class PredictiveCheck:
+    """Posterior predictive p-values.
+
+    Attributes:
+        whole: of all floors together.
+        floors: of each floor alone; NaN where it has no valid point.
+        names: of the floors.
+        ratio: of the squares to those of replicates, in the mean of the draws. A thousand points
+            make a p-value small where it is hardly above one.
+    """
+
+    whole: float
+    floors: tuple[float, ...]
+    names: tuple[str, ...]
+    ratio: float = 1.0
+
+    def sentence(self) -> str:
+        """For the user."""
+        floors = ", ".join(
+            f"{name} {value:.2g}" for name, value in zip(self.names, self.floors, strict=True)
+        )
+        return (
+            f"posterior predictive p-value {self.whole:.2g} ({floors}): the data miss the model "
+            f"by {self.ratio**0.5:.2f} times what is allowed for"
+        )
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain numbers for JSON."""
+        floors = dict(zip(self.names, self.floors, strict=True))
+        return {"whole": self.whole, "floors": floors, "over_allowed": self.ratio**0.5}
+
+
+def predictive_check(
+    squares: ArrayLike, freedom: ArrayLike, names: tuple[str, ...]
+) -> PredictiveCheck:
+    """p-values of the squares that posterior draws leave.
+
+    Args:
+        squares: (n, f) sum of squared whitened residuals of every floor at every draw, counted so
+            that each independent point has the expectation of one.
+        freedom: (f,) independent points of every floor, or (n, f) where draws differ in them.
+        names: of the floors.
+    """
+    left = np.asarray(squares, dtype=float)
+    points = np.broadcast_to(np.asarray(freedom, dtype=float), left.shape)
+    seen = points > 0.0
+    tails = chdtrc(np.where(seen, points, 1.0), left).mean(axis=0)
+    floors = np.where(seen.all(axis=0), tails, np.nan)
+    whole = chdtrc(points.sum(axis=1), left.sum(axis=1)).mean()
+    ratio = float((left.sum(axis=1) / points.sum(axis=1).clip(min=1.0)).mean())
+    return PredictiveCheck(float(whole), tuple(floors.tolist()), names, ratio)
+
+
+__all__ = ["PredictiveCheck", "predictive_check"]
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A direction in the logarithms of the parameters.
+
+    Attributes:
+        weight: (p,) of unit length, largest positive: change of each ln theta in units of its
+            prior standard deviation.
+        kept: posterior over prior standard deviation along it.
+    """
+
+    weight: Floats
+    kept: float
+
+
+@dataclass(frozen=True)
+class PosteriorMode:
+    """One of several separate modes.
+
+    Attributes:
+        weight: share of the draws.
+        mean: (p,).
+        sd: (p,).
+    """
+
+    weight: float
+    mean: Floats
+    sd: Floats
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What data have told about parameters.
+
+    Attributes:
+        names: p.
+        combinations: all p of them, from the least determined on; inside the modes where there
+            are several.
+        left_alone: parameters that no determined combination holds a part of.
+        among_others: combinations of the other parameters alone, from the least determined on.
+        modes: heaviest first; one where the draws are of one piece.
+    """
+
+    names: tuple[str, ...]
+    combinations: tuple[Combination, ...]
+    left_alone: tuple[str, ...]
+    among_others: tuple[Combination, ...]
+    modes: tuple[PosteriorMode, ...]
+
+    @property
+    def undetermined(self) -> int:
+        """How many combinations have kept more than half of their prior standard deviation."""
+        return sum(part.kept > IDENTIFIABILITY.undetermined for part in self.combinations)
+
+    def sentences(self) -> tuple[str, ...]:
+        """What an engineer should know; nothing where all is determined."""
+        told = [*self._about_modes()]
+        told.extend(self._about_left_alone())
+        loose = [part for part in self.among_others if part.kept > IDENTIFIABILITY.undetermined]
+        if loose:
+            listed = "; ".join(
+                f"{self.describe(part)} "
+                f"({percent(part.kept)} of the prior's standard deviation left)"
+                for part in loose[: IDENTIFIABILITY.most_told]
+            )
+            more = (
+                f"; and {len(loose) - IDENTIFIABILITY.most_told} more"
+                if len(loose) > IDENTIFIABILITY.most_told
+                else ""
+            )
+            told.append(f"The data hardly determine {listed}{more}.")
+        return tuple(told)
+
+    def kept(self, name: str) -> float:
+        """Posterior over prior standard deviation of one parameter, inside the modes."""
+        place = self.names.index(name)
+        return (
+            sum((part.kept * float(part.weight[place])) ** 2 for part in self.combinations) ** 0.5
+        )
+
+    def describe(self, part: Combination) -> str:
+        """Words for a combination, such as "theta_4 up with theta_5 down"."""
+        order = np.argsort(-np.abs(part.weight))
+        named = [
+            k
+            for k in order
+            if abs(part.weight[k]) >= IDENTIFIABILITY.named * abs(part.weight[order[0]])
+        ]
+        shown = named[: IDENTIFIABILITY.most_names]
+        up, down = (
+            " and ".join(self.names[k] for k in shown if sign * part.weight[k] > 0)
+            for sign in (1.0, -1.0)
+        )
+        rest = ", among others" if len(named) > len(shown) else ""
+        if len(shown) == 1:
+            return f"{up} by itself"
+        return f"{up} up with {down} down{rest}" if down else f"{up} up together{rest}"
+
+    def _about_left_alone(self) -> list[str]:
+        kept = {name: self.kept(name) for name in self.left_alone}
+        nothing = ", ".join(
+            name for name, share in kept.items() if share >= IDENTIFIABILITY.as_before
+        )
+        little = ", ".join(
+            f"{name} ({percent(share)})"
+            for name, share in kept.items()
+            if share < IDENTIFIABILITY.as_before
+        )
+        told = []
+        if nothing:
+            told.append(
+                f"The data say next to nothing about {nothing}: the posterior there is the prior."
+            )
+        if little:
+            told.append(
+                f"The data say little about {little}: so much of the prior's standard deviation is "
+                "left."
+            )
+        return told
+
+    def _about_modes(self) -> list[str]:
+        if len(self.modes) == 1:
+            return []
+        shown = self._telling()
+        listed = "; ".join(
+            f"{percent(mode.weight)} near "
+            + ", ".join(f"{self.names[k]} {mode.mean[k]:.3g}" for k in shown)
+            for mode in self.modes[: IDENTIFIABILITY.most_names]
+        )
+        if len(shown) < len(self.names):
+            listed += " (the others differ less)"
+        return [
+            f"The posterior has {len(self.modes)} separate modes, between which the data cannot "
+            f"decide: {listed}. Means and standard deviations over all of them describe none; "
+            "those of each are in the summary."
+        ]
+
+    def _telling(self) -> list[int]:
+        """The parameters that tell the modes apart: all of a few, else those that differ most."""
+        if len(self.names) <= IDENTIFIABILITY.all_told:
+            return list(range(len(self.names)))
+        means = np.stack([mode.mean for mode in self.modes])
+        inside = np.mean([mode.sd for mode in self.modes], axis=0)
+        apart = np.ptp(means, axis=0) / np.maximum(inside, 1e-300)
+        return sorted(np.argsort(-apart)[: IDENTIFIABILITY.most_names].tolist())
+
+
+def identifiability(
+    theta: ArrayLike, lower: ArrayLike, upper: ArrayLike, names: Sequence[str]
+) -> Identifiability:
+    """Compare posterior draws theta (n, p) with their uniform prior on [lower, upper] (p,).
+
+    Parameters with a positive lower bound are compared in their logarithm (a change by a factor),
+    others as they are. Separate modes are told apart first, and combinations are those inside the
+    modes, mean over their weights.
+    """
+    draws = np.asarray(theta, dtype=float)
+    white = _whitened(draws, np.asarray(lower, dtype=float), np.asarray(upper, dtype=float))
+    member = separate_modes(torch.from_numpy(white)).numpy()
+    groups = [np.flatnonzero(member == k) for k in range(member.max() + 1)]
+    share = [len(rows) / len(draws) for rows in groups]
+    inside = [np.atleast_2d(np.cov(white[rows].T)) for rows in groups]
+    covariance = np.sum([w * c for w, c in zip(share, inside, strict=True)], axis=0)
+    combinations = _combinations(covariance, np.arange(len(covariance)))
+    alone = _left_alone(combinations)
+    return Identifiability(
+        tuple(names),
+        combinations,
+        tuple(name for name, left in zip(names, alone, strict=True) if left),
+        _combinations(covariance, np.flatnonzero(~alone)),
+        tuple(
+            PosteriorMode(w, draws[rows].mean(axis=0), draws[rows].std(axis=0, ddof=1))
+            for w, rows in zip(share, groups, strict=True)
+        ),
+    )
+
+
+def _whitened(draws: Floats, lower: Floats, upper: Floats) -> Floats:
+    """Draws in coordinates in which each parameter's prior has mean zero and variance one."""
+    columns = []
+    for values, low, high in zip(draws.T, lower, upper, strict=True):
+        if low > 0.0:
+            mean, sd = _log_moments(low, high)
+            columns.append((np.log(values) - mean) / sd)
+        else:
+            columns.append((values - 0.5 * (low + high)) / ((high - low) / 12**0.5))
+    return np.column_stack(columns)
+
+
+def _log_moments(low: float, high: float) -> tuple[float, float]:
+    """Mean and standard deviation of ln u, u uniform on [low, high], by the antiderivatives."""
+    ends = np.array([low, high])
+    log = np.log(ends)
+    first = np.diff(ends * (log - 1.0))[0] / (high - low)
+    second = np.diff(ends * (log**2 - 2.0 * log + 2.0))[0] / (high - low)
+    return float(first), float(np.sqrt(second - first**2))
+
+
+def _combinations(covariance: Floats, chosen: Integers) -> tuple[Combination, ...]:
+    """Eigenvectors of the chosen parameters' covariance, as directions of all parameters."""
+    value, vector = np.linalg.eigh(covariance[np.ix_(chosen, chosen)])
+    found = []
+    for variance, part in zip(value[::-1], vector.T[::-1], strict=True):
+        weight = np.zeros(len(covariance))
+        weight[chosen] = part * np.sign(part[np.abs(part).argmax()])
+        found.append(Combination(weight, float(np.sqrt(max(variance, 0.0)))))
+    return tuple(found)
+
+
+def _left_alone(combinations: Sequence[Combination]) -> Flags:
+    """Parameters (p,) that lie outside of all determined combinations."""
+    determined = [
+        part.weight**2 for part in combinations if part.kept <= IDENTIFIABILITY.undetermined
+    ]
+    size = len(combinations)
+    return np.asarray(np.sum(determined or [np.zeros(size)], axis=0) < IDENTIFIABILITY.left_alone)

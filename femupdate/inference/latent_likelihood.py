@@ -13,7 +13,7 @@ from femupdate.errors import SurrogateError
 from femupdate.inference.encoder_input import encoder_input
 from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, frf_data, log_responses
 from femupdate.inference.latent_search import Control, LatentQuadratics, find_latent
-from femupdate.inference.learned import Settled
+from femupdate.inference.maxima import Settled
 from femupdate.inference.thresholds import DECODER
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.seeds import torch_generator

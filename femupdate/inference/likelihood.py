@@ -14,8 +14,7 @@ from femupdate.effects.effect import Effect, Placed
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.joint_error import JointError, Row, Rows, joint_error
-from femupdate.inference.parameters import Parameters, Values
-from femupdate.inference.priors import effect_parameters
+from femupdate.inference.parameters import Parameters, Values, effect_parameters
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, torch_generator
 from femupdate.workers import in_threads

@@ -7,16 +7,20 @@ proposal that fits (Laplace's method; Geweke 1989, Econometrica 57, 1317).
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
+from torch.quasirandom import SobolEngine
 
 from femupdate.errors import InferenceError
 from femupdate.inference.importance import WeightedDraws, importance_sample, students
+from femupdate.inference.joint_error import Row
+from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.tempering import LogLikelihood
-from femupdate.inference.thresholds import DRAWS, MAXIMA
-from femupdate.seeds import Seed
+from femupdate.inference.thresholds import DRAWS, LEARNED_ERROR, MAXIMA, PRIOR_SEARCH
+from femupdate.seeds import Seed, torch_generator
 from femupdate.surrogate.gauss_newton import (
     Descent,
     DescentSettings,
@@ -82,3 +86,169 @@ def draws_about(
     except InferenceError:
         return None
     return drawn if drawn.effective >= least * count else None
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """Where the likelihood is highest, and what the error of the model may be there.
+
+    Attributes:
+        likelihood: summed over the rows of the table that count, the likeliest first.
+        found: maxima by the likeliest of them, in standard normal coordinates.
+        tried: points of the prior that were judged to find starts.
+    """
+
+    likelihood: Likelihood
+    found: Descent
+    tried: int = 0
+
+
+def settled(likelihood: Likelihood, seed: Seed, starts: Tensor | None = None) -> Settled:
+    """The maxima of a likelihood, and the errors of the model that count there.
+
+    Args:
+        likelihood: by all rows of the tables of errors; smooth in the parameters.
+        seed: of the points of the prior from which the search starts without `starts`.
+        starts: (s, p) parameters, one at least near every maximum.
+    """
+    prior, tried = likelihood.prior, 0
+    wide = likelihood.at_row(likelihood.error.start)
+    if starts is None:
+        starts, tried = best_of_prior(prior, wide.log_density, seed)
+    if likelihood.known is None:
+        return replace(settle(likelihood, starts), tried=tried)
+    found = found_from(prior, wide.residuals, starts)
+    rough = prior.from_normal(found.z)
+    ended = settle(likelihood.about(rough[:1]), rough)
+    # Lines from beside the maximum would tell errors from factors that do the same.
+    again = likelihood.about(prior.from_normal(ended.found.z[:1])).error
+    known = ended.likelihood.error.with_known_of(again)
+    return Settled(replace(ended.likelihood, error=known), ended.found, tried)
+
+
+def settle(likelihood: Likelihood, starts: Tensor) -> Settled:
+    """Find the maxima from starts (s, p), and the rows of the tables that count there.
+
+    Fits begin as if the model erred much, so that no few points decide; the likeliest error at
+    their end is taken for the next, and at last none.
+    """
+    fits = _Fits(likelihood)
+    fits.follow(starts, likelihood.error.start)
+    row, points = fits.best
+    finer = replace(likelihood, error=likelihood.error.finer(row))
+    if row == likelihood.error.first:
+        return fits.by_more_rows(finer).settled()
+    fits = _Fits(finer)
+    fits.follow(points, fits.likeliest(points))
+    return fits.settled()
+
+
+class _Fits:
+    """Maxima at rows of the tables of errors, one after the other."""
+
+    def __init__(self, likelihood: Likelihood) -> None:
+        self._prior, self._likelihood = likelihood.prior, likelihood
+        self._found: dict[Row, Descent] = {}
+        self._densities: dict[Row, _Densities] = {}
+
+    def follow(self, starts: Tensor, row: Row) -> None:
+        """Fit from starts (s, p) at a row, then at the likeliest there, and at last at none."""
+        for _ in range(LEARNED_ERROR.rounds):
+            self._fit(starts, row)
+            starts = self._prior.from_normal(self._found[row].z)
+            row = self._densities[row].likeliest
+            if row in self._found:
+                break
+        none = self._likelihood.error.first
+        if none not in self._found:
+            self._fit(starts, none)
+
+    def by_more_rows(self, likelihood: Likelihood) -> "_Fits":
+        """The same maxima judged by tables that have further rows behind their own."""
+        more = _Fits(likelihood)
+        more._found = self._found
+        more._densities = {
+            row: more._log_posterior(self._prior.from_normal(found.z))
+            for row, found in self._found.items()
+        }
+        return more
+
+    @property
+    def best(self) -> tuple[Row, Tensor]:
+        """The likeliest row, and the maxima (s, p) from which that was found."""
+        at = max(self._densities, key=lambda row: float(self._densities[row].best.max()))
+        return self._densities[at].likeliest, self._prior.from_normal(self._found[at].z)
+
+    def likeliest(self, points: Tensor) -> Row:
+        """The likeliest row at points (s, p)."""
+        return self._log_posterior(points).likeliest
+
+    def settled(self) -> Settled:
+        """With the rows that count alone."""
+        row, points = self.best
+        if row not in self._found:
+            self._fit(points, row)
+        apart = zip(*(one.parts for one in self._densities.values()), strict=True)
+        rows = self._likelihood.error.counting_beside(row, [torch.cat(own) for own in apart])
+        return Settled(self._likelihood.at_row(row).kept(rows), self._found[row])
+
+    def _fit(self, starts: Tensor, row: Row) -> None:
+        self._found[row] = found_from(self._prior, self._likelihood.at_row(row).residuals, starts)
+        points = self._prior.from_normal(self._found[row].z)
+        self._densities[row] = self._log_posterior(points)
+
+    def _log_posterior(self, points: Tensor) -> "_Densities":
+        """At points (s, p)."""
+        own = self._prior.log_density_normal(
+            self._prior.to_normal(points).clamp(-DRAWS.edge, DRAWS.edge)
+        )
+        return _Densities(self._likelihood.log_densities(points), own)
+
+
+class _Densities:
+    """Log posterior density at s points by the rows of every table of errors.
+
+    Args:
+        apart: (s, g) of every kind of data.
+        prior: (s,).
+    """
+
+    def __init__(self, apart: tuple[Tensor, ...], prior: Tensor) -> None:
+        each = torch.stack([own.max(1).values for own in apart])  # (d, s)
+        self.best = each.sum(0) + prior
+        # By one row of a table, and the likeliest of every other.
+        self.parts = tuple(
+            own + (self.best - most)[:, None] for own, most in zip(apart, each, strict=True)
+        )
+
+    @property
+    def likeliest(self) -> Row:
+        """Of the rows of all tables together."""
+        at = int(self.best.argmax())
+        return tuple(int(own[at].argmax()) for own in self.parts)
+
+
+def best_of_prior(
+    prior: Parameters, log_likelihood: Callable[[Tensor], Tensor], seed: Seed
+) -> tuple[Tensor, int]:
+    """Parameters (s, p) that are likely and apart from one another, and how many were tried.
+
+    Args:
+        prior: of the parameters.
+        log_likelihood: (n,) of parameters (n, p).
+        seed: of the points that are tried.
+    """
+    count = min(PRIOR_SEARCH.probes * prior.size, PRIOR_SEARCH.most_probes)
+    scramble = int(torch.randint(2**31, (1,), generator=torch_generator(seed)))
+    unit = SobolEngine(prior.size, scramble=True, seed=scramble).draw(count, dtype=torch.float64)
+    unit = unit.clamp(1e-6, 1.0 - 1e-6)
+    parameters = prior.from_unit(unit)
+    value = log_likelihood(parameters).nan_to_num(nan=-torch.inf)
+    chosen: list[int] = []
+    for row in torch.argsort(value, descending=True).tolist():
+        if len(chosen) == PRIOR_SEARCH.starts * prior.size:
+            break
+        away = (unit[chosen] - unit[row]).norm(dim=1)
+        if bool((away > PRIOR_SEARCH.apart * prior.size**0.5).all()):
+            chosen.append(row)
+    return parameters[chosen], count

@@ -13,8 +13,6 @@ from femupdate.study import BUILDING_FILE, Study
 from femupdate.surrogate.storage import require_surrogate
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.calibrate_effects import fitted_effects, with_levels
-from femupdate.workflow.calibrate_exact import sample_exact
-from femupdate.workflow.calibrate_latent import sample_latent
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings, unserved
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.conclusion import concluded
@@ -22,6 +20,7 @@ from femupdate.workflow.kinds import measured_of, read_measured_of
 from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel, choose_building
 from femupdate.workflow.observed import ObservationSource, check_readable
+from femupdate.workflow.sampling import sample_exact, sample_latent
 
 
 def calibrate_study(

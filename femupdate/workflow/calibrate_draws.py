@@ -11,14 +11,12 @@ from femupdate.arrays import Floats
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.system import System
-from femupdate.inference.draw_errors import draw_errors
-from femupdate.inference.error_draws import ErrorDraws
+from femupdate.inference.diagnostics import PredictiveCheck, predictive_check
+from femupdate.inference.error_draws import ErrorDraws, draw_errors
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import Likelihood
-from femupdate.inference.parameters import Parameter
+from femupdate.inference.parameters import Parameter, own_errors
 from femupdate.inference.posterior import Posterior
-from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
-from femupdate.inference.priors import own_errors
 from femupdate.seeds import Seed, spawn
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, plain_settings
 from femupdate.workflow.kinds import Measured

@@ -15,9 +15,8 @@ from femupdate.effects.registry import building_effects
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import COMPARING
 from femupdate.inference.likelihood import Likelihood
-from femupdate.inference.maxima import found_from
-from femupdate.inference.prior_search import best_of_prior
-from femupdate.inference.priors import effect_parameters
+from femupdate.inference.maxima import best_of_prior, found_from
+from femupdate.inference.parameters import effect_parameters
 from femupdate.progress import Progress
 from femupdate.seeds import Seed
 from femupdate.study import Study

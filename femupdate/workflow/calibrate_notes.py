@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from femupdate.inference.diagnostics import r_hat
+from femupdate.inference.diagnostics import PredictiveCheck, r_hat
 from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
 from femupdate.inference.posterior import Posterior
-from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.inference.thresholds import DRAWS, JUDGED
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo

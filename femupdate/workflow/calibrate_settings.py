@@ -9,9 +9,8 @@ from scipy.special import logsumexp
 from femupdate.building.document import Building
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import Likelihood
-from femupdate.inference.parameters import Parameters
+from femupdate.inference.parameters import Parameters, damping_parameter, theta_prior
 from femupdate.inference.posterior import DrawnBy
-from femupdate.inference.priors import damping_parameter, theta_prior
 from femupdate.inference.smc import SmcSettings
 from femupdate.inference.tempering import SamplerRun
 

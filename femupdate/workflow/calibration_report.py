@@ -13,10 +13,9 @@ from numpy.random import default_rng
 from femupdate.arrays import Floats
 from femupdate.building.parameters import factor_titles
 from femupdate.dynamics.system import System
-from femupdate.inference.identifiability import Identifiability
+from femupdate.inference.diagnostics import Identifiability, PredictiveCheck
 from femupdate.inference.next_event import drawn_error
 from femupdate.inference.posterior import Posterior
-from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.measurement.observation import on_all_floors
 from femupdate.report.curves import Curve, response_curves
 from femupdate.report.scale import plus_minus

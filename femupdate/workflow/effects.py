@@ -17,7 +17,7 @@ from femupdate.dynamics.system import parameters_of
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import building_effects
 from femupdate.effects.structure import Structure
-from femupdate.inference.priors import reduction_target
+from femupdate.inference.parameters import reduction_target
 from femupdate.progress import SILENT, Progress
 from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart

@@ -19,8 +19,8 @@ from femupdate.inference.frf_data import (
     that_says,
     together,
 )
-from femupdate.inference.learned import Settled, settled
 from femupdate.inference.likelihood import Likelihood, cost_of_scatter, likelihood_of
+from femupdate.inference.maxima import Settled, settled
 from femupdate.inference.mode_data import ModeData, mode_data
 from femupdate.inference.thresholds import DRAWS
 from femupdate.measurement.observation import Observation

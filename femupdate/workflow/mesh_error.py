@@ -19,7 +19,7 @@ from femupdate.dynamics.snapshots import log_even_samples
 from femupdate.dynamics.system import System
 from femupdate.effects.registry import building_effects, check_places
 from femupdate.effects.structure import Structure, structure_of
-from femupdate.inference.priors import reduction_target, theta_prior
+from femupdate.inference.parameters import reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
 from femupdate.study import Study, StudyPart, write_text

@@ -18,8 +18,13 @@ from femupdate.dynamics.system import System
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import StudyError
 from femupdate.inference.likelihood import KnownErrors
-from femupdate.inference.parameters import Parameter, Parameters
-from femupdate.inference.priors import damping_parameter, reduction_target, theta_prior
+from femupdate.inference.parameters import (
+    Parameter,
+    Parameters,
+    damping_parameter,
+    reduction_target,
+    theta_prior,
+)
 from femupdate.progress import SILENT, Progress
 from femupdate.storage import read_arrays, write_arrays
 from femupdate.study import BUILDING_FILE, MAIN_POSTERIOR, Study, StudyPart

@@ -14,7 +14,7 @@ from femupdate.building.parameters import factor_ranges, factor_titles
 from femupdate.effects.effect import EffectParameter, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import StudyError
-from femupdate.inference.identifiability import Identifiability, identifiability
+from femupdate.inference.diagnostics import Identifiability, identifiability
 from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.study import Study
 from femupdate.tables import Column, Table

@@ -10,7 +10,7 @@ from femupdate.building import from_document, mechanics_hash, mesh_building, sti
 from femupdate.effects.structure import require_story_factors
 from femupdate.errors import BuildingError
 from femupdate.fe import assemble
-from femupdate.inference.priors import theta_prior
+from femupdate.inference.parameters import theta_prior
 
 BY_KIND = {"by": ["story", "kind"]}
 

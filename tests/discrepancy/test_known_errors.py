@@ -6,10 +6,9 @@ import torch
 
 from femupdate.dynamics.system import System
 from femupdate.inference.frf_data import base_logs
-from femupdate.inference.learned import settled
 from femupdate.inference.likelihood import likelihood_of
-from femupdate.inference.parameters import Parameters
-from femupdate.inference.priors import damping_parameter, theta_prior
+from femupdate.inference.maxima import settled
+from femupdate.inference.parameters import Parameters, damping_parameter, theta_prior
 
 MASSES, SPRINGS = np.ones(3), np.full(3, 600.0)
 GRID = 0.05 * np.arange(1, 241)

@@ -7,7 +7,7 @@ import pytest
 
 from femupdate.discrepancy.fit import fit_baseline
 from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
-from femupdate.inference.predictive_check import predictive_check
+from femupdate.inference.diagnostics import predictive_check
 
 GRID = 0.1 * np.arange(1, 201)
 FLOORS = ("2F", "3F", "RF")

@@ -13,7 +13,7 @@ from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.system import System
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.fe import factorize
-from femupdate.inference.priors import reduction_target
+from femupdate.inference.parameters import reduction_target
 
 THETA = np.array([1.3, 0.8, 1.1, 0.7])
 FREQUENCY = np.linspace(0.3, 15.0, 40)

@@ -15,7 +15,7 @@ from femupdate.effects import structure_of
 from femupdate.errors import BuildingError
 from femupdate.fe import factorize
 from femupdate.inference.modal_terms import shown_modes
-from femupdate.inference.priors import reduction_target
+from femupdate.inference.parameters import reduction_target
 
 MASS, SPRING, HEIGHT = np.array([4.0, 3.0, 2.0]), np.array([9e3, 7e3, 5e3]), 0.5
 PLATE = 6.0

@@ -13,9 +13,8 @@ from femupdate.dynamics.system import System
 from femupdate.effects import structure_of
 from femupdate.inference.frf_data import AT_ITS_WORD, forced_data
 from femupdate.inference.likelihood import likelihood_of
-from femupdate.inference.maxima import draws_about, found_from
+from femupdate.inference.maxima import best_of_prior, draws_about, found_from
 from femupdate.inference.parameters import Parameter, Parameters
-from femupdate.inference.prior_search import best_of_prior
 from femupdate.inference.smc import TemperedSmc
 from femupdate.measurement.observation import Observation
 

@@ -7,7 +7,7 @@ from femupdate.benchmarks.shear4dof.case import authors_case, data_likelihood
 from femupdate.benchmarks.shipped import benchmark_model
 from scipy.stats import loguniform, uniform
 
-from femupdate.inference.identifiability import _log_moments, identifiability
+from femupdate.inference.diagnostics import _log_moments, identifiability
 from femupdate.inference.modes import separate_modes
 from femupdate.inference.smc import TemperedSmc
 

@@ -12,12 +12,11 @@ from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.inference.likelihood import likelihood_of
-from femupdate.inference.maxima import draws_about, found_from
+from femupdate.inference.maxima import best_of_prior, draws_about, found_from
 from femupdate.inference.modal_terms import ModalErrors
 from femupdate.inference.mode_data import mode_data
 from femupdate.inference.model_error import STATED
 from femupdate.inference.parameters import Parameter, Parameters
-from femupdate.inference.prior_search import best_of_prior
 from femupdate.measurement.modes import IdentifiedModes
 
 TRUTH = torch.tensor([[1.3, 0.8, 1.1, 0.7, 0.02]], dtype=torch.float64)

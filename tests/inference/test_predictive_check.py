@@ -8,8 +8,8 @@ import torch
 from scipy.stats import chi2
 
 from femupdate.dynamics.system import Responses
+from femupdate.inference.diagnostics import predictive_check
 from femupdate.inference.frf_data import AT_ITS_WORD, frf_data
-from femupdate.inference.predictive_check import predictive_check
 from femupdate.measurement.observation import Observation
 
 POINTS, PARAMETERS, SD = 40, 5, 0.3

@@ -6,7 +6,7 @@ import pytest
 from femupdate.building import load_building, save_building
 from femupdate.dynamics.tracking import reduced_modes
 from femupdate.errors import BuildingError, ModelError, StudyError
-from femupdate.inference.priors import damping_parameter
+from femupdate.inference.parameters import damping_parameter
 from femupdate.study import Study
 from femupdate.workflow import model as model_module
 from femupdate.workflow.build import build_study

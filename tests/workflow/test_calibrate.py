@@ -70,7 +70,7 @@ def quadrature(log_frf, tower_frf, grid, noise=0.1):
 def test_the_exact_posterior_is_that_of_quadrature(
     tmp_path, tower_file, tower_frf, frf_table, grid_about, usual, monkeypatch
 ):
-    monkeypatch.setattr("femupdate.workflow.calibrate_exact.FEW", usual)
+    monkeypatch.setattr("femupdate.workflow.sampling.FEW", usual)
     path, log_frf = frf_table
     study = Study(tmp_path)
     settings = CalibrationSettings(particles=2000, exact=True)
@@ -442,7 +442,7 @@ def marked(learned, monkeypatch):
     }
     info = replace(surrogate.info, likelihood_power=0.5, calibration=kept)
     monkeypatch.setattr(
-        "femupdate.workflow.calibrate_latent.require_surrogate",
+        "femupdate.workflow.sampling.require_surrogate",
         lambda *_: Surrogate(surrogate.mvae, info),
     )
     return learned
@@ -452,7 +452,7 @@ def test_the_calibrating_power_widens_and_is_told(marked, tower_observation, mon
     study, model = marked
     settings = CalibrationSettings(particles=1200)
     wide = calibrated(study, model, tower_observation.path, settings)
-    monkeypatch.setattr("femupdate.workflow.calibrate_latent.require_surrogate", require_surrogate)
+    monkeypatch.setattr("femupdate.workflow.sampling.require_surrogate", require_surrogate)
     plain = calibrated(study, model, tower_observation.path, settings)
     # Half the log likelihood is twice the variance, where the prior's box leaves room.
     assert (wide.posterior.samples.std(0) > 1.15 * plain.posterior.samples.std(0)).all()

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from femupdate.inference.diagnostics import PredictiveCheck
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.posterior import DrawnBy, Posterior
-from femupdate.inference.predictive_check import PredictiveCheck
 from femupdate.measurement.observation import Observation
 from femupdate.result import Notes
 from femupdate.workflow.calibrate_draws import Fitting

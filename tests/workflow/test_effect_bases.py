@@ -25,7 +25,7 @@ from femupdate.dynamics.system import System
 from femupdate.effects import CATALOGUE, Placed, with_effect
 from femupdate.errors import BuildingError
 from femupdate.inference.frf_data import COMPARING, frf_data
-from femupdate.inference.priors import reduction_target
+from femupdate.inference.parameters import reduction_target
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
 from femupdate.workflow.effects import finder_basis

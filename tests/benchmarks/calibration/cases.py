@@ -7,11 +7,11 @@ import torch
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import Responses
+from femupdate.inference.diagnostics import PredictiveCheck, predictive_check
 from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
 from femupdate.inference.importance import draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Likelihood, cost_of_scatter, likelihood_of
-from femupdate.inference.predictive_check import PredictiveCheck, predictive_check
 from femupdate.inference.smc import LogLikelihood, TemperedSmc
 from femupdate.inference.tempering import SamplerRun
 from femupdate.measurement.observation import Observation

@@ -9,7 +9,7 @@ from femupdate.building.document import Building
 from femupdate.dynamics.system import changes_in_run
 from femupdate.effects import CATALOGUE, Effect, Placed
 from femupdate.effects.structure import Structure
-from femupdate.inference.priors import damping_parameter, theta_prior
+from femupdate.inference.parameters import damping_parameter, theta_prior
 
 from .measurement import HiddenEffect
 from .uncatalogued import UNCATALOGUED

@@ -17,7 +17,7 @@ from femupdate.benchmarks.result import Job
 from femupdate.benchmarks.shear4dof.case import roof_log_frf
 from femupdate.benchmarks.shipped import benchmark_model, shipped_surrogate, surrogate_mark
 
-from femupdate.inference.predictive_check import PredictiveCheck
+from femupdate.inference.diagnostics import PredictiveCheck
 from femupdate.surrogate.storage import Surrogate, load_surrogate, save_surrogate
 
 
