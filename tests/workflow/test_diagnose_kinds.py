@@ -226,15 +226,3 @@ def test_files_that_cannot_be_explained(study, diagnosed, tmp_path):
     with pytest.raises(InferenceError, match="holds 5 modes but the model has 4"):
         diagnosed(many)
     assert not study.path("diagnosis.json").exists()
-
-
-def test_deflections_alone_are_too_few(diagnosed, tmp_path):
-    """Four static displacements under a load at the roof, against four factors."""
-    flexibility = np.linalg.inv(PLAIN._matrices()[0])[:, 3]
-    path = tmp_path / "static.csv"
-    rows = [",".join(str(v) for v in (load, *(1e3 * load * flexibility))) for load in (0, 10, 20)]
-    head = ",".join(["load/RF (N)", *(f"{floor} (mm)" for floor in FLOORS)])
-    path.write_text("\n".join([head, *rows]) + "\n")
-    found = diagnosed(path).diagnosis
-    assert found.verdict == "none"
-    assert "data are too few" in found.sentence
