@@ -36,7 +36,7 @@ class BuildingError(FemupdateError):
     """A building file is missing, malformed or describes something that cannot stand."""
 
 
-class ModelError(FemupdateError):
+class StructureError(FemupdateError):
     """The finite-element model cannot be solved (mechanism, flat element, no support...)."""
 
 

@@ -42,7 +42,7 @@ def reduce(
         building: its file or its shipped name; by default that of the study.
 
     Raises:
-        BuildingError, ModelError: the building cannot be read or cannot stand.
+        BuildingError, StructureError: the building cannot be read or cannot stand.
         StudyError: the study holds another building.
     """
     from femupdate.workflow.model import open_study

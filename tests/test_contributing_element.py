@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building, mesh_building
-from femupdate.errors import BuildingError, ModelError
+from femupdate.errors import BuildingError, StructureError
 from femupdate.fe import (
     FiniteElementModel,
     PointMasses,
@@ -102,7 +102,7 @@ def test_opensees_finds_the_same_frequencies(kind, tmp_path):
 
 def test_an_impossible_tie_is_named(kind):
     model = truss(kind, [[0.0, 0, 0], [0, 0, 0]], [[0, 1]], [[True] * 3, [True] * 3])
-    with pytest.raises(ModelError, match=r"tie 0 \(nodes 0, 1\) has no length"):
+    with pytest.raises(StructureError, match=r"tie 0 \(nodes 0, 1\) has no length"):
         assemble(model)
 
 

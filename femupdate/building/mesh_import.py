@@ -16,7 +16,7 @@ from femupdate.building.mesh_check import check_connected, check_elements, merge
 from femupdate.building.mesh_reader import RawMesh, read_mesh
 from femupdate.building.own_mesh import MeshBuilding, Part
 from femupdate.building.quantities import ALL
-from femupdate.errors import BuildingError, ModelError
+from femupdate.errors import BuildingError, StructureError
 from femupdate.fe.element import Elements, area_vectors
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 from femupdate.fe.registry import element_for
@@ -274,7 +274,7 @@ def _block(
 def _element_of(part: Part, cell_type: str, key: str) -> type[Elements]:
     try:
         element = element_for(cell_type, part.element)
-    except ModelError as error:
+    except StructureError as error:
         raise Complaint(f"{key}.element", str(error)) from None
     known = {field.name for field in fields(element)}
     if (part.has_arms and "offset" not in known) or (part.hinges and "released" not in known):

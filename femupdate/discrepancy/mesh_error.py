@@ -26,7 +26,7 @@ from femupdate.dynamics.reduced import ReducedModel, ReducedStructure
 from femupdate.effects.effect import UNSCALED, Placed, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.workers import in_threads
 
 _MEMBERS = (
@@ -150,7 +150,7 @@ def learn_mesh_error(
         top_hz: up to which modes are.
 
     Raises:
-        ModelError: no mode is the same on both meshes.
+        StructureError: no mode is the same on both meshes.
     """
     structure = fine.structure
     placed = _members(structure)
@@ -162,7 +162,7 @@ def learn_mesh_error(
         for own, other, theta in zip(ours, theirs, thetas, strict=True)
     ]
     if not any(len(one.sought) for one in lessons):
-        raise ModelError(
+        raise StructureError(
             f"{structure.building.name}: no mode below {top_hz:g} Hz can be followed from the mesh "
             "to a finer one, so the error of the mesh is unknown; write a smaller mesh.size"
         )

@@ -174,7 +174,7 @@ def driven_system(
         turns: whether the base turns of itself.
 
     Raises:
-        ModelError: the structure is a mechanism, or too many shapes would be needed.
+        StructureError: the structure is a mechanism, or too many shapes would be needed.
     """
     placed, terms = tuple(one for one, _ in added), [own for _, own in added]
     whole = equations_at(

@@ -26,7 +26,7 @@ from femupdate.dynamics.level import PERIODS, SPAN, level_of_moment, motion_leve
 from femupdate.dynamics.modes import Modes, response
 from femupdate.dynamics.recurrence import ModalOutputs, Steps, record_points
 from femupdate.dynamics.system import Rows, System
-from femupdate.errors import MeasurementError, ModelError
+from femupdate.errors import MeasurementError, StructureError
 from femupdate.progress import SILENT, Progress
 
 Numbers = ArrayLike | Tensor
@@ -130,7 +130,7 @@ def floor_histories(
 
     Raises:
         MeasurementError: the record is too short, not finite or has no positive time step.
-        ModelError: parameters or zeta do not fit, or a stiffness is not positive definite.
+        StructureError: parameters or zeta do not fit, or a stiffness is not positive definite.
     """
     batches = history_batches(system, parameters, zeta, acceleration, time_step, settings=settings)
     return join_histories(list(batches))
@@ -302,7 +302,7 @@ def displacement_histories(
         time_step: s.
 
     Raises:
-        ModelError: a stiffness is not positive definite.
+        StructureError: a stiffness is not positive definite.
     """
     task = _Task(system, np.atleast_2d(acceleration), time_step, settings or HistorySettings())
     theta, sizes = system.split(samples[0])
@@ -453,13 +453,13 @@ def _rest(omega: Tensor, ratio: Tensor, share: float) -> float:
 def _check_parameters(parameters: Numbers, system: System) -> Tensor:
     samples = torch.as_tensor(parameters, dtype=torch.float64)
     if samples.ndim != 2 or samples.shape[1] != system.parameters or len(samples) == 0:
-        raise ModelError(
+        raise StructureError(
             f"theta has the shape {tuple(samples.shape)}; "
             f"the model needs (samples, {system.parameters})"
         )
     if not torch.isfinite(samples).all():
         row = int(torch.isfinite(samples).all(dim=1).logical_not().nonzero()[0])
-        raise ModelError(f"theta of sample {row} is not finite; leave that sample out")
+        raise StructureError(f"theta of sample {row} is not finite; leave that sample out")
     return samples
 
 
@@ -468,12 +468,14 @@ def _check_zeta(zeta: Numbers, count: int) -> Tensor:
     if ratios.ndim == 0:
         ratios = ratios.expand(count)
     if ratios.shape != (count,):
-        raise ModelError(
+        raise StructureError(
             f"zeta has the shape {tuple(ratios.shape)}; give one number or one for each "
             f"of the {count} samples"
         )
     if not bool((ratios >= 0.0).all()):  # False for NaN as well
-        raise ModelError("zeta must be zero or more in every sample; 0.02 means 2 % of critical")
+        raise StructureError(
+            "zeta must be zero or more in every sample; 0.02 means 2 % of critical"
+        )
     return ratios
 
 
@@ -482,7 +484,7 @@ def _check_record(acceleration: ArrayLike, time_step: float, system: System) -> 
     given = np.asarray(acceleration, dtype=np.float64)
     record = np.atleast_2d(given)
     if len(record) == 2 and system.model.rotation is None:
-        raise ModelError(
+        raise StructureError(
             "the reduced model knows of no base that turns; give its translation alone"
         )
     if given.ndim not in (1, 2) or record.shape[0] > 2 or record.shape[1] < 2:
@@ -509,7 +511,7 @@ def _check_stable(omega: Tensor, first: int) -> None:
     slow = omega.amin(dim=1) <= 1e-7 * fastest
     unstable = (slow | omega.isnan().any(dim=1)).nonzero()
     if len(unstable):
-        raise ModelError(
+        raise StructureError(
             f"the stiffness of sample {first + int(unstable[0])} is not positive definite: "
             "its theta or the model leaves the building unstable"
         )

@@ -26,7 +26,7 @@ from femupdate.dynamics.system import Rows, changes_in_run
 from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.registry import building_effects
 from femupdate.effects.structure import Structure, structure_of
-from femupdate.errors import BuildingError, ModelError
+from femupdate.errors import BuildingError, StructureError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.element import group_factors
 from femupdate.fe.elements.beam import Beams
@@ -51,11 +51,11 @@ def beam_end_rows(
     program.
 
     Raises:
-        ModelError: there is no such beam.
+        StructureError: there is no such beam.
     """
     beams = model.elements_of(Beams)
     if not 0 <= beam < len(beams):
-        raise ModelError(f"there is no beam {beam}; the model has {len(beams)} beam elements")
+        raise StructureError(f"there is no beam {beam}; the model has {len(beams)} beam elements")
     one = beams.taken(np.array([beam]))
     rows = group_factors(one.group, theta) * one.force_rows(model.nodes)[0]
     full = np.zeros((len(rows), operators.dof))
@@ -89,7 +89,7 @@ def cut_rows(
             where None.
 
     Raises:
-        ModelError: no element of these kinds rises from the nodes.
+        StructureError: no element of these kinds rises from the nodes.
     """
     wanted, rows = list(kinds), np.zeros((DOF_PER_NODE, operators.dof))
     found = False
@@ -115,7 +115,7 @@ def cut_rows(
                 sums[:, block] = arms[corner].T
             rows[:, _dof(own)] -= sums @ matrix
     if not found:
-        raise ModelError(
+        raise StructureError(
             f"no element of kind {', '.join(wanted)} rises from the nodes of the cut at {below:g} m"
         )
     return operators.gather(rows.T).T
@@ -333,7 +333,7 @@ def member_forces(
         progress: advances by one a draw.
 
     Raises:
-        ModelError: the structure is a mechanism.
+        StructureError: the structure is a mechanism.
     """
     task = partial(_at_draw, chosen, motion, top_hz)
     found = []

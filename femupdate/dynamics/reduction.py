@@ -27,7 +27,7 @@ from femupdate.dynamics.snapshots import (
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.structure import Structure
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
 from femupdate.workers import everywhere
@@ -89,7 +89,7 @@ def reduce_structure(
         progress: advances by one a full solution.
 
     Raises:
-        ModelError: no basis of up to 300 shapes meets the tolerance.
+        StructureError: no basis of up to 300 shapes meets the tolerance.
     """
     if structure.is_stick:
         return Reduction(lumped(structure))
@@ -137,7 +137,7 @@ def _certified(asked: _Question, target: ReductionTarget, progress: Progress) ->
         progress.start("Reducing the model, on more samples", len(worst) + checks)
         shapes += _each(_snapshots, asked, target, worst, progress)
     names = ", ".join(one.label for one in asked.placed)
-    raise ModelError(
+    raise StructureError(
         f"a reduced model of {reduced.model.size} shapes{' with ' + names if names else ''} still "
         f"differs from the full one by {rms:.2g} rms in ln|H|, more than the tolerance "
         f"{target.tolerance:g}; raise reduction.tolerance"

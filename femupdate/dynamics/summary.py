@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 from femupdate.arrays import Flags, Floats
 from femupdate.dynamics.history import ResponseHistories, join_histories
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.tables import Table
 from femupdate.units import percent
 
@@ -80,7 +80,7 @@ def summarise(
         examples: how many samples to keep whole, one at least.
 
     Raises:
-        ModelError: there are no histories, or a story does not drift (a base at rest).
+        StructureError: there are no histories, or a story does not drift (a base at rest).
     """
     moments: _RunningMoments | None = None
     rows: list[tuple[Floats, ...]] = []
@@ -95,7 +95,7 @@ def summarise(
         if room > 0:
             kept.append(_first(batch, room))
     if moments is None:
-        raise ModelError("there are no histories to summarise; give at least one sample")
+        raise StructureError("there are no histories to summarise; give at least one sample")
     floors, shear, drift, stiffness = (np.concatenate(part) for part in zip(*rows, strict=True))
     whole = join_histories(kept)
     of_floors = whole.floors, moments.mean, _sd(moments), floors
@@ -115,18 +115,18 @@ def story_stiffness(shear: Floats, drift: Floats) -> Floats:
         (...) N/m.
 
     Raises:
-        ModelError: the shapes differ, or a story does not move.
+        StructureError: the shapes differ, or a story does not move.
     """
     shear, drift = np.asarray(shear, dtype=float), np.asarray(drift, dtype=float)
     if shear.shape != drift.shape:
-        raise ModelError(
+        raise StructureError(
             f"shear {shear.shape} and drift {drift.shape} differ in shape; give one drift a shear"
         )
     centred = drift - drift.mean(axis=-1, keepdims=True)
     power = np.einsum("...n,...n->...", centred, centred)
     if not np.all(power > 0.0):
         story = int(np.argwhere(np.atleast_1d(~(power > 0.0)))[0][-1]) + 1
-        raise ModelError(
+        raise StructureError(
             f"story {story} does not drift, so shear against drift has no slope; "
             "is the base acceleration zero?"
         )

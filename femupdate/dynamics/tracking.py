@@ -187,7 +187,7 @@ def mesh_modes(structure: Structure) -> FullModes:
     """The lowest modes of a structure that has a mesh.
 
     Raises:
-        ModelError: it is a mechanism.
+        StructureError: it is a mechanism.
     """
     mesh, operators = structure.mesh, structure.operators
     assert mesh is not None

@@ -257,7 +257,7 @@ def structure_of(building: Building, mesh_size: float | None = None) -> Structur
         mesh_size: m; the building's own where None.
 
     Raises:
-        BuildingError, ModelError: the building cannot be meshed or stand.
+        BuildingError, StructureError: the building cannot be meshed or stand.
     """
     if isinstance(building, ShearBuilding):
         return _stick(building)

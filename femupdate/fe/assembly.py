@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, identity
 
 from femupdate.arrays import Flags, Floats, Indices, Integers
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe.links import link_expansion, slave_dof
 from femupdate.fe.model import (
     CONSTANT,
@@ -116,11 +116,11 @@ class AffineOperators:
         """Stiffness matrix at theta (p,), (n_free, n_free).
 
         Raises:
-            ModelError: theta has another length, or a value that is not finite.
+            StructureError: theta has another length, or a value that is not finite.
         """
         theta = np.asarray(theta, dtype=float)
         if theta.shape != (self.parameters,) or not np.isfinite(theta).all():
-            raise ModelError(
+            raise StructureError(
                 f"theta must hold {self.parameters} finite values, one per stiffness parameter; "
                 f"got {theta.tolist()}"
             )
@@ -151,10 +151,10 @@ class AffineOperators:
         """Unit translation of all nodes along 0 (x), 1 (y) or 2 (z), (6N,).
 
         Raises:
-            ModelError: another direction.
+            StructureError: another direction.
         """
         if direction not in (0, 1, 2):
-            raise ModelError(f"direction {direction} is unknown; use 0 (ux), 1 (uy) or 2 (uz)")
+            raise StructureError(f"direction {direction} is unknown; use 0 (ux), 1 (uy) or 2 (uz)")
         motion = np.zeros((self.dof // DOF_PER_NODE, DOF_PER_NODE))
         motion[:, direction] = 1.0
         return motion.ravel()
@@ -171,7 +171,7 @@ def assemble(model: FiniteElementModel) -> AffineOperators:
     """Assemble stiffness terms and mass of a model.
 
     Raises:
-        ModelError: an element is impossible, a node belongs to no element, an index is out of
+        StructureError: an element is impossible, a node belongs to no element, an index is out of
             range, rigid links contradict each other, or no degree of freedom is free.
     """
     check_model(model)

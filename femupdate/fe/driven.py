@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe.products import along, combined, symmetric_times
 
 _LOOK = 16  # shapes between two checks of the response
@@ -79,7 +79,7 @@ def driven_shapes(
         tolerance: rms change of the logarithm of the response, of the rows and of every group.
 
     Raises:
-        ModelError: `most` shapes are not enough.
+        StructureError: `most` shapes are not enough.
     """
     # The observed rows start shapes as well: the error of a response is the product of both errors.
     fresh = factorization.apply(np.column_stack([forces, rows.T]))
@@ -108,7 +108,7 @@ def driven_shapes(
                 return DrivenShapes(modes.frequency_hz, combined(basis[:, :count], modes.shapes))
             last, looked = response, count
         fresh = factorization.apply(moved)
-    raise ModelError(f"{most} shapes do not give the response up to {top_hz:g} Hz; lower that")
+    raise StructureError(f"{most} shapes do not give the response up to {top_hz:g} Hz; lower that")
 
 
 def _orthonormal(fresh: Floats, basis: Floats, mass: csc_matrix) -> tuple[Floats, Floats]:

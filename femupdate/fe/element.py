@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Flags, Floats, Integers, Strings
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe.opensees import OpenSeesPart
 
 _LABELS = {"youngs_modulus": "Young's modulus", "poisson_ratio": "Poisson's ratio"}
@@ -107,7 +107,7 @@ class Elements(ABC):
             points: (N, 3) coordinates of the model's nodes, m.
 
         Raises:
-            ModelError: an element is impossible.
+            StructureError: an element is impossible.
         """
 
     def matrices_in_parts(self, points: Floats) -> Iterator[tuple[Integers, ElementMatrices]]:
@@ -120,9 +120,11 @@ class Elements(ABC):
         The order is that of `force_names`; N, N m, or both of them per metre.
 
         Raises:
-            ModelError: this kind of element does not give its forces.
+            StructureError: this kind of element does not give its forces.
         """
-        raise ModelError(f"the forces inside a {self.name} are not available; ask for other parts")
+        raise StructureError(
+            f"the forces inside a {self.name} are not available; ask for other parts"
+        )
 
     def opensees(self, youngs_modulus: Floats) -> OpenSeesPart:
         """What the OpenSees script needs for these elements.
@@ -131,9 +133,9 @@ class Elements(ABC):
             youngs_modulus: (n,) with the stiffness parameters in it, Pa.
 
         Raises:
-            ModelError: OpenSees has no counterpart.
+            StructureError: OpenSees has no counterpart.
         """
-        raise ModelError(f"the OpenSees script knows no {self.name}; leave such elements out")
+        raise StructureError(f"the OpenSees script knows no {self.name}; leave such elements out")
 
     def corners(self, points: Floats) -> Floats:
         """Where the ends or corners are, (n, k, 3) m."""
@@ -177,12 +179,12 @@ class Elements(ABC):
             points: (N, 3) coordinates of the model's nodes, m.
 
         Raises:
-            ModelError: names the first such element and its nodes.
+            StructureError: names the first such element and its nodes.
         """
         for item in fields(self):
             values = getattr(self, item.name)
             if values is not None and len(values) != len(self):
-                raise ModelError(
+                raise StructureError(
                     f"{item.name} of the {self.name} elements has {len(values)} rows; give one for "
                     f"each of the {len(self)} elements"
                 )
@@ -193,11 +195,11 @@ class Elements(ABC):
                 self.refuse(~fine, f"has {label} {value:g}; it must be {demand.words}")
 
     def refuse(self, bad: ArrayLike, complaint: str) -> None:
-        """Raise ModelError with the first element that is bad (n,), its nodes and a complaint."""
+        """Raise StructureError with the first bad element (n,), its nodes and a complaint."""
         if np.any(bad):
             first = int(np.argmax(bad))
             nodes = ", ".join(map(str, self.nodes[first].tolist()))
-            raise ModelError(f"{self.name} {first} (nodes {nodes}) {complaint}")
+            raise StructureError(f"{self.name} {first} (nodes {nodes}) {complaint}")
 
     def __len__(self) -> int:
         return len(self.nodes)

@@ -10,7 +10,7 @@ import numpy as np
 
 from femupdate import __version__
 from femupdate.arrays import Floats, Integers
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe.element import group_factors
 from femupdate.fe.model import DOF_NAMES, FiniteElementModel, RigidLinks, check_model
 from femupdate.fe.opensees import OpenSeesPart, OpenSeesTable, numbers
@@ -42,13 +42,13 @@ def opensees_script(
             first of its `opensees_types` for the others.
 
     Raises:
-        ModelError: the model holds what OpenSees has no counterpart for (released beam ends, a
+        StructureError: the model holds what OpenSees has no counterpart for (released beam ends, a
             link of another kind), theta has another length, or a type does not fit its kind.
     """
     check_model(model)
     factors = np.asarray(theta, dtype=float)
     if factors.shape != (model.groups,):
-        raise ModelError(
+        raise StructureError(
             f"the export needs {model.groups} stiffness parameters; got {factors.size}"
         )
     parts = [
@@ -73,7 +73,7 @@ def _types(model: FiniteElementModel, wanted: Mapping[str, str]) -> dict[str, st
     known = {block.name: block.opensees_types for block in model.elements if block.opensees_types}
     for kind, named in wanted.items():
         if kind in known and named not in known[kind]:
-            raise ModelError(
+            raise StructureError(
                 f"{named} cannot stand for a {kind} in OpenSees; use {', '.join(known[kind])}"
             )
     return {kind: wanted.get(kind, first) for kind, (first, *_) in known.items()}
@@ -115,7 +115,7 @@ def _links(links: RigidLinks, tied: np.ndarray) -> OpenSeesTable:
     known = rigid | plan
     if not known.all():
         first = int((~known).argmax())
-        raise ModelError(
+        raise StructureError(
             f"the rigid link from node {links.master[first]} to node {links.slave[first]} ties "
             "neither all six motions nor those of a floor in its plane; OpenSees has no such link"
         )

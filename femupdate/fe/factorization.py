@@ -18,7 +18,7 @@ from scipy.sparse import csc_matrix, tril
 from scipy.sparse.linalg import SuperLU, splu
 
 from femupdate.arrays import Floats, Integers
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe.products import symmetric_times
 
 
@@ -79,7 +79,7 @@ _TOGETHER = 14  # right-hand sides; a column of many takes half as long again, b
 _PANEL = 4  # columns at a time; SuperLU's own choice of 20 is a third slower on shells
 
 
-class SingularMatrixError(ModelError):
+class SingularMatrixError(StructureError):
     """A matrix that cannot be factorised."""
 
 
@@ -236,13 +236,13 @@ def factorize(
 
     Raises:
         SingularMatrixError: no factorisation solves a system with it.
-        ModelError: the backend is not installed.
+        StructureError: the backend is not installed.
     """
     matrix = csc_matrix(matrix)
     probe = np.random.default_rng(_SEED).standard_normal(matrix.shape[0]).astype(matrix.dtype)
     chosen = backend or default_backend()
     if chosen == "cholmod" and not cholmod_is_there():
-        raise ModelError("CHOLMOD is not installed; install cvxopt or use the backend superlu")
+        raise StructureError("CHOLMOD is not installed; install cvxopt or use the backend superlu")
     cholesky = chosen == "cholmod" and definite and not np.iscomplexobj(matrix.data)
     attempts: list[Callable[[], Factors]] = []
     if cholesky:

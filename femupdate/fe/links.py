@@ -4,7 +4,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, identity
 
 from femupdate.arrays import Floats, Integers
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe.model import DOF_NAMES, DOF_PER_NODE, FiniteElementModel, RigidLinks
 
 _LONGEST_CHAIN = 16  # masters that are slaves of masters; a real building has three at most
@@ -34,7 +34,7 @@ def link_expansion(model: FiniteElementModel) -> csr_matrix | None:
     Columns of slaves are empty. None where there are no links.
 
     Raises:
-        ModelError: a slave is held by a support or follows two masters, or links form a ring.
+        StructureError: a slave is held by a support or follows two masters, or links form a ring.
     """
     links = model.links
     if not len(links):
@@ -58,7 +58,7 @@ def link_expansion(model: FiniteElementModel) -> csr_matrix | None:
             return expansion
         expansion = (expansion @ expansion).tocsr()
         expansion.eliminate_zeros()
-    raise ModelError(
+    raise StructureError(
         f"the rigid links form a ring through node {slaves[0] // DOF_PER_NODE}; let every chain of "
         "links end in a node that follows no other"
     )
@@ -67,7 +67,7 @@ def link_expansion(model: FiniteElementModel) -> csr_matrix | None:
 def _check(model: FiniteElementModel) -> None:
     links = model.links
     if links.tied.shape != (len(links), DOF_PER_NODE) or links.slave.shape != links.master.shape:
-        raise ModelError("rigid links need one master, one slave and a row of six flags each")
+        raise StructureError("rigid links need one master, one slave and a row of six flags each")
     slaves, times = np.unique(slave_dof(links), return_counts=True)
     _refuse(slaves[times > 1], "follows two masters; remove one of the rigid links")
     held = slaves[model.fixed.ravel()[slaves]]
@@ -81,4 +81,4 @@ def _check(model: FiniteElementModel) -> None:
 def _refuse(dof: Integers, complaint: str) -> None:
     if len(dof):
         node, direction = divmod(int(dof[0]), DOF_PER_NODE)
-        raise ModelError(f"{DOF_NAMES[direction]} of node {node} {complaint}")
+        raise StructureError(f"{DOF_NAMES[direction]} of node {node} {complaint}")

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags
 
 from femupdate.arrays import Floats
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, SingularMatrixError, factorize
 from femupdate.fe.model import DOF_NAMES, DOF_PER_NODE
@@ -33,8 +33,8 @@ def factorize_supported(operators: AffineOperators, stiffness: csc_matrix) -> Fa
         stiffness: (n_free, n_free).
 
     Raises:
-        ModelError: something moves freely, or is pushed away by a negative stiffness; the message
-            names a node and a direction.
+        StructureError: something moves freely, or is pushed away by a negative stiffness; the
+            message names a node and a direction.
     """
     factorization = factorize_held(operators, stiffness)
     refuse_negative(operators, factorization)
@@ -63,7 +63,7 @@ def refuse_negative(operators: AffineOperators, factorization: Factorization) ->
     """Look at the signs of the pivots; see `factorize_supported`.
 
     Raises:
-        ModelError: one is negative.
+        StructureError: one is negative.
     """
     pivots = factorization.pivots()
     if pivots is None or (pivots < 0.0).any():
@@ -89,13 +89,13 @@ def _softest(factorization: Factorization, diagonal: Floats) -> tuple[Floats, fl
     return pattern / scale, ratio
 
 
-def _error(operators: AffineOperators, motion: Floats, reason: str) -> ModelError:
+def _error(operators: AffineOperators, motion: Floats, reason: str) -> StructureError:
     node, direction = np.divmod(operators.free, DOF_PER_NODE)
     size = float(np.ptp(operators.nodes, axis=0).max()) or 1.0
     magnitude = np.abs(motion) * np.where(direction < 3, 1.0, _ROTATION_ARM * size)
     most = int((magnitude >= _TIE * magnitude.max()).argmax())
     place = ", ".join(f"{value:g}" for value in operators.nodes[node[most]])
-    return ModelError(
+    return StructureError(
         f"the structure is a mechanism: node {node[most]} at ({place}) m "
         + reason.format(DOF_NAMES[direction[most]])
     )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Flags, Floats, Integers
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe.element import Elements, group_factors, rows
 
 DOF_PER_NODE = 6
@@ -146,8 +146,8 @@ def check_model(model: FiniteElementModel) -> None:
     """Refuse a model whose parts do not fit together.
 
     Raises:
-        ModelError: an index is out of range, a value is not finite, a node belongs to no element,
-            a kind has two blocks, or no degree of freedom is free.
+        StructureError: an index is out of range, a value is not finite, a node belongs to no
+            element, a kind has two blocks, or no degree of freedom is free.
     """
     _check_nodes(model)
     _check_indices(model)
@@ -159,21 +159,23 @@ def check_model(model: FiniteElementModel) -> None:
 def _check_nodes(model: FiniteElementModel) -> None:
     bad = ~np.isfinite(model.nodes).all(axis=1)
     if bad.any():
-        raise ModelError(f"{_nodes(np.flatnonzero(bad))} must have finite coordinates")
+        raise StructureError(f"{_nodes(np.flatnonzero(bad))} must have finite coordinates")
     if model.fixed.shape != (len(model.nodes), len(DOF_NAMES)):
-        raise ModelError(
+        raise StructureError(
             f"`fixed` has shape {model.fixed.shape}; it needs one row of 6 flags for each of the "
             f"{len(model.nodes)} nodes"
         )
     if model.fixed.all():
-        raise ModelError("every degree of freedom is held; free those that should move")
+        raise StructureError("every degree of freedom is held; free those that should move")
 
 
 def _check_blocks(model: FiniteElementModel) -> None:
     names = [block.name for block in model.elements]
     double = [name for name in names if names.count(name) > 1]
     if double:
-        raise ModelError(f"the model has {len(double)} blocks of {double[0]} elements; join them")
+        raise StructureError(
+            f"the model has {len(double)} blocks of {double[0]} elements; join them"
+        )
     grouped: tuple[Elements | Springs, ...] = (*model.elements, model.springs)
     for block in grouped:
         complaint = "belongs to parameter {}, but the model has {}, numbered from 0"
@@ -212,11 +214,11 @@ def _check_springs_and_masses(model: FiniteElementModel) -> None:
 
 
 def _refuse(name: str, bad: ArrayLike, complaint: str, *values: Integers | int) -> None:
-    """Raise ModelError with the first that is bad (n,), and what the complaint says of it."""
+    """Raise StructureError with the first that is bad (n,), and what the complaint says of it."""
     if np.any(bad):
         first = int(np.argmax(bad))
         shown = (value if isinstance(value, int) else value[first] for value in values)
-        raise ModelError(f"{name} {first} {complaint.format(*shown)}")
+        raise StructureError(f"{name} {first} {complaint.format(*shown)}")
 
 
 def _check_connected(model: FiniteElementModel) -> None:
@@ -225,7 +227,7 @@ def _check_connected(model: FiniteElementModel) -> None:
     for nodes in [*connected, model.springs.nodes, model.links.master, model.links.slave]:
         lonely[nodes[nodes >= 0]] = False
     if lonely.any():
-        raise ModelError(
+        raise StructureError(
             f"{_nodes(np.flatnonzero(lonely))} belong to no element, spring or link; remove them "
             "or connect them"
         )
@@ -254,11 +256,11 @@ def element_forces(
         chosen: (n,) which elements of the block; default all.
 
     Raises:
-        ModelError: the displacement has another size, or elements of this kind give no forces.
+        StructureError: the displacement has another size, or elements of this kind give no forces.
     """
     motion = np.asarray(displacement, dtype=float)
     if motion.size != model.dof:
-        raise ModelError(
+        raise StructureError(
             f"the displacement has {motion.size} values; the model has {model.dof} degrees of "
             "freedom, six per node"
         )

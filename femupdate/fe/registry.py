@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import elements
 from femupdate.fe.element import Elements
 from femupdate.registry import classes_in
@@ -28,13 +28,13 @@ def element_for(cell_type: str, name: str | None = None) -> type[Elements]:
         name: of the kind; the standard one of this type where None.
 
     Raises:
-        ModelError: no kind of this name is made of such cells.
+        StructureError: no kind of this name is made of such cells.
     """
     fitting = {k: kind for k, kind in element_kinds().items() if kind.cell_type == cell_type}
     if name is None:
         name = next((k for k, kind in fitting.items() if kind.standard), "")
     if name not in fitting:
-        raise ModelError(
+        raise StructureError(
             f"no element named {name!r} is made of {cell_type} cells; the known ones are "
             f"{', '.join(fitting)}"
         )

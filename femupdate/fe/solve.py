@@ -8,7 +8,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from femupdate.arrays import Floats, Integers
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.lanczos import block_size, largest_of_inverse
@@ -50,11 +50,11 @@ def static_displacement(operators: AffineOperators, theta: Floats, load: Floats)
         the displacement in m and rad, in the shape of `load`.
 
     Raises:
-        ModelError: the structure is a mechanism, or the load has another length.
+        StructureError: the structure is a mechanism, or the load has another length.
     """
     load = np.asarray(load, dtype=float)
     if load.shape[0] != operators.dof:
-        raise ModelError(
+        raise StructureError(
             f"the load has {load.shape[0]} rows; it needs {operators.dof}, six per node"
         )
     factorization = factorize_supported(operators, operators.stiffness(theta))
@@ -74,7 +74,7 @@ def lowest_modes(
             admits free structures, whose rigid motions come out with zero frequency.
 
     Raises:
-        ModelError: the structure is a mechanism (without shift), count exceeds the degrees of
+        StructureError: the structure is a mechanism (without shift), count exceeds the degrees of
             freedom that carry mass, or the solution does not converge.
     """
     massive = _massive(operators)
@@ -112,7 +112,7 @@ def _lowest(
         else:
             refuse_negative(operators, problem.factorization)
             complaint = "missed a mode"
-    raise ModelError(f"the eigenvalue solver {complaint} every time; ask for a few modes more")
+    raise StructureError(f"the eigenvalue solver {complaint} every time; ask for a few modes more")
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def modes_below(
         factorization: of K at theta, where there is one.
 
     Raises:
-        ModelError: the structure is a mechanism, or the modes cannot be counted.
+        StructureError: the structure is a mechanism, or the modes cannot be counted.
     """
     _check_request(_massive(operators), 1, None)
     stiffness = operators.stiffness(theta)
@@ -153,21 +153,23 @@ def modes_below(
         count = _count_negative((stiffness - shift * operators.mass).tocsc(), factors.order())
         if count is not None:
             return _lowest(operators, problem, max(1, count), shift if count else np.inf)
-    raise ModelError(
+    raise StructureError(
         f"the modes below {top_hz:g} Hz cannot be counted; choose a slightly different frequency"
     )
 
 
 def _check_request(massive: int, count: int, shift_hz: float | None) -> None:
     if not massive:
-        raise ModelError("no free degree of freedom carries mass; give densities or point masses")
+        raise StructureError(
+            "no free degree of freedom carries mass; give densities or point masses"
+        )
     if not 1 <= count <= massive:
-        raise ModelError(
+        raise StructureError(
             f"{count} modes were asked for, but {massive} free degrees of freedom carry mass; "
             f"ask for 1 to {massive}"
         )
     if shift_hz is not None and not shift_hz < 0.0:
-        raise ModelError(f"shift_hz is {shift_hz}; give a negative frequency, or None")
+        raise StructureError(f"shift_hz is {shift_hz}; give a negative frequency, or None")
 
 
 def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
@@ -184,7 +186,7 @@ def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
     inverse, coordinates = eigh(0.5 * (flexibility + flexibility.T))
     inverse, coordinates = inverse[::-1][:count], coordinates[:, ::-1][:, :count]
     if not inverse[-1] > _NO_MASS * inverse[0]:
-        raise ModelError(
+        raise StructureError(
             f"{count} modes were asked for, but fewer motions carry mass; ask for fewer"
         )
     return problem.shift + 1.0 / inverse, flexible @ coordinates

@@ -24,7 +24,7 @@ from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import effect_named
 from femupdate.effects.structure import require_story_factors, structure_of
-from femupdate.errors import BuildingError, MeasurementError, ModelError
+from femupdate.errors import BuildingError, MeasurementError, StructureError
 from femupdate.measurement.histories import Histories, fault_of
 from femupdate.measurement.names import BASE, FloorChannel, channel_name, vertical_channel
 from femupdate.measurement.record import GroundMotion
@@ -196,7 +196,7 @@ def simulate_observation(
     Raises:
         BuildingError: a sensor point, mesh size or damping ratio does not fit the building.
         MeasurementError: the base motion cannot be made or sampled as asked.
-        ModelError: theta does not fit, or the structure is a mechanism.
+        StructureError: theta does not fit, or the structure is a mechanism.
     """
     chosen = settings or SimulationSettings()
     _check_settings(chosen)
@@ -314,7 +314,7 @@ def _theta(building: Building, asked: tuple[float, ...] | None, rng: np.random.G
         return np.asarray(lower + (upper - lower) * rng.random(len(ranges)))
     theta = np.asarray(asked, dtype=np.float64)
     if theta.shape != lower.shape or not (np.isfinite(theta) & (theta > 0.0)).all():
-        raise ModelError(
+        raise StructureError(
             f"theta is {theta.tolist()}; the building {building.name} needs {len(ranges)} numbers "
             f"above zero: {', '.join(ranges)}"
         )
@@ -336,7 +336,7 @@ def _zeta(building: Building, asked: float | None) -> float | None:
             "leave zeta out"
         )
     if not 0.0 < asked < 1.0:
-        raise ModelError(f"zeta is {asked:g}; it must lie between 0 and 1 (0.02 means 2 %)")
+        raise StructureError(f"zeta is {asked:g}; it must lie between 0 and 1 (0.02 means 2 %)")
     return float(asked)
 
 

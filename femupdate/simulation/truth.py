@@ -26,7 +26,7 @@ from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.structure import Structure, structure_of
-from femupdate.errors import BuildingError, ModelError
+from femupdate.errors import BuildingError, StructureError
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.measurement.names import FloorChannel, channel_name
 from femupdate.measurement.record import GroundMotion
@@ -205,7 +205,8 @@ class Truth:
         """Absolute accelerations (c, n), m/s2, under a base motion.
 
         Raises:
-            ModelError: a structure that changes in the run has an instrument or a damper beside.
+            StructureError: a structure that changes in the run has an instrument or a damper
+                beside.
         """
         sample = (
             torch.from_numpy(self.theta)[None],
@@ -216,7 +217,7 @@ class Truth:
             return transformed_sensors(self.system, sample, motion.inputs, motion.time_step, _REST)
         instruments = any(one.effect.instrument for one in self.system.placed)
         if instruments or self.system.complex_modes:
-            raise ModelError(
+            raise StructureError(
                 "a structure that changes in the run is followed without instruments, dampers and"
                 " appendages that err or act beside; simulate them apart"
             )
@@ -235,7 +236,7 @@ def fine_model(
         mesh_size, sensors: see `sensor_places`.
 
     Raises:
-        BuildingError, ModelError: as `sensor_places`, or a shear building is given either.
+        BuildingError, StructureError: as `sensor_places`, or a shear building is given either.
     """
     if isinstance(building, ShearBuilding):
         if sensors is not None or mesh_size is not None:
@@ -267,7 +268,7 @@ def truth_of(
         turns: whether the base turns of itself.
 
     Raises:
-        ModelError: the structure is a mechanism, or theta does not fit.
+        StructureError: the structure is a mechanism, or theta does not fit.
     """
     structure, placed = fine.structure, tuple(one for one, _ in effects)
     values = tuple(v for _, own in effects for v in own)

@@ -102,7 +102,7 @@ def build_study(
     """Build the model of a building into a study.
 
     Raises:
-        BuildingError, ModelError: the building cannot be read or cannot stand.
+        BuildingError, StructureError: the building cannot be read or cannot stand.
         StudyError: the study holds a posterior of another building, or cannot be written.
     """
     # Without a name a study keeps its own building: the default never replaces it.
@@ -175,7 +175,7 @@ def export_opensees(
 
     Raises:
         StudyError: the building is lumped, or the study cannot be written.
-        BuildingError, ModelError: the building has no mesh, or holds what OpenSees has not.
+        BuildingError, StructureError: the building has no mesh, or holds what OpenSees has not.
     """
     if building.kind == "shear":
         raise StudyError(

@@ -147,7 +147,7 @@ def open_study(
 
     Raises:
         StudyError: the study is of another building.
-        BuildingError, ModelError: the building cannot be read or cannot stand.
+        BuildingError, StructureError: the building cannot be read or cannot stand.
     """
     chosen = choose_building(study, building)
     kept = study.kept(REDUCED, {"building": mechanics_hash(chosen)})

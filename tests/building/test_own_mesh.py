@@ -19,7 +19,7 @@ from femupdate.building import (
     self_mass,
     to_document,
 )
-from femupdate.errors import BuildingError, ModelError
+from femupdate.errors import BuildingError, StructureError
 from femupdate.fe import Beams, Shells, Triangles, assemble, lowest_modes
 
 NUMBERS = {"slab": "1", "wall": "2", "column": "4", "beam": "5"}
@@ -334,7 +334,7 @@ def test_a_mechanism_names_what_moves(tmp_path):
     cells = [("line", COLUMNS)]
     path = write(tmp_path, POINTS[:8], cells, [np.full(4, 2)], text)
     mesh = mesh_building(load_building(path))
-    with pytest.raises(ModelError, match=r"mechanism: node \d at \(.*\) m moves along"):
+    with pytest.raises(StructureError, match=r"mechanism: node \d at \(.*\) m moves along"):
         frequencies(mesh, 1)
 
 

@@ -15,7 +15,7 @@ from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
 from femupdate.effects import structure_of
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import driven_shapes, factorize
 from femupdate.inference.frf_data import COMPARING, frf_data
 from femupdate.inference.likelihood import likelihood_of
@@ -164,7 +164,9 @@ def test_how_much_modes_are_shown_is_learned(coarse, learned):
 
 
 def test_meshes_without_a_common_mode_are_refused(coarse, fine):
-    with pytest.raises(ModelError, match=r"no mode below 0\.1 Hz .* write a smaller mesh\.size"):
+    with pytest.raises(
+        StructureError, match=r"no mode below 0\.1 Hz .* write a smaller mesh\.size"
+    ):
         learn_mesh_error(near(coarse)(*THETAS).model, fine, THETAS[:1], GRID[0] / 5)
 
 

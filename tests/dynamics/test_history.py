@@ -18,7 +18,7 @@ from femupdate.dynamics.recurrence import interpolate_record, step_matrices
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.summary import story_stiffness, summarise
 from femupdate.dynamics.system import System
-from femupdate.errors import MeasurementError, ModelError
+from femupdate.errors import MeasurementError, StructureError
 
 STRAIGHT = HistorySettings(oversampling=1, tolerance=0.0)
 MASS = np.array([3000.0, 2000.0, 1700.0, 900.0])
@@ -235,7 +235,7 @@ def test_base_at_rest_gives_exactly_nothing():
     assert not found.floor_acceleration.any()
     assert not found.story_shear.any()
     assert not found.story_drift.any()
-    with pytest.raises(ModelError, match="does not drift"):
+    with pytest.raises(StructureError, match="does not drift"):
         summarise(found)
 
 
@@ -349,25 +349,25 @@ def test_step_matrices_against_the_published_recurrence():
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
-        ({"parameters": np.ones((2, 3))}, ModelError, r"needs \(samples, 4\)"),
-        ({"parameters": np.ones(4)}, ModelError, r"needs \(samples, 4\)"),
-        ({"parameters": np.ones((0, 4))}, ModelError, r"needs \(samples, 4\)"),
+        ({"parameters": np.ones((2, 3))}, StructureError, r"needs \(samples, 4\)"),
+        ({"parameters": np.ones(4)}, StructureError, r"needs \(samples, 4\)"),
+        ({"parameters": np.ones((0, 4))}, StructureError, r"needs \(samples, 4\)"),
         (
             {"parameters": np.array([[1, 1, 1, 1], [1, np.nan, 1, 1]])},
-            ModelError,
+            StructureError,
             "sample 1 is not",
         ),
         (
             {"parameters": np.array([[1, 1, 1, 1], [1, -1, 1, 1]])},
-            ModelError,
+            StructureError,
             "sample 1 is not positive",
         ),
-        ({"zeta": np.full(3, 0.02)}, ModelError, "each of the 2 samples"),
-        ({"zeta": -0.01}, ModelError, "zero or more"),
-        ({"zeta": np.nan}, ModelError, "zero or more"),
+        ({"zeta": np.full(3, 0.02)}, StructureError, "each of the 2 samples"),
+        ({"zeta": -0.01}, StructureError, "zero or more"),
+        ({"zeta": np.nan}, StructureError, "zero or more"),
         ({"acceleration": np.ones(1)}, MeasurementError, "two samples"),
         ({"acceleration": np.ones((3, 50))}, MeasurementError, "one row"),
-        ({"acceleration": np.ones((2, 50))}, ModelError, "no base that turns"),
+        ({"acceleration": np.ones((2, 50))}, StructureError, "no base that turns"),
         ({"acceleration": np.array([0, 1, np.inf, 2])}, MeasurementError, "sample 2 .* is inf"),
         ({"time_step": 0.0}, MeasurementError, "must be positive"),
         ({"time_step": np.nan}, MeasurementError, "must be positive"),

@@ -20,7 +20,7 @@ from femupdate.dynamics.members import (
 from femupdate.dynamics.spectra import response_spectrum
 from femupdate.dynamics.system import Rows
 from femupdate.effects import CATALOGUE, structure_of
-from femupdate.errors import MeasurementError, ModelError
+from femupdate.errors import MeasurementError, StructureError
 from femupdate.fe import Beams, static_displacement
 
 THETA = np.array([0.7, 1.5])
@@ -244,10 +244,10 @@ def test_a_cut_carries_all_that_is_above(frame):
 
 def test_wrong_requests_are_told(frame):
     mesh, operators = frame.mesh, frame.operators
-    with pytest.raises(ModelError, match="there is no beam 9999"):
+    with pytest.raises(StructureError, match="there is no beam 9999"):
         beam_end_rows(mesh.model, operators, THETA, 9999)
     nodes = np.arange(len(mesh.model.nodes))
-    with pytest.raises(ModelError, match="no element of kind slab rises"):
+    with pytest.raises(StructureError, match="no element of kind slab rises"):
         cut_rows(mesh.model, operators, THETA, nodes, np.zeros(3), kinds=["slab"], below=3.2)
     with pytest.raises(MeasurementError, match="two samples"):
         response_spectrum([np.nan, 1.0], 0.01, [1.0])

@@ -13,7 +13,7 @@ from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.reduction import CERTIFY, CHOOSE, reduce_structure
 from femupdate.dynamics.snapshots import TOP, ReductionTarget
 from femupdate.dynamics.system import System
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import static_displacement
 from femupdate.progress import SILENT
 from femupdate.seeds import spawn
@@ -242,7 +242,7 @@ def test_responses_where_it_fails_join_the_basis(frame, recorder):
 
 
 def test_a_tolerance_that_cannot_be_met(frame):
-    with pytest.raises(ModelError, match=r"still differs .* raise reduction\.tolerance"):
+    with pytest.raises(StructureError, match=r"still differs .* raise reduction\.tolerance"):
         reduce(frame, target(tolerance=1e-9, samples=1))
 
 

@@ -12,7 +12,7 @@ from femupdate.dynamics.history import ResponseHistories, story_rows
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel
 from femupdate.dynamics.summary import statistics, story_stiffness, summarise
 from femupdate.dynamics.system import System
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 
 FLOORS = ("2F", "3F", "RF")
 
@@ -66,12 +66,12 @@ def test_stiffness_agrees_with_polyfit_for_every_sample_and_story():
 def test_story_that_stands_still_is_named():
     drift = np.random.default_rng(0).normal(size=(2, 3, 50))
     drift[1, 1] = 0.0
-    with pytest.raises(ModelError, match="story 2 does not drift"):
+    with pytest.raises(StructureError, match="story 2 does not drift"):
         story_stiffness(drift, drift)
 
 
 def test_shear_and_drift_of_different_shape():
-    with pytest.raises(ModelError, match="differ in shape"):
+    with pytest.raises(StructureError, match="differ in shape"):
         story_stiffness(np.zeros((2, 50)), np.zeros((3, 50)))
 
 
@@ -129,7 +129,7 @@ def test_examples_do_not_hold_the_batch_in_memory():
 
 
 def test_nothing_to_summarise():
-    with pytest.raises(ModelError, match="no histories"):
+    with pytest.raises(StructureError, match="no histories"):
         summarise([])
 
 

@@ -18,7 +18,7 @@ from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.snapshots import TOP, ReductionTarget
 from femupdate.dynamics.system import System
 from femupdate.effects import CATALOGUE, Placed, structure_of
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import modes_below
 
 GRID = np.linspace(0.2, 30.0, 150)
@@ -194,7 +194,7 @@ def test_a_box_that_no_basis_serves_is_refused_in_a_sentence(structure, target):
     placed = (Placed(CATALOGUE["cracked_beams"], "low"),)
     lower, upper = np.append(target.lower, -0.9), np.append(target.upper, 0.0)
     few = replace(target, lower=lower, upper=upper, tolerance=1e-14, samples=1)
-    with pytest.raises(ModelError, match=r"cracked_beams@low .* calibrate with --exact"):
+    with pytest.raises(StructureError, match=r"cracked_beams@low .* calibrate with --exact"):
         reduce_structure(structure, few, placed)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import Beams, PointMasses, Shells, Springs, assemble, lowest_modes
 
 
@@ -102,7 +102,7 @@ def test_stiffness_shares_its_pattern_and_leaves_the_operators_alone(structure):
 
 @pytest.mark.parametrize("theta", [[1.0], [1.0, 2.0, np.nan], [[1.0, 1.0, 1.0]]])
 def test_theta_of_another_shape_is_refused(structure, theta):
-    with pytest.raises(ModelError, match="theta must hold 3 finite values"):
+    with pytest.raises(StructureError, match="theta must hold 3 finite values"):
         assemble(structure).stiffness(np.array(theta))
 
 
@@ -146,7 +146,7 @@ def test_inertia_sees_the_moving_supports(structure, direction):
 
 
 def test_an_unknown_direction_is_refused(structure):
-    with pytest.raises(ModelError, match="direction 3 is unknown"):
+    with pytest.raises(StructureError, match="direction 3 is unknown"):
         assemble(structure).inertia(3)
 
 
@@ -206,13 +206,13 @@ def with_first(values, value):
 def test_a_part_that_does_not_fit_is_named(structure, part, name, value, message):
     whole = getattr(structure, part) if isinstance(part, str) else structure.elements_of(part)
     values = with_first(getattr(whole, name), value)
-    with pytest.raises(ModelError, match=message):
+    with pytest.raises(StructureError, match=message):
         assemble(broken(structure, part, **{name: values}))
 
 
 def test_a_spring_from_a_node_to_itself_is_refused(structure):
     nodes = np.array([[3, -1], [5, 5], [9, 2]])
-    with pytest.raises(ModelError, match="spring 1 joins a node to itself"):
+    with pytest.raises(StructureError, match="spring 1 joins a node to itself"):
         assemble(broken(structure, "springs", nodes=nodes))
 
 
@@ -223,7 +223,7 @@ def test_lonely_nodes_are_named(structure):
         nodes=np.concatenate([structure.nodes, np.ones((2, 3))]),
         fixed=np.concatenate([structure.fixed, np.zeros((2, 6), dtype=bool)]),
     )
-    with pytest.raises(ModelError, match=f"nodes {count}, {count + 1} belong to no"):
+    with pytest.raises(StructureError, match=f"nodes {count}, {count + 1} belong to no"):
         assemble(model)
 
 
@@ -233,16 +233,16 @@ def test_many_lonely_nodes_are_counted(structure):
         nodes=np.concatenate([structure.nodes, np.ones((20, 3))]),
         fixed=np.concatenate([structure.fixed, np.zeros((20, 6), dtype=bool)]),
     )
-    with pytest.raises(ModelError, match="and 12 more belong"):
+    with pytest.raises(StructureError, match="and 12 more belong"):
         assemble(model)
 
 
 def test_supports_and_coordinates_must_make_sense(structure):
-    with pytest.raises(ModelError, match="every degree of freedom is held"):
+    with pytest.raises(StructureError, match="every degree of freedom is held"):
         assemble(replace(structure, fixed=np.ones_like(structure.fixed)))
-    with pytest.raises(ModelError, match="`fixed` has shape"):
+    with pytest.raises(StructureError, match="`fixed` has shape"):
         assemble(replace(structure, fixed=structure.fixed[1:]))
-    with pytest.raises(ModelError, match="node 0 must have finite coordinates"):
+    with pytest.raises(StructureError, match="node 0 must have finite coordinates"):
         assemble(replace(structure, nodes=with_first(structure.nodes, np.nan)))
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import assemble, lowest_modes
 
 E, NU, DENSITY = 210e9, 0.3, 7850.0
@@ -242,7 +242,7 @@ def test_first_frequencies_of_an_inclined_slender_cantilever(meshes):
 )
 def test_an_impossible_beam_is_refused_by_name(meshes, changes, message):
     beams = meshes.beams([[0, 1]], **{**SECTION, **changes})
-    with pytest.raises(ModelError, match=message):
+    with pytest.raises(StructureError, match=message):
         beams.matrices(np.array([[0.0, 0, 0], [1.0, 0, 0]]))
 
 
@@ -250,5 +250,5 @@ def test_a_beam_without_length_is_refused_by_name(meshes):
     beams = meshes.beams([[7, 8], [9, 4]], **SECTION)
     points = np.zeros((10, 3))
     points[8, 0], points[[9, 4]] = 1.0, 5.0
-    with pytest.raises(ModelError, match=r"beam 1 \(nodes 9, 4\) has no length"):
+    with pytest.raises(StructureError, match=r"beam 1 \(nodes 9, 4\) has no length"):
         beams.matrices(points)

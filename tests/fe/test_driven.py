@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix, diags
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import driven_shapes, factorize
 
 ROWS = np.eye(400)[[50, 399]]
@@ -76,5 +76,5 @@ def test_what_is_not_driven_is_left_out():
 
 def test_too_few_are_refused(rod):
     K, M = rod
-    with pytest.raises(ModelError, match="20 shapes do not give the response up to 8 Hz"):
+    with pytest.raises(StructureError, match="20 shapes do not give the response up to 8 Hz"):
         driven_shapes(factorize(K), M, M.diagonal()[:, None], ROWS, 8.0, most=20)

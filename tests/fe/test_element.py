@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import (
     Beams,
     Elements,
@@ -40,7 +40,9 @@ def test_each_type_of_cell_has_one_usual_kind(cell_type):
 
 
 def test_a_kind_of_other_cells_is_refused():
-    with pytest.raises(ModelError, match=r"no element named 'beam' is made of quad cells.* shell"):
+    with pytest.raises(
+        StructureError, match=r"no element named 'beam' is made of quad cells.* shell"
+    ):
         element_for("quad", "beam")
 
 
@@ -91,14 +93,14 @@ def test_a_property_that_is_left_out_is_named(model, name):
     shells = model.elements_of(Shells)
     short = replace(shells, **{name: getattr(shells, name)[:-1]})
     with pytest.raises(
-        ModelError, match=f"{name} of the shell elements has {len(shells) - 1} rows"
+        StructureError, match=f"{name} of the shell elements has {len(shells) - 1} rows"
     ):
         short.matrices(model.nodes)
 
 
 def test_two_blocks_of_one_kind_are_refused(model):
     double = replace(model, elements=(*model.elements, model.elements_of(Beams)))
-    with pytest.raises(ModelError, match="2 blocks of beam elements; join them"):
+    with pytest.raises(StructureError, match="2 blocks of beam elements; join them"):
         assemble(double)
 
 
@@ -108,5 +110,5 @@ def test_a_kind_without_forces_says_so(model):
         force_rows = Elements.force_rows
 
     silent = Silent(**{one.name: getattr(model.elements[0], one.name) for one in fields(Shells)})
-    with pytest.raises(ModelError, match="forces inside a membrane are not available"):
+    with pytest.raises(StructureError, match="forces inside a membrane are not available"):
         element_forces(model, silent, np.zeros(model.dof), np.ones(2))

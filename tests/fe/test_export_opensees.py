@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import (
     Beams,
     PointMasses,
@@ -101,11 +101,11 @@ def test_what_opensees_cannot_hold_is_refused(meshes):
     released = np.zeros((len(model.elements_of(Beams)), 12), dtype=bool)
     released[1, 4] = True
     hinged = model.with_elements(replace(model.elements_of(Beams), released=released))
-    with pytest.raises(ModelError, match=r"beam 1 \(nodes .*\) has a released end"):
+    with pytest.raises(StructureError, match=r"beam 1 \(nodes .*\) has a released end"):
         opensees_script(hinged, THETA)
     tied = np.array([[True, False, False, False, False, False]])
     odd = replace(model, links=RigidLinks(np.array([0]), np.array([5]), tied))
-    with pytest.raises(ModelError, match="from node 0 to node 5"):
+    with pytest.raises(StructureError, match="from node 0 to node 5"):
         opensees_script(odd, THETA)
-    with pytest.raises(ModelError, match="needs 2 stiffness parameters"):
+    with pytest.raises(StructureError, match="needs 2 stiffness parameters"):
         opensees_script(model, np.ones(3))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import (
     Beams,
     PointMasses,
@@ -221,5 +221,5 @@ def test_links_that_contradict_each_other_are_refused(meshes, links, message):
     master, slave = map(np.array, links)
     tied = np.ones((len(master), 6), dtype=bool)
     model = replace(two_bars(meshes), links=RigidLinks(master, slave, tied))
-    with pytest.raises(ModelError, match=message):
+    with pytest.raises(StructureError, match=message):
         assemble(model)

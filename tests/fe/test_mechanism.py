@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import PointMasses, Springs, assemble, lowest_modes, static_displacement
 
 ONE = np.ones(1)
@@ -29,7 +29,7 @@ def complaint(model):
         lambda: static_displacement(operators, theta, np.ones(model.dof)),
         lambda: lowest_modes(operators, theta, 2),
     ):
-        with pytest.raises(ModelError, match="the structure is a mechanism") as error:
+        with pytest.raises(StructureError, match="the structure is a mechanism") as error:
             solution()
         node, direction = re.search(
             r"node (\d+) at \(.*\) m .* along (\w\w)", str(error.value)
@@ -116,9 +116,9 @@ def test_a_story_whose_stiffness_vanishes(meshes):
     operators = assemble(
         meshes.model(points, meshes.hold(3, (points[:, 2] == 0, range(6))), groups=2, beams=beams)
     )
-    with pytest.raises(ModelError, match="with nothing to resist it"):
+    with pytest.raises(StructureError, match="with nothing to resist it"):
         lowest_modes(operators, np.array([0.0, 1.0]), 2)
-    with pytest.raises(ModelError, match=r"node 1 .*negative stiffness"):
+    with pytest.raises(StructureError, match=r"node 1 .*negative stiffness"):
         lowest_modes(operators, np.array([-0.5, 1.0]), 2)
 
 
@@ -135,7 +135,7 @@ def test_a_massless_free_part_is_refused_with_a_shift_too(meshes):
     beams = meshes.beams([[0, 1], [2, 3]], **SECTION)
     beams = replace(beams, density=np.array([2500.0, 0.0]))
     operators = assemble(meshes.model(points, beams=beams, springs=springs))
-    with pytest.raises(ModelError, match=r"node [23] .* nothing to resist"):
+    with pytest.raises(StructureError, match=r"node [23] .* nothing to resist"):
         lowest_modes(operators, ONE, 4, shift_hz=-1.0)
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import Shells, assemble
 
 E, NU, DENSITY = 3.0e10, 0.2, 2500.0
@@ -160,7 +160,7 @@ def test_an_impossible_shape_is_refused_by_name(meshes, shape):
     points, numbers = np.zeros((93, 3)), np.array([[0, 1, 2, 3], [14, 15, 92, 65]])
     points[numbers[0]] = SQUARE
     points[numbers[1]] = np.array(SHAPES[shape], dtype=float) @ meshes.random_rotation(5).T
-    with pytest.raises(ModelError, match=r"shell 1 \(nodes 14, 15, 92, 65\).*convex"):
+    with pytest.raises(StructureError, match=r"shell 1 \(nodes 14, 15, 92, 65\).*convex"):
         shells(2, 0.1, E, NU, 1.0, nodes=numbers).matrices(points)
 
 
@@ -178,7 +178,7 @@ def test_an_impossible_shape_is_refused_by_name(meshes, shape):
 def test_an_impossible_property_is_refused_by_name(name, position, value):
     properties = [np.full(2, v) for v in (0.1, E, NU, DENSITY)]
     properties[position][1] = value
-    with pytest.raises(ModelError, match=rf"shell 1 \(nodes 4, 5, 6, 7\) has {name}"):
+    with pytest.raises(StructureError, match=rf"shell 1 \(nodes 4, 5, 6, 7\) has {name}"):
         shells(2, *properties).matrices(np.concatenate([SQUARE, SQUARE + 1]))
 
 

@@ -9,7 +9,7 @@ from scipy.sparse import csc_matrix, diags
 
 import femupdate.fe.factorization as factorization
 import femupdate.fe.solve as solve
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import (
     PointMasses,
     Shells,
@@ -142,19 +142,21 @@ def test_few_masses_on_many_degrees_of_freedom(meshes, plate):
     mass = operators.mass.diagonal()[massive]
     values = np.sort(1 / np.linalg.eigvals(flexibility * mass).real)
     np.testing.assert_allclose(modes.frequency_hz, np.sqrt(values) / (2 * np.pi), rtol=1e-7)
-    with pytest.raises(ModelError, match="10 modes were asked for, but 9 free degrees of freedom"):
+    with pytest.raises(
+        StructureError, match="10 modes were asked for, but 9 free degrees of freedom"
+    ):
         lowest_modes(operators, ONE, 10)
 
 
 @pytest.mark.parametrize("count", [0, -3])
 def test_no_modes_is_refused(plate_operators, count):
-    with pytest.raises(ModelError, match="modes were asked for"):
+    with pytest.raises(StructureError, match="modes were asked for"):
         lowest_modes(plate_operators, ONE, count)
 
 
 @pytest.mark.parametrize("shift", [0.0, 2.0, np.nan])
 def test_a_shift_that_is_not_negative_is_refused(plate_operators, shift):
-    with pytest.raises(ModelError, match="give a negative frequency"):
+    with pytest.raises(StructureError, match="give a negative frequency"):
         lowest_modes(plate_operators, ONE, 3, shift_hz=shift)
 
 
@@ -171,7 +173,7 @@ def test_a_missed_mode_is_noticed(plate_operators, monkeypatch):
         return values[order], shapes[:, order]
 
     monkeypatch.setattr(solve, "eigsh", skipping)
-    with pytest.raises(ModelError, match="missed a mode"):
+    with pytest.raises(StructureError, match="missed a mode"):
         lowest_modes(plate_operators, ONE, 6)
     assert len(calls) == 2
 
@@ -185,7 +187,7 @@ def test_wrong_modes_are_noticed(plate_operators, monkeypatch):
         return values, shapes + 1e-3 * np.roll(shapes, 1, axis=1)
 
     monkeypatch.setattr(solve, "eigsh", sloppy)
-    with pytest.raises(ModelError, match="relative residual"):
+    with pytest.raises(StructureError, match="relative residual"):
         lowest_modes(plate_operators, ONE, 6)
 
 
@@ -203,7 +205,7 @@ def test_static_displacement_is_symmetric_and_linear(plate, plate_operators):
 
 
 def test_a_load_of_another_length_is_refused(plate_operators):
-    with pytest.raises(ModelError, match="the load has 12 rows"):
+    with pytest.raises(StructureError, match="the load has 12 rows"):
         static_displacement(plate_operators, ONE, np.zeros(12))
 
 
@@ -243,7 +245,7 @@ def test_pivots_come_in_the_order_of_the_matrix():
 
 
 def test_factorize_refuses_a_singular_matrix():
-    with pytest.raises(ModelError, match="singular"):
+    with pytest.raises(StructureError, match="singular"):
         factorize(csc_matrix(np.ones((3, 3))))
 
 
@@ -274,7 +276,7 @@ def test_superlu_takes_what_cholmod_refuses(plate_operators):
 def test_a_backend_that_is_not_there_is_refused(monkeypatch):
     monkeypatch.setattr(factorization, "cholmod_is_there", lambda: False)
     assert factorization.default_backend() == "superlu"
-    with pytest.raises(ModelError, match="install cvxopt"):
+    with pytest.raises(StructureError, match="install cvxopt"):
         factorize(csc_matrix(np.eye(3)), backend="cholmod")
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.solver.shell_forces import shell_forces
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import FiniteElementModel, Triangles, element_forces
 
 E, NU, THICKNESS = 2e6, 0.25, 0.1
@@ -60,7 +60,7 @@ def test_constant_curvature_stretches_the_upper_face_where_the_moment_is_positiv
 
 
 def test_a_displacement_of_another_size_is_refused(meshes):
-    with pytest.raises(ModelError, match="has 12 values; the model has 48"):
+    with pytest.raises(StructureError, match="has 12 values; the model has 48"):
         shell_forces(patch(meshes), np.zeros(12), np.ones(1))
 
 

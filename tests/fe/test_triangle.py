@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import Triangles, assemble, lowest_modes, static_displacement
 
 ONE = np.ones(1)
@@ -162,5 +162,5 @@ def test_mass_is_complete(meshes):
 
 def test_a_flat_triangle_is_named():
     nodes = np.array([[0.0, 0, 0], [1, 1, 1], [2, 2, 2]])
-    with pytest.raises(ModelError, match=r"triangle 0 \(nodes 0, 1, 2\) has no area"):
+    with pytest.raises(StructureError, match=r"triangle 0 \(nodes 0, 1, 2\) has no area"):
         triangles([[0, 1, 2]], 0.1).matrices(nodes)

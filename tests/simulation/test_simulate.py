@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from femupdate.building import from_document, load_building, mechanics_hash, mesh_building
 from femupdate.dynamics.damping import damping_law
-from femupdate.errors import BuildingError, MeasurementError, ModelError
+from femupdate.errors import BuildingError, MeasurementError, StructureError
 from femupdate.fe import assemble, lowest_modes, modes_below
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.histories import Histories
@@ -315,9 +315,9 @@ def test_sensors_by_default_by_floor_and_where_a_corner_is_missing():
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
-        ({"theta": (1.0,)}, ModelError, "needs 3 numbers"),
-        ({"theta": (1.0, -1.0, 1.0)}, ModelError, "above zero"),
-        ({"zeta": 1.5}, ModelError, "between 0 and 1"),
+        ({"theta": (1.0,)}, StructureError, "needs 3 numbers"),
+        ({"theta": (1.0, -1.0, 1.0)}, StructureError, "above zero"),
+        ({"zeta": 1.5}, StructureError, "between 0 and 1"),
         ({"band_hz": (0.5, 95.0)}, MeasurementError, "below 90 Hz"),
         ({"band_hz": (5.0, 1.0)}, MeasurementError, "the lower first"),
         ({"duration_s": 2.0}, MeasurementError, "too short"),

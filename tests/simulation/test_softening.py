@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.simulation import SimulationSettings, simulate_observation
 
 
@@ -29,5 +29,5 @@ def test_without_a_fall_it_is_the_linear_simulation(building, request):
 
 
 def test_what_cannot_be_followed_beside_it_is_refused(tower_file):
-    with pytest.raises(ModelError, match="simulate them apart"):
+    with pytest.raises(StructureError, match="simulate them apart"):
         simulated(tower_file, ("softening_in_run@all", (-0.1,)), ("channel_gain@RF", (0.1,)))

@@ -5,7 +5,7 @@ import pytest
 
 from femupdate.building import load_building, save_building
 from femupdate.dynamics.tracking import reduced_modes
-from femupdate.errors import BuildingError, ModelError, StudyError
+from femupdate.errors import BuildingError, StructureError, StudyError
 from femupdate.inference.parameters import damping_parameter
 from femupdate.study import Study
 from femupdate.workflow import model as model_module
@@ -227,7 +227,7 @@ def test_a_frame_that_cannot_stand_leaves_nothing(tmp_path, cabin_file):
     file = tmp_path / "floating.toml"
     file.write_text(text)
     study = Study(tmp_path / "study")
-    with pytest.raises((BuildingError, ModelError)):
+    with pytest.raises((BuildingError, StructureError)):
         build_study(study, str(file))
     assert not study.folder.exists()
 

@@ -98,7 +98,7 @@ class Beams(Elements):
         """As `Elements.matrices`, (n, 12, 12).
 
         Raises:
-            ModelError: a beam has no length, `up` along its axis or an impossible property.
+            StructureError: a beam has no length, `up` along its axis or an impossible property.
         """
         motion, local = self._local(points)
         return local.moved_by(motion)

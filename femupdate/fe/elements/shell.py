@@ -76,7 +76,7 @@ class Shells(Surface):
         """As `Elements.matrices`, (n, 24, 24).
 
         Raises:
-            ModelError: an element is flat, concave, folded or has an impossible property.
+            StructureError: an element is flat, concave, folded or has an impossible property.
         """
         whole = ElementMatrices(*(np.empty((len(self), 24, 24)) for _ in range(2)))
         for some, part in self.matrices_in_parts(points):

@@ -56,7 +56,7 @@ class Triangles(Surface):
         """As `Elements.matrices`, (n, 18, 18).
 
         Raises:
-            ModelError: an element has no area or an impossible property.
+            StructureError: an element has no area or an impossible property.
         """
         self.check(points)
         shape = _Shape.of(self.corners(points))

@@ -27,7 +27,7 @@ def run_solver(job: Job, sizes: Sequence[str] = ()) -> Report:
 
     Raises:
         StudyError, ReportError: a file cannot be written.
-        ModelError: an unknown size, or a program that fails.
+        StructureError: an unknown size, or a program that fails.
     """
     speed = compare_speed(sizes, job.progress)
     alone = bool(sizes) and not opensees_is_there()

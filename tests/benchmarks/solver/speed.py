@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import opensees_script
 from femupdate.fe.factorization import ENVIRONMENT, Backend, cholmod_is_there
 from femupdate.progress import SILENT, Progress
@@ -92,11 +92,11 @@ def compare_speed(sizes: Sequence[str], progress: Progress = SILENT) -> tuple[Sp
     """Run femupdate, and OpenSees where it is installed, on the building of several sizes.
 
     Raises:
-        ModelError: an unknown size, or a program that fails.
+        StructureError: an unknown size, or a program that fails.
     """
     unknown = [size for size in sizes if size not in SIZES]
     if unknown:
-        raise ModelError(f"there is no size {unknown[0]!r}; choose from {', '.join(SIZES)}")
+        raise StructureError(f"there is no size {unknown[0]!r}; choose from {', '.join(SIZES)}")
     progress.start("Speed", len(sizes) * (1 + opensees_is_there()))
     return tuple(_speed_row(size, progress) for size in sizes)
 
@@ -168,7 +168,7 @@ def _process(command: Sequence[str], **settings: str) -> tuple[str, float]:
         if started.wait() != 0:
             complaints.seek(0)
             said = complaints.read().decode(errors="replace").strip().splitlines() or ["nothing"]
-            raise ModelError(f"{command[0]} {command[1]} failed; its last words: {said[-1]}")
+            raise StructureError(f"{command[0]} {command[1]} failed; its last words: {said[-1]}")
         out.seek(0)
         return out.read().decode(errors="replace"), memory
 

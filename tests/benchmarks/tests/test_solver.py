@@ -9,7 +9,7 @@ from femupdate.benchmarks.solver.run import solver_report
 from femupdate.benchmarks.solver.score import ElementTest, Peer
 from femupdate.benchmarks.solver.tower import tower
 
-from femupdate.errors import ModelError
+from femupdate.errors import StructureError
 from femupdate.fe import assemble, lowest_modes
 
 
@@ -88,5 +88,5 @@ def test_without_opensees_ours_runs_alone(monkeypatch):
 
 
 def test_an_unknown_size_is_refused():
-    with pytest.raises(ModelError, match="no size 'huge'; choose from small, medium, large"):
+    with pytest.raises(StructureError, match="no size 'huge'; choose from small, medium, large"):
         speed.compare_speed(["huge"])
