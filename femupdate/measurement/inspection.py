@@ -101,12 +101,12 @@ class InspectedChannel:
 
     def as_dict(self) -> dict[str, object]:
         """Return it for JSON."""
-        one = self.channel
+        channel = self.channel
         return {
             "number": self.number,
-            **{name: getattr(one, name) for name in _OF_CHANNEL},
-            "rate_hz": 1.0 / one.time_step,
-            "samples": one.values.size,
+            **{name: getattr(channel, name) for name in _OF_CHANNEL},
+            "rate_hz": 1.0 / channel.time_step,
+            "samples": channel.values.size,
             "duration_s": self.duration_s,
             "peak": self.peak,
             "peak_m_s2": self.peak_m_s2,
@@ -150,18 +150,40 @@ class Inspection:
             "mode": len(self.modes),
             "measuring point": len(self.recording.points),
         }
-        said = [_counted(number, what) for what, number in counts.items() if number]
-        return f"{', '.join(said) or 'nothing that is used'} ({self.reads})"
+        parts = []
+        for what, number in counts.items():
+            several = what.replace("function", "functions") if " of " in what else f"{what}s"
+            if number:
+                parts.append(f"{number} {what if number == 1 else several}")
+        return f"{', '.join(parts) or 'nothing that is used'} ({self.reads})"
 
     @property
     def function_texts(self) -> tuple[str, ...]:
         """What each function of frequency is, where it was measured, and its band."""
-        return tuple(_function_text(one) for one in self.functions)
+        texts = []
+        for function in self.functions:
+            name, hz = f"{function.kind} {function.name}", function.frequency_hz
+            if function.response and function.reference:
+                name += f", {function.response} over {function.reference}"
+            texts.append(
+                f"{name}: {hz.size} points from {float(hz.min()):.4g} to {float(hz.max()):.4g} Hz,"
+                f" {function.unit or 'no unit'}"
+            )
+        return tuple(texts)
 
     @property
     def mode_texts(self) -> tuple[str, ...]:
         """Frequency and damping of each identified mode."""
-        return tuple(_mode_text(one) for one in self.modes)
+        texts = []
+        for mode in self.modes:
+            spread = "" if mode.frequency_sd_hz is None else f" ± {mode.frequency_sd_hz:.2g}"
+            damping = "" if mode.damping is None else f", damping ratio {mode.damping:.4g}"
+            seen = int(np.count_nonzero(~np.isnan(mode.shape)))
+            name = f"mode {mode.name}" if mode.name else "mode"
+            texts.append(
+                f"{name} at {mode.frequency_hz:.5g}{spread} Hz{damping}, {seen} components"
+            )
+        return tuple(texts)
 
     @property
     def all_findings(self) -> tuple[str, ...]:
@@ -170,7 +192,12 @@ class Inspection:
         for each in self.channels:
             for finding in each.findings:
                 sharing.setdefault(finding, []).append(each)
-        single = [f"{_together(those)}: {finding}" for finding, those in sharing.items()]
+        single = []
+        for finding, those in sharing.items():
+            of = f"channels {', '.join(str(each.number) for each in those)}"
+            if len(those) == 1:
+                of = f"channel {those[0].number} ({those[0].channel.name})"
+            single.append(f"{of}: {finding}")
         return (*single, *self.findings)
 
     def as_dict(self) -> dict[str, object]:
@@ -181,42 +208,19 @@ class Inspection:
             "channels": [each.as_dict() for each in self.channels],
             "functions": [
                 {
-                    **{name: getattr(one, name) for name in _OF_FUNCTION},
-                    "points": one.frequency_hz.size,
-                    "band_hz": (float(one.frequency_hz[0]), float(one.frequency_hz[-1])),
+                    **{name: getattr(function, name) for name in _OF_FUNCTION},
+                    "points": function.frequency_hz.size,
+                    "band_hz": (float(function.frequency_hz[0]), float(function.frequency_hz[-1])),
                 }
-                for one in self.functions
+                for function in self.functions
             ],
-            "modes": [{name: getattr(one, name) for name in _OF_MODE} for one in self.modes],
+            "modes": [{name: getattr(mode, name) for name in _OF_MODE} for mode in self.modes],
             "points": len(self.recording.points),
             "notes": (*self.recording.notes, *self.rotation),
             "findings": self.all_findings,
             "next": self.step.command,
             "advice": self.step.advice,
         }
-
-
-def _function_text(one: RecordedFunction) -> str:
-    low, high = float(one.frequency_hz.min()), float(one.frequency_hz.max())
-    between = f", {one.response} over {one.reference}" if one.response and one.reference else ""
-    return (
-        f"{one.kind} {one.name}{between}: {one.frequency_hz.size} points from {low:.4g} to"
-        f" {high:.4g} Hz, {one.unit or 'no unit'}"
-    )
-
-
-def _mode_text(one: RecordedMode) -> str:
-    spread = "" if one.frequency_sd_hz is None else f" ± {one.frequency_sd_hz:.2g}"
-    damping = "" if one.damping is None else f", damping ratio {one.damping:.4g}"
-    seen = int(np.count_nonzero(~np.isnan(one.shape)))
-    name = f"mode {one.name}" if one.name else "mode"
-    return f"{name} at {one.frequency_hz:.5g}{spread} Hz{damping}, {seen} components"
-
-
-def _counted(number: int, what: str) -> str:
-    if number == 1:
-        return f"1 {what}"
-    return f"{number} " + what.replace("function", "functions") + ("" if " of " in what else "s")
 
 
 def inspect_file(
@@ -241,8 +245,18 @@ def inspect_file(
     histories = () if tabled or table is not None else recording.histories()
     floors = proposed_floors(histories)
     placed = _placed([parse_channel(each.name) for each in histories])
-    if columns and histories:
-        histories, floors, placed = _as_mapped(recording, histories, columns)
+    if columns and histories:  # as the user says them, in the directions x, y and z
+        given = {
+            (motion.name, motion.direction): (ours, motion)
+            for ours, motion in motions_in(recording, columns).items()
+        }
+        mapped = [given.get((each.name, each.direction), (None, each)) for each in histories]
+        histories = tuple(
+            each if ours is None else replace(each, direction=ours.direction.upper())
+            for ours, each in mapped
+        )
+        floors = tuple(None if ours is None else ours.floor for ours, _ in mapped)
+        placed = _placed([ours for ours, _ in mapped])
     channels = tuple(
         _inspected(recording, number, channel, floor, unit)
         for number, (channel, floor) in enumerate(zip(histories, floors, strict=True), start=1)
@@ -260,37 +274,9 @@ def inspect_file(
     )
 
 
-def _together(channels: Sequence[InspectedChannel]) -> str:
-    """One channel by number and name, several by their numbers."""
-    if len(channels) == 1:
-        return f"channel {channels[0].number} ({channels[0].channel.name})"
-    return f"channels {', '.join(str(each.number) for each in channels)}"
-
-
-def _as_mapped(
-    recording: Recording, histories: Sequence[RecordedChannel], columns: Mapping[str, str]
-) -> tuple[tuple[RecordedChannel, ...], tuple[str | None, ...], dict[int, FloorChannel]]:
-    """The channels and their floors as the user says them, in the directions x, y and z.
-
-    Last come the vertical ones of the base whose places are known, by their index.
-    """
-    given = {
-        (one.name, one.direction): (ours, one)
-        for ours, one in motions_in(recording, columns).items()
-    }
-    told = [given.get((one.name, one.direction), (None, one)) for one in histories]
-    channels = tuple(
-        one if ours is None else replace(one, direction=ours.direction.upper())
-        for ours, one in told
-    )
-    floors = tuple(None if ours is None else ours.floor for ours, _ in told)
-    return channels, floors, _placed([ours for ours, _ in told])
-
-
 def _placed(channels: Sequence[FloorChannel | None]) -> dict[int, FloorChannel]:
     """Vertical channels of the base whose places are known, by their index."""
-    known = ((k, one) for k, one in enumerate(channels) if one is not None)
-    return {k: one for k, one in known if one.place is not None}
+    return {k: each for k, each in enumerate(channels) if each and each.place is not None}
 
 
 def _rotation(
@@ -303,16 +289,28 @@ def _rotation(
     """What vertical channels of the base tell, or could tell, of its rotation."""
     base = next(
         (
-            one
-            for one, floor in zip(histories, floors, strict=True)
-            if floor == BASE and not one.vertical
+            channel
+            for channel, floor in zip(histories, floors, strict=True)
+            if floor == BASE and not channel.vertical
         ),
         None,
     )
-    known = [histories[k].unit or unit for k in placed]
-    if len(placed) < 2 or base is None or any(one is None for one in known):
-        said = _vertical_pair(histories, floors) if not placed else ""
-        return (said,) if said else ()
+    units = [histories[k].unit or unit for k in placed]
+    if not placed:
+        inside = [
+            str(k + 1)
+            for k, (channel, floor) in enumerate(zip(histories, floors, strict=True))
+            if floor == BASE
+            and channel.vertical
+            and base_rank(channel.location or channel.name) == 0
+        ]
+        advice = (
+            f"Channels {', '.join(inside)} are vertical at the base: with their places along the"
+            " motion, in m, they measure how it turns. Map them under names such as base@-2.5.z."
+        )
+        return (advice,) if len(inside) >= 2 else ()
+    if len(placed) < 2 or base is None or None in units:
+        return ()
     fault = fault_of(tuple(placed.values()))
     if fault is not None:
         return (fault,)
@@ -322,38 +320,19 @@ def _rotation(
     return said_of_rotation(tuple(placed.values()), vertical, moved)
 
 
-def _vertical_pair(channels: Sequence[RecordedChannel], floors: Sequence[str | None]) -> str:
-    """What vertical channels of the base inside a building could tell; empty where there are few.
-
-    Args:
-        floors: of each, or None.
-    """
-    inside = [
-        str(k + 1)
-        for k, (one, floor) in enumerate(zip(channels, floors, strict=True))
-        if floor == BASE and one.vertical and base_rank(one.location or one.name) == 0
-    ]
-    if len(inside) < 2:
-        return ""
-    return (
-        f"Channels {', '.join(inside)} are vertical at the base: with their places along the"
-        " motion, in m, they measure how it turns. Map them under names such as base@-2.5.z."
-    )
-
-
 def _functions_of_table(
     recording: Recording, unit: str | None, columns: Mapping[str, str] | None
 ) -> tuple[RecordedFunction, ...]:
     """Functions in a table with a column of frequencies; none of any other file."""
-    own = recording.table
-    names = (own.names if own is not None else None) or ("",)
+    table = recording.table
+    names = (table.names if table is not None else None) or ("",)
     axis = next((k for k, kind in axes_of(names).items() if kind == FREQUENCY), None)
-    if own is None or axis is None:
+    if table is None or axis is None:
         return ()
     others = (name for k, name in enumerate(names) if k != axis)
     if not columns and not all(map(parse_frf_column, others)):
-        return unnamed_functions(own, axis)
-    layout = layout_of(own, columns)
+        return unnamed_functions(table, axis)
+    layout = layout_of(table, columns)
     if not layout.under_force:
         base_motion_in(recording, Reading(unit=unit, columns=columns))  # refuses what cannot be
     return response_functions(layout)
@@ -384,40 +363,25 @@ def _step(
         return next_step(path, histories, names, unit, columns)
     calibrate = f"femupdate calibrate {shlex.quote(str(path))}"
     if modes:
-        return _mode_step(calibrate, modes, columns)
+        placed = all(parse_channel(sensor) for mode in modes for sensor in mode.sensors)
+        if columns or placed:
+            return NextStep(calibrate + columns_option(columns))
+        return NextStep(f"{calibrate} --columns 2F=NAME,RF=NAME", _POINT_MODES)
     if functions and recording.table is not None:
-        if not any(one.reference for one in functions):
+        references = {function.reference for function in functions}
+        if not any(references):
             return NextStep(f"{calibrate} --columns 2F=NAME,RF=NAME", _FRF_COLUMNS)
-        if any(one.reference != BASE for one in functions):
-            return _force_step(path, functions, unit, columns)
-        return NextStep(f"{calibrate}{columns_option(columns)}")
-    if any(one.kind == "frequency response" for one in functions):
+        if references == {BASE}:
+            return NextStep(f"{calibrate}{columns_option(columns)}")
+        silent = SOMEWHERE in references
+        known = unit is not None or all(function.unit for function in functions)
+        options = " --force FLOOR" if silent else ""
+        options += f" --unit {unit or 'm/s2/N'}" if unit or not known else ""
+        options += columns_option(columns)
+        advice = _FORCE if silent else "" if known else "Put in the unit of the responses."
+        return NextStep(f"{calibrate}{options}", advice)
+    if any(function.kind == "frequency response" for function in functions):
         return NextStep(f"{calibrate} --columns 2F/RF=NUMBER", _FRFS)
     if functions:
         return NextStep("", "Spectra alone do not tell a response; give the histories.")
     return NextStep("", _POINTS)
-
-
-def _mode_step(
-    calibrate: str, modes: Sequence[RecordedMode], columns: Mapping[str, str] | None
-) -> NextStep:
-    told = all(parse_channel(sensor) for mode in modes for sensor in mode.sensors)
-    if columns or told:
-        return NextStep(calibrate + columns_option(columns))
-    return NextStep(f"{calibrate} --columns 2F=NAME,RF=NAME", _POINT_MODES)
-
-
-def _force_step(
-    path: Path,
-    functions: Sequence[RecordedFunction],
-    unit: str | None,
-    columns: Mapping[str, str] | None,
-) -> NextStep:
-    calibrate = f"femupdate calibrate {shlex.quote(str(path))}"
-    silent = any(one.reference == SOMEWHERE for one in functions)
-    known = unit is not None or all(one.unit for one in functions)
-    options = " --force FLOOR" if silent else ""
-    options += f" --unit {unit or 'm/s2/N'}" if unit or not known else ""
-    options += columns_option(columns)
-    advice = _FORCE if silent else "" if known else "Put in the unit of the responses."
-    return NextStep(f"{calibrate}{options}", advice)

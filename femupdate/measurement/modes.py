@@ -93,32 +93,23 @@ def _columns(table: ColumnTable, columns: Mapping[str, str], named: bool) -> dic
     renamed = renamed_columns(table, columns)
     values: dict[str, Floats] = {}
     for position, title in enumerate(table.names or ()):
-        known = _known_name(renamed.get(position, title))
+        name = renamed.get(position, title)
+        known = figure_of(name)
+        part = _PART.fullmatch(name)
+        channel = parse_channel(part["sensor"]) if part else None
+        if known is None and part is not None and channel is not None:
+            known = f"{channel.name}_{part['part'].lower()}" if part["part"] else channel.name
         beside = _BESIDE.fullmatch(title) is not None
         if known is None and position not in renamed and (columns or beside):
             continue
-        if known is None and not named:
-            known = title
-        if known is None:
+        if known is None and named:
             raise table.file.error(
                 f"unknown column {title!r}{closest(title, _NAMED)}; columns of identified modes"
                 f" are {MODE_COLUMNS}: rename it or map it by the columns option"
             )
+        known = known or title
         values[known] = table.values[:, position] * _factor(table, known, position)
     return values
-
-
-def _known_name(name: str) -> str | None:
-    """A column's name as we write it; None where it is none of ours."""
-    figure = figure_of(name)
-    if figure is not None:
-        return figure
-    match = _PART.fullmatch(name)
-    channel = parse_channel(match["sensor"]) if match else None
-    if match is None or channel is None:
-        return None
-    part = f"_{match['part'].lower()}" if match["part"] else ""
-    return f"{channel.name}{part}"
 
 
 def figure_of(title: str) -> str | None:
@@ -238,20 +229,34 @@ def identified_modes(
         raise file.error("there is no mode in the file; give one row for each")
     for mode in modes:
         _check(file, mode)
+    sensors = [parse_channel(sensor) for mode in modes for sensor in mode.sensors]
+    notes = []
+    if any(channel is not None and channel.floor == BASE for channel in sensors):
+        notes.append("The shapes' component at the base is left out.")
+    loose = [
+        mode.name or f"{mode.frequency_hz:.4g} Hz"
+        for mode in modes
+        if mode.shape.size and phase_collinearity(mode.shape) < _IN_PHASE
+    ]
+    if loose:
+        notes.append(
+            f"Mode {', '.join(loose)}: the floors do not move in phase; the part that does is used."
+        )
     placed = _floors_of(file, modes, None if table is not None else columns, direction)
     floors = tuple(sorted(set(placed.values()), key=floor_height))
     shapes = [_on_floors(mode, placed, floors) for mode in modes]
     return IdentifiedModes(
         names=tuple(mode.name or str(k) for k, mode in enumerate(modes, start=1)),
         frequency_hz=np.array([mode.frequency_hz for mode in modes]),
-        frequency_sd_hz=_known([mode.frequency_sd_hz for mode in modes]),
-        damping=_known([mode.damping for mode in modes]),
-        damping_sd=_known([mode.damping_sd for mode in modes]),
+        # None becomes NaN.
+        frequency_sd_hz=np.array([mode.frequency_sd_hz for mode in modes], dtype=np.float64),
+        damping=np.array([mode.damping for mode in modes], dtype=np.float64),
+        damping_sd=np.array([mode.damping_sd for mode in modes], dtype=np.float64),
         floors=floors,
         shape=np.array([shape for shape, _ in shapes]).reshape(len(modes), -1),
         shape_sd=np.array([sd for _, sd in shapes]).reshape(len(modes), -1),
         source=file.path.name,
-        notes=(*_of_base(modes), *_notes(modes)),
+        notes=tuple(notes),
     )
 
 
@@ -346,39 +351,29 @@ def _scaled(shape: NDArray[np.inexact]) -> NDArray[np.inexact]:
     return shape / largest if largest > 0.0 else shape
 
 
-def _known(values: Sequence[float | None]) -> Floats:
-    return np.array([np.nan if value is None else value for value in values])
-
-
-def _of_base(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
-    channels = (parse_channel(sensor) for mode in modes for sensor in mode.sensors)
-    there = any(channel is not None and channel.floor == BASE for channel in channels)
-    return ("The shapes' component at the base is left out.",) if there else ()
-
-
-def _notes(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
-    loose = [
-        mode.name or f"{mode.frequency_hz:.4g} Hz"
-        for mode in modes
-        if mode.shape.size and phase_collinearity(mode.shape) < _IN_PHASE
-    ]
-    if not loose:
-        return ()
-    return (
-        f"Mode {', '.join(loose)}: the floors do not move in phase; the part that does is used.",
-    )
-
-
 def mode_findings(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
     """Sentences on modes that are doubtful by themselves, then on pairs."""
-    single = [text for mode in modes for text in _of_one(mode)]
-    pairs = [
-        f"{_called(one)} and {_called(other)} have nearly one frequency and one shape: this looks"
-        " like one mode found twice"
-        for one, other in combinations(modes, 2)
-        if alike(one, other)
+    findings = []
+    for mode in modes:
+        shape = np.asarray(mode.shape)
+        # Buildings have damping ratios of .005 to .1.
+        if mode.damping is not None and not 0.0 < mode.damping <= 0.1:
+            findings.append(f"{_called(mode)} has a damping ratio of {mode.damping:.3g}")
+        # A standard deviation of a tenth of the frequency is worth a word.
+        if mode.frequency_sd_hz is not None and mode.frequency_sd_hz > 0.1 * mode.frequency_hz:
+            findings.append(f"{_called(mode)} is hardly known: ±{mode.frequency_sd_hz:.3g} Hz")
+        seen = shape[~np.isnan(shape)]
+        if seen.size and phase_collinearity(seen) < _IN_PHASE:
+            findings.append(f"{_called(mode)}: the sensors do not move in phase")
+        if seen.size > 1 and not np.abs(in_phase(seen)).any():
+            findings.append(f"{_called(mode)}: every component of the shape is zero")
+    findings += [
+        f"{_called(first)} and {_called(second)} have nearly one frequency and one shape: this"
+        " looks like one mode found twice"
+        for first, second in combinations(modes, 2)
+        if alike(first, second)
     ]
-    return (*single, *pairs)
+    return tuple(findings)
 
 
 def mac(first: RecordedMode, second: RecordedMode) -> float:
@@ -392,22 +387,6 @@ def mac(first: RecordedMode, second: RecordedMode) -> float:
     a, b = a[there], b[there]
     length = float((np.abs(a) ** 2).sum() * (np.abs(b) ** 2).sum())
     return float(np.abs(np.vdot(a, b)) ** 2 / length) if len(a) > 1 and length > 0.0 else np.nan
-
-
-def _of_one(mode: RecordedMode) -> list[str]:
-    findings, shape = [], np.asarray(mode.shape)
-    # Buildings have damping ratios of .005 to .1.
-    if mode.damping is not None and not 0.0 < mode.damping <= 0.1:
-        findings.append(f"{_called(mode)} has a damping ratio of {mode.damping:.3g}")
-    # A standard deviation of a tenth of the frequency is worth a word.
-    if mode.frequency_sd_hz is not None and mode.frequency_sd_hz > 0.1 * mode.frequency_hz:
-        findings.append(f"{_called(mode)} is hardly known: ±{mode.frequency_sd_hz:.3g} Hz")
-    seen = shape[~np.isnan(shape)]
-    if seen.size and phase_collinearity(seen) < _IN_PHASE:
-        findings.append(f"{_called(mode)}: the sensors do not move in phase")
-    if seen.size > 1 and not np.abs(in_phase(seen)).any():
-        findings.append(f"{_called(mode)}: every component of the shape is zero")
-    return findings
 
 
 def _called(mode: RecordedMode) -> str:

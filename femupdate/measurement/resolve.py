@@ -84,8 +84,9 @@ def positions(
 
 def _matching(names: Sequence[str], asked: str, numbered: bool) -> list[int]:
     """Positions of the names that come nearest to what is asked for."""
-    wanted, plain = _folded(asked), _folded(split_unit(asked)[0])
-    folded = [_folded(name) for name in names]
+    wanted, plain, *folded = (
+        " ".join(name.casefold().split()) for name in (asked, split_unit(asked)[0], *names)
+    )
     tries = (
         [name == asked for name in names],
         [name == wanted for name in folded],
@@ -96,10 +97,6 @@ def _matching(names: Sequence[str], asked: str, numbered: bool) -> list[int]:
     )
     best = next((match for match in tries if any(match)), ())
     return [k for k, fits in enumerate(best) if fits]
-
-
-def _folded(name: str) -> str:
-    return " ".join(name.casefold().split())
 
 
 def given_channels(
@@ -124,8 +121,8 @@ def given_channels(
     chosen: dict[Motion, RecordedChannel] = {}
     for (ours, theirs), motion in zip(columns.items(), known.values(), strict=True):
         if isinstance(motion, FloorChannel | ForceChannel):
-            own = channels[at[ours]]
-            chosen[motion] = own.turned() if theirs.startswith("-") else own
+            channel = channels[at[ours]]
+            chosen[motion] = channel.turned() if theirs.startswith("-") else channel
     return chosen
 
 

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.reader import Reader
-from femupdate.measurement.recording import RecordedChannel, Recording
+from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile, read_head
 
 # Figures by which files are judged.
@@ -64,20 +64,31 @@ def _read(path: Path) -> Recording:
 
 
 def _members(file: TextFile) -> Iterator[_Packed]:
+    """Files of an archive; those of a tar one by one: what follows is not unpacked before."""
     head = read_head(file.path)
     if head.startswith(_ZIP):
-        return _in_zip(file)
-    return _alone(file) if head.startswith(_GZIP) and _is_alone(file.path) else _in_tar(file)
-
-
-def _in_zip(file: TextFile) -> Iterator[_Packed]:
-    with zipfile.ZipFile(file.path) as archive:
-        members = [member for member in archive.infolist() if not member.is_dir()]
-        if "[Content_Types].xml" in {member.filename for member in members}:
-            raise file.error("this is a workbook, not a record; export it as CSV")
-        _check_size(file, len(members), sum(member.file_size for member in members))
-        for member in members:
-            yield _Packed(member.filename, member.file_size, partial(archive.read, member))
+        with zipfile.ZipFile(file.path) as archive:
+            members = [member for member in archive.infolist() if not member.is_dir()]
+            if "[Content_Types].xml" in {member.filename for member in members}:
+                raise file.error("this is a workbook, not a record; export it as CSV")
+            _check_size(file, len(members), sum(member.file_size for member in members))
+            for member in members:
+                yield _Packed(member.filename, member.file_size, partial(archive.read, member))
+        return
+    packed = head.startswith(_GZIP)
+    if packed and _is_alone(file.path):
+        with gzip.open(file.path, "rb") as single:
+            data = _Limited(file, single).read(_ARCHIVE_MB * 1_000_000 + 2 * _PADDING)
+        yield _Packed(file.path.stem, len(data), lambda: data)
+        return
+    with (
+        (gzip.open if packed else open)(file.path, "rb") as stream,
+        tarfile.open(fileobj=_Limited(file, stream), mode="r|") as tar,
+    ):
+        for entry in tar:
+            content = tar.extractfile(entry) if entry.isreg() else None
+            if content is not None:
+                yield _Packed(entry.name, entry.size, content.read)
 
 
 class _Limited(io.BufferedIOBase):
@@ -94,30 +105,11 @@ class _Limited(io.BufferedIOBase):
         return data
 
 
-def _in_tar(file: TextFile) -> Iterator[_Packed]:
-    """Files of a tar archive, packed or not, one by one: what follows is not unpacked before."""
-    opened = gzip.open if read_head(file.path).startswith(_GZIP) else open
-    with (
-        opened(file.path, "rb") as stream,
-        tarfile.open(fileobj=_Limited(file, stream), mode="r|") as archive,
-    ):
-        for member in archive:
-            taken = archive.extractfile(member) if member.isreg() else None
-            if taken is not None:
-                yield _Packed(member.name, member.size, taken.read)
-
-
 def _is_alone(path: Path) -> bool:
     """Whether gzip packed a single file, not an archive."""
     with gzip.open(path, "rb") as stream:
         head = stream.read(_TAR_AT + len(_TAR))
     return not head.endswith(_TAR.encode()) and bool(head.strip(b"\0"))  # an empty tar is zeros
-
-
-def _alone(file: TextFile) -> Iterator[_Packed]:
-    with gzip.open(file.path, "rb") as stream:
-        data = _Limited(file, stream).read(_ARCHIVE_MB * 1_000_000 + 2 * _PADDING)
-    yield _Packed(file.path.stem, len(data), lambda: data)
 
 
 def _unpacked(file: TextFile, members: Iterator[_Packed], folder: Path) -> dict[str, Path]:
@@ -151,15 +143,24 @@ def _check_size(file: TextFile, count: int, size: int) -> None:
 
 def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
     alone = len(unpacked) == 1
-    recordings = {name: _member(file, name, path, alone) for name, path in unpacked.items()}
-    found = {name: recording for name, recording in recordings.items() if recording is not None}
-    records = {name: recording for name, recording in found.items() if recording.table is None}
-    left_out = [name for name in unpacked if name not in (records or found)]
-    if len(records or found) == 1:
-        (only,) = (records or found).values()
+    members = {name: _member(file, name, path, alone) for name, path in unpacked.items()}
+    readable = {name: recording for name, recording in members.items() if recording is not None}
+    records = {name: recording for name, recording in readable.items() if recording.table is None}
+    left_out = [name for name in unpacked if name not in (records or readable)]
+    some = ", ".join(left_out[:3]) + (" ..." if len(left_out) > 3 else "")
+    other = f"Other files of the archive that hold no histories: {len(left_out)} ({some})."
+    notes = (other,) if left_out else ()
+    if len(records or readable) == 1:
+        (only,) = (records or readable).values()
         table = None if only.table is None else replace(only.table, file=file)
-        return replace(only, file=file, table=table, notes=(*only.notes, *_notes(left_out)))
-    inner = [name for name in left_out if _is_archive(unpacked[name])]
+        return replace(only, file=file, table=table, notes=(*only.notes, *notes))
+    inner = [
+        name
+        for name, path in unpacked.items()
+        if name in left_out
+        and path.stat().st_size > 0
+        and _recognises(read_head(path), path.suffix.lower())
+    ]
     if not records and inner:
         raise file.error(
             f"the archive holds other archives ({', '.join(inner)}); unpack it and give that of"
@@ -168,19 +169,21 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
     if not records:
         raise file.error(
             f"the archive holds no record, only {', '.join(left_out) or 'nothing'}"
-            if not found
-            else f"the archive holds several tables ({', '.join(found)}); unpack it and give one"
+            if not readable
+            else f"the archive holds several tables ({', '.join(readable)}); unpack it and give one"
         )
-    named = [
-        (PurePosixPath(name).stem, c)
-        for name, recording in records.items()
-        for c in recording.channels
-    ]
-    return Recording(file, _distinct(named), notes=_notes(left_out))
-
-
-def _is_archive(path: Path) -> bool:
-    return path.stat().st_size > 0 and _recognises(read_head(path), path.suffix.lower())
+    stems = [PurePosixPath(name).stem for name, record in records.items() for _ in record.channels]
+    channels = [channel for record in records.values() for channel in record.channels]
+    # Names are told apart by their locations, else by the names of their files.
+    names = [channel.name for channel in channels]
+    for more in ([channel.location for channel in channels], stems):
+        count = Counter(names)
+        names = [
+            f"{name}, {words}" if count[name] > 1 and words not in name else name
+            for name, words in zip(names, more, strict=True)
+        ]
+    named = (replace(channel, name=name) for channel, name in zip(channels, names, strict=True))
+    return Recording(file, tuple(named), notes=notes)
 
 
 def _member(file: TextFile, name: str, path: Path, alone: bool) -> Recording | None:
@@ -199,26 +202,6 @@ def _member(file: TextFile, name: str, path: Path, alone: bool) -> Recording | N
         if reader.fallback and not alone:  # a note beside the records
             return None
         raise MeasurementError(str(error).replace(str(path), f"{file.path}: {name}")) from None
-
-
-def _distinct(found: list[tuple[str, RecordedChannel]]) -> tuple[RecordedChannel, ...]:
-    """Channels whose names are told apart by their locations, else by the names of their files."""
-    names = [channel.name for _, channel in found]
-    for more in ([channel.location for _, channel in found], [stem for stem, _ in found]):
-        count = Counter(names)
-        names = [
-            f"{name}, {words}" if count[name] > 1 and words not in name else name
-            for name, words in zip(names, more, strict=True)
-        ]
-    channels = (channel for _, channel in found)
-    return tuple(replace(channel, name=name) for channel, name in zip(channels, names, strict=True))
-
-
-def _notes(left_out: list[str]) -> tuple[str, ...]:
-    if not left_out:
-        return ()
-    some = ", ".join(left_out[:3]) + (" ..." if len(left_out) > 3 else "")
-    return (f"Other files of the archive that hold no histories: {len(left_out)} ({some}).",)
 
 
 READER = Reader("archive", "zip, tar and gzip archives of records", _recognises, _read)

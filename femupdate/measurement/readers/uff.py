@@ -4,14 +4,12 @@ import contextlib
 import io
 import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.quantity import force_unit, is_acceleration
 from femupdate.measurement.reader import Reader
@@ -101,18 +99,25 @@ def _set(content: Any, number: int) -> dict[str, Any]:
 
 def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> Recording:
     si = all(dataset["units_code"] == _SI for dataset in sets if dataset["type"] == 164)
-    functions = [dataset for dataset in sets if dataset["type"] == 58]
-    histories = [dataset for dataset in functions if _is_history(dataset)]
+    histories: list[dict[str, Any]] = []
+    functions: list[dict[str, Any]] = []
     points: dict[int, tuple[float, float, float]] = {}
     for dataset in sets:
         if dataset["type"] in (15, 2411):
-            points |= _points(dataset)
+            places = np.column_stack([dataset[axis] for axis in "xyz"]).astype(np.float64).tolist()
+            points |= {
+                int(number): (x, y, z)
+                for number, (x, y, z) in zip(dataset["node_nums"], places, strict=True)
+            }
+        elif dataset["type"] == 58:
+            timed = dataset["abscissa_spec_data_type"] == _TIME
+            general = dataset["func_type"] not in _KINDS
+            history = dataset["func_type"] == _HISTORY or (general and timed)
+            (histories if history else functions).append(dataset)
     recording = Recording(
         file,
         tuple(_channel(file, dataset, k, si) for k, dataset in enumerate(histories, start=1)),
-        functions=tuple(
-            _function(file, dataset, si) for dataset in functions if not _is_history(dataset)
-        ),
+        functions=tuple(_function(file, dataset, si) for dataset in functions),
         modes=tuple(_modes(file, sets)),
         points=points,
         notes=_notes(types, sets),
@@ -125,13 +130,6 @@ def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> 
     return recording
 
 
-def _is_history(dataset: Mapping[str, Any]) -> bool:
-    general = dataset["func_type"] not in _KINDS
-    return dataset["func_type"] == _HISTORY or (
-        general and dataset["abscissa_spec_data_type"] == _TIME
-    )
-
-
 def _channel(file: TextFile, dataset: Mapping[str, Any], number: int, si: bool) -> RecordedChannel:
     values = np.real(np.asarray(dataset["data"])).astype(np.float64)
     if values.size != int(dataset["num_pts"]):
@@ -141,6 +139,13 @@ def _channel(file: TextFile, dataset: Mapping[str, Any], number: int, si: bool) 
         )
     if values.size < 2 or not np.isfinite(values).all():
         raise file.error(f"set 58 number {number} holds no history of finite numbers")
+    x = np.asarray(dataset["x"], dtype=np.float64)
+    even = dataset["abscissa_spacing"] == 1
+    step = float(dataset["abscissa_inc"]) if even else float((x[-1] - x[0]) / (x.size - 1))
+    if not (np.isfinite(step) and step > 0.0):
+        raise file.error(f"set 58 number {number} has a time step of {step:g}; correct it")
+    if not even and np.abs(np.diff(x) / step - 1.0).max() > 0.01:
+        raise file.error(f"set 58 number {number} is not sampled uniformly; resample it")
     label = _unit(dataset)
     axis, code = _text(dataset["ordinate_axis_lab"]), dataset["ordinate_spec_data_type"]
     general = code in _GENERAL and axis.lower() not in _QUANTITIES.values()
@@ -151,7 +156,7 @@ def _channel(file: TextFile, dataset: Mapping[str, Any], number: int, si: bool) 
     return RecordedChannel(
         name=name or f"channel {number}",
         values=values,
-        time_step=_step(file, dataset, number),
+        time_step=step,
         unit=label or None,
         quantity=quantity or ("acceleration" if is_acceleration(label) else "unknown"),
         location=_place(dataset, "rsp"),
@@ -159,19 +164,10 @@ def _channel(file: TextFile, dataset: Mapping[str, Any], number: int, si: bool) 
     )
 
 
-def _step(file: TextFile, dataset: Mapping[str, Any], number: int) -> float:
-    x = np.asarray(dataset["x"], dtype=np.float64)
-    even = dataset["abscissa_spacing"] == 1
-    step = float(dataset["abscissa_inc"]) if even else float((x[-1] - x[0]) / (x.size - 1))
-    if not (np.isfinite(step) and step > 0.0):
-        raise file.error(f"set 58 number {number} has a time step of {step:g}; correct it")
-    if not even and np.abs(np.diff(x) / step - 1.0).max() > 0.01:
-        raise file.error(f"set 58 number {number} is not sampled uniformly; resample it")
-    return step
-
-
 def _function(file: TextFile, dataset: Mapping[str, Any], si: bool) -> RecordedFunction:
-    frequency, values = np.asarray(dataset["x"], dtype=np.float64), _values(dataset)
+    frequency, values = np.asarray(dataset["x"], dtype=np.float64), np.asarray(dataset["data"])
+    if not np.imag(values).any():  # the file writes zeros for all imaginary parts
+        values = np.real(values)
     if frequency.shape != values.shape:
         raise file.error(
             f"a function has {values.size} values at {frequency.size} frequencies; export it again"
@@ -200,56 +196,53 @@ def _modes(file: TextFile, sets: list[dict[str, Any]]) -> Iterator[RecordedMode]
         MeasurementError: a point of a mode has no components.
     """
     for dataset in sets:
-        if dataset["type"] == 55 and _is_mode(dataset):
-            mode = _mode(dataset)
+        if dataset.get("analysis_type") not in (_MODES, *_COMPLEX_MODES):
+            continue
+        if dataset["type"] == 55:
+            given = [k for k in _COMPONENTS if f"r{k}" in dataset]
+            rows = np.column_stack([dataset[f"r{k}"] for k in given])
+            name = str(int(dataset["mode_n"])) if "mode_n" in dataset else ""
+            if dataset["analysis_type"] == _MODES:
+                frequency, damping = _of_real(dataset["freq"], dataset["modal_damp_vis"])
+            else:
+                frequency, damping = _of_root(complex(dataset["eig"]))
         elif (
             dataset["type"] == 2414
             and "data_at_node" in dataset
-            and _is_mode(dataset)
-            and _is_motion(dataset)
+            and dataset["data_characteristic"] in _VECTORS
+            and dataset["result_type"] in _MOTIONS
         ):
-            mode = _result(dataset)
+            rows = np.array(dataset["data_at_node"], dtype=np.float64)
+            if dataset["data_type"] in _COMPLEX_DATA:
+                rows = rows[:, ::2] + 1j * rows[:, 1::2]
+            # Records 10 to 13 depend on the kind of analysis.
+            number = int(dataset.get("record10_field6", 0))
+            name = str(number or int(dataset["analysis_dataset_label"]))
+            if dataset["analysis_type"] == _MODES:
+                figures = (dataset.get(f"record12_field{k}", 0.0) for k in (2, 5))
+                frequency, damping = _of_real(*figures)
+            else:
+                root = complex(dataset["record13_field1"], dataset["record13_field2"])
+                frequency, damping = _of_root(root)
         else:
             continue
-        if len(mode.shape) != len(mode.sensors):
+        sensors = [
+            f"point {int(number)} {_DIRECTIONS[k]}"
+            for number in dataset["node_nums"]
+            for k in _COMPONENTS[: rows.shape[1]]
+        ]
+        if rows.size != len(sensors):
             raise file.error(
-                f"mode {mode.name} has {len(mode.shape)} components where its points have "
-                f"{len(mode.sensors)}; export it again"
+                f"mode {name} has {rows.size} components where its points have "
+                f"{len(sensors)}; export it again"
             )
-        yield mode
-
-
-def _is_motion(dataset: Mapping[str, Any]) -> bool:
-    return dataset["data_characteristic"] in _VECTORS and dataset["result_type"] in _MOTIONS
-
-
-def _result(dataset: Mapping[str, Any]) -> RecordedMode:
-    """A mode of set 2414, whose records 10 to 13 depend on the kind of analysis."""
-    rows = np.array(dataset["data_at_node"], dtype=np.float64)
-    if dataset["data_type"] in _COMPLEX_DATA:
-        rows = rows[:, ::2] + 1j * rows[:, 1::2]
-    if dataset["analysis_type"] in _COMPLEX_MODES:
-        figures = _of_root(complex(dataset["record13_field1"], dataset["record13_field2"]))
-    else:
-        figures = _of_real(*(dataset.get(f"record12_field{k}", 0.0) for k in (2, 5)))
-    name = str(int(dataset.get("record10_field6", 0)) or int(dataset["analysis_dataset_label"]))
-    return _recorded(dataset, rows, _COMPONENTS[: rows.shape[1]], figures, name)
-
-
-def _is_mode(dataset: Mapping[str, Any]) -> bool:
-    return dataset["analysis_type"] in (_MODES, *_COMPLEX_MODES)
-
-
-def _mode(dataset: Mapping[str, Any]) -> RecordedMode:
-    """A mode of set 55."""
-    given = [k for k in _COMPONENTS if f"r{k}" in dataset]
-    rows = np.column_stack([dataset[f"r{k}"] for k in given])
-    name = str(int(dataset["mode_n"])) if "mode_n" in dataset else ""
-    if dataset["analysis_type"] == _MODES:
-        figures = _of_real(dataset["freq"], dataset["modal_damp_vis"])
-    else:
-        figures = _of_root(complex(dataset["eig"]))
-    return _recorded(dataset, rows, _COMPONENTS[: len(given)], figures, name)
+        yield RecordedMode(
+            frequency_hz=frequency,
+            damping=damping,
+            sensors=tuple(sensors),
+            shape=rows.reshape(-1),
+            name=name,
+        )
 
 
 def _of_real(frequency: float, viscous: float) -> tuple[float, float | None]:
@@ -260,39 +253,6 @@ def _of_real(frequency: float, viscous: float) -> tuple[float, float | None]:
 def _of_root(root: complex) -> tuple[float, float | None]:
     """Likewise of an eigenvalue."""
     return abs(root) / (2.0 * np.pi), -root.real / abs(root) if abs(root) > 0.0 else None
-
-
-def _recorded(
-    dataset: Mapping[str, Any],
-    rows: NDArray[np.inexact],
-    components: Sequence[int],
-    figures: tuple[float, float | None],
-    name: str,
-) -> RecordedMode:
-    """A mode of shapes (nodes, components), with frequency, Hz, and damping ratio."""
-    frequency, damping = figures
-    sensors = [
-        f"point {int(number)} {_DIRECTIONS[k]}"
-        for number in dataset["node_nums"]
-        for k in components
-    ]
-    return RecordedMode(
-        frequency_hz=frequency,
-        damping=damping,
-        sensors=tuple(sensors),
-        shape=rows.reshape(-1),
-        name=name,
-    )
-
-
-def _points(dataset: Mapping[str, Any]) -> dict[int, tuple[float, float, float]]:
-    coordinates: Floats = np.column_stack([dataset["x"], dataset["y"], dataset["z"]]).astype(
-        np.float64
-    )
-    return {
-        int(n): tuple(row)
-        for n, row in zip(dataset["node_nums"], coordinates.tolist(), strict=True)
-    }
 
 
 def _notes(types: list[int], sets: list[dict[str, Any]]) -> tuple[str, ...]:
@@ -306,24 +266,19 @@ def _notes(types: list[int], sets: list[dict[str, Any]]) -> tuple[str, ...]:
         for units in sets
         if units["type"] == 164
     ]
-    elements = sum(_elements(dataset) for dataset in sets if dataset["type"] == 2412)
+    elements = sum(  # pyuff groups them by the number of their shape
+        len(group)
+        for dataset in sets
+        if dataset["type"] == 2412
+        for shape, group in dataset.items()
+        if isinstance(shape, int)
+    )
     if elements:
         notes.append(f"{elements} elements join the points.")
     unread = [str(kind) for kind in dict.fromkeys(types) if kind not in _READ]
     if unread:
         notes.append(f"Sets that are not used: {', '.join(unread)}.")
     return tuple(notes)
-
-
-def _elements(dataset: Mapping[Any, Any]) -> int:
-    """Number of elements of set 2412, which pyuff groups by the number of their shape."""
-    return sum(len(group) for kind, group in dataset.items() if isinstance(kind, int))
-
-
-def _values(dataset: Mapping[str, Any]) -> NDArray[np.inexact]:
-    """Values of a function, real where its file writes zeros for all imaginary parts."""
-    values = np.asarray(dataset["data"])
-    return values if np.imag(values).any() else np.real(values)
 
 
 def _unit(dataset: Mapping[str, Any]) -> str:
