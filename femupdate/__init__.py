@@ -20,6 +20,7 @@ _NOUNS = {
     "Effect": "effects.effect",
     "GroundMotion": "measurement.record",
     "Likelihood": "inference.likelihood",
+    "ModelError": "inference.joint_error",
     "Observation": "measurement.observation",
     "Parameters": "inference.parameters",
     "Posterior": "inference.posterior",
@@ -41,6 +42,7 @@ if _TYPE_CHECKING:
     from femupdate.dynamics.system import System
     from femupdate.effects.effect import Effect
     from femupdate.effects.structure import Structure
+    from femupdate.inference.joint_error import ModelError
     from femupdate.inference.likelihood import Likelihood
     from femupdate.inference.parameters import Parameters
     from femupdate.inference.posterior import Posterior
@@ -83,6 +85,7 @@ __all__ = [
     "Effect",
     "GroundMotion",
     "Likelihood",
+    "ModelError",
     "Observation",
     "Parameters",
     "Posterior",

@@ -17,8 +17,8 @@ _DAMPING, _LEAST_DAMPING = 1e-2, 1e-6  # of the curvature: at first, and at leas
 _LARGE = 0.3
 
 
-class Target(Protocol):
-    """What is lessened.
+class LeastSquares(Protocol):
+    """Squares of residuals and of the distance from normal priors, which are lessened.
 
     Attributes:
         lower, upper: (d,) limits.
@@ -99,18 +99,20 @@ class Maxima:
         self.objective[rows] = other.objective
 
 
-def maximise(target: Target, starts: Tensor, how: Search, near: Tensor | None = None) -> Maxima:
+def maximise(
+    problem: LeastSquares, starts: Tensor, how: Search, near: Tensor | None = None
+) -> Maxima:
     """Search from every start (s, d).
 
     Args:
-        target: what is lessened.
+        problem: what is lessened.
         starts: (s, d); those beyond a limit begin at it.
         how: see there.
         near: (m, k) Jacobian by the first unknowns at points near the starts, if known.
     """
-    now = _at(target, torch.minimum(torch.maximum(starts, target.lower), target.upper))
+    now = _at(problem, torch.minimum(torch.maximum(starts, problem.lower), problem.upper))
     known = 0 if near is None else near.shape[1]
-    jacobian = target.derivative(now.z, now.residual, known)
+    jacobian = problem.derivative(now.z, now.residual, known)
     if near is not None:
         jacobian = torch.cat([near.expand(len(now.z), -1, -1), jacobian], dim=2)
     now = replace(now, jacobian=jacobian)
@@ -124,13 +126,13 @@ def maximise(target: Target, starts: Tensor, how: Search, near: Tensor | None = 
         rows = active.nonzero()[:, 0]
         if not len(rows):
             break
-        tried, used = _tried(target, now[rows], damping[rows], how)
+        tried, used = _tried(problem, now[rows], damping[rows], how)
         before = now.objective[rows]
         better = tried.objective < before
         # No step helps: a better Jacobian may, or shorter ones.
         stuck = rows[~better]
         again = stuck[mended[stuck]] if how.renewed else stuck[:0]
-        _renew(target, now, again)
+        _renew(problem, now, again)
         shorter = stuck[~mended[stuck]] if how.renewed else stuck
         damping[shorter] *= 1000.0
         active[shorter] = damping[shorter] <= how.most_damping
@@ -147,20 +149,20 @@ def maximise(target: Target, starts: Tensor, how: Search, near: Tensor | None = 
         done = small & ~mended[moved] if how.renewed else small | (left == 0)
         active[moved[done]], old[moved[done]] = False, True
         anew = (small | (share > _LARGE) | (not how.mended)) & ~done & how.renewed
-        _renew(target, now, moved[anew])
+        _renew(problem, now, moved[anew])
         follow = ~done & ~anew
-        _mend(target, now, _some(was, follow), moved[follow], how)
+        _mend(problem, now, _some(was, follow), moved[follow], how)
         mended[again], mended[moved[anew]], mended[moved[follow]] = False, False, True
     if how.renewed:
-        _renew(target, now, (mended | (old & (not how.mended))).nonzero()[:, 0])
+        _renew(problem, now, (mended | (old & (not how.mended))).nonzero()[:, 0])
     return now
 
 
-def _at(target: Target, z: Tensor) -> Maxima:
+def _at(problem: LeastSquares, z: Tensor) -> Maxima:
     """Searches at z (s, d), without their Jacobians."""
-    raw = target.raw(z)
-    residual, away = target.whitened(raw), z - target.mean
-    objective = residual.square().sum(1) + ((away @ target.precision) * away).sum(1)
+    raw = problem.raw(z)
+    residual, away = problem.whitened(raw), z - problem.mean
+    objective = residual.square().sum(1) + ((away @ problem.precision) * away).sum(1)
     return Maxima(z.clone(), raw, residual, z[:, None, :0], objective)
 
 
@@ -168,13 +170,15 @@ def _some(points: Maxima, rows: Tensor) -> Maxima:
     return points[rows.nonzero()[:, 0]]
 
 
-def _tried(target: Target, now: Maxima, damping: Tensor, how: Search) -> tuple[Maxima, Tensor]:
+def _tried(
+    problem: LeastSquares, now: Maxima, damping: Tensor, how: Search
+) -> tuple[Maxima, Tensor]:
     """The best of steps of several lengths from every point, and their damping (s,)."""
 
     def stepped(points: Maxima, by: Tensor) -> Maxima:
-        step = _steps(target, points, by).clamp(-how.longest, how.longest)
-        trial = torch.minimum(torch.maximum(points.z + step, target.lower), target.upper)
-        found = _at(target, trial)
+        step = _steps(problem, points, by).clamp(-how.longest, how.longest)
+        trial = torch.minimum(torch.maximum(points.z + step, problem.lower), problem.upper)
+        found = _at(problem, trial)
         return replace(found, objective=found.objective.nan_to_num(nan=torch.inf))
 
     found, used = stepped(now, damping), damping.clone()
@@ -190,11 +194,11 @@ def _tried(target: Target, now: Maxima, damping: Tensor, how: Search) -> tuple[M
     return found, used
 
 
-def _steps(target: Target, now: Maxima, damping: Tensor) -> Tensor:
+def _steps(problem: LeastSquares, now: Maxima, damping: Tensor) -> Tensor:
     """Damped Gauss-Newton steps (s, d) that leave alone what is held at its limit."""
-    z, jacobian, precision = now.z, now.jacobian, target.precision
-    gradient = (jacobian.mT @ now.residual[:, :, None])[:, :, 0] - (z - target.mean) @ precision
-    held = ((z <= target.lower) & (gradient < 0)) | ((z >= target.upper) & (gradient > 0))
+    z, jacobian, precision = now.z, now.jacobian, problem.precision
+    gradient = (jacobian.mT @ now.residual[:, :, None])[:, :, 0] - (z - problem.mean) @ precision
+    held = ((z <= problem.lower) & (gradient < 0)) | ((z >= problem.upper) & (gradient > 0))
     normal = jacobian.mT @ jacobian + precision
     normal = normal * ~(held[:, :, None] | held[:, None, :])
     diagonal = torch.where(
@@ -207,13 +211,13 @@ def _steps(target: Target, now: Maxima, damping: Tensor) -> Tensor:
     return step.nan_to_num(0.0, 0.0, 0.0).to(z)
 
 
-def _renew(target: Target, now: Maxima, rows: Tensor) -> None:
+def _renew(problem: LeastSquares, now: Maxima, rows: Tensor) -> None:
     """Make some Jacobians anew."""
     if len(rows):
-        now.jacobian[rows] = target.derivative(now.z[rows], now.residual[rows], 0)
+        now.jacobian[rows] = problem.derivative(now.z[rows], now.residual[rows], 0)
 
 
-def _mend(target: Target, now: Maxima, before: Maxima, rows: Tensor, how: Search) -> None:
+def _mend(problem: LeastSquares, now: Maxima, before: Maxima, rows: Tensor, how: Search) -> None:
     """Mend some Jacobians by what the steps from the points before have shown."""
     if not len(rows):
         return
@@ -222,9 +226,9 @@ def _mend(target: Target, now: Maxima, before: Maxima, rows: Tensor, how: Search
     scaled = moved / moved.square().sum(1, keepdim=True)
     now.jacobian[rows] = before.jacobian + missed[:, :, None] * scaled[:, None, :]
     if how.fresh is not None:
-        now.jacobian[rows, :, how.fresh :] = target.derivative(
+        now.jacobian[rows, :, how.fresh :] = problem.derivative(
             now.z[rows], now.residual[rows], how.fresh
         )
 
 
-__all__ = ["Maxima", "Search", "Target", "maximise"]
+__all__ = ["LeastSquares", "Maxima", "Search", "maximise"]

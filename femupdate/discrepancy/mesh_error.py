@@ -211,7 +211,7 @@ def _members(structure: Structure) -> tuple[Placed, ...]:
     )
 
 
-def _effect_errors(ours: "ShownModes", theirs: "ShownModes") -> tuple[Floats, Floats, Floats]:
+def _effect_errors(ours: "MeshModes", theirs: "MeshModes") -> tuple[Floats, Floats, Floats]:
     """How differently the floors show the modes, (m,) each.
 
     Returns:
@@ -228,8 +228,8 @@ def _effect_errors(ours: "ShownModes", theirs: "ShownModes") -> tuple[Floats, Fl
 
 
 def _lesson(
-    ours: "ShownModes",
-    theirs: "ShownModes",
+    ours: "MeshModes",
+    theirs: "MeshModes",
     fine: ReducedStructure,
     placed: tuple[Placed, ...],
     theta: Floats,
@@ -243,8 +243,8 @@ def _lesson(
 
 
 @dataclass(frozen=True, eq=False)
-class ShownModes:
-    """Modes that the floors show.
+class MeshModes:
+    """Modes of the structure on one mesh that the floors show.
 
     Attributes:
         squared: (m,) squares of the circular frequencies.
@@ -257,16 +257,16 @@ class ShownModes:
     effect: Floats
 
 
-def modes_shown(model: ReducedModel, theta: Floats, top_hz: float) -> ShownModes:
+def modes_shown(model: ReducedModel, theta: Floats, top_hz: float) -> MeshModes:
     """Modes of a structure below a frequency that its floors show."""
     squared, vectors = np.linalg.eigh(model.stiffness(theta))
     effect = (model.floor_shapes @ vectors) * (model.excitation @ vectors)
     size = np.abs(effect).max(axis=0)
     shown = (squared < (2.0 * np.pi * top_hz) ** 2) & (size > MESH_ERROR.shown * size.max())
-    return ShownModes(squared[shown], vectors[:, shown], effect[:, shown])
+    return MeshModes(squared[shown], vectors[:, shown], effect[:, shown])
 
 
-def _matched(ours: ShownModes, theirs: ShownModes) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _matched(ours: MeshModes, theirs: MeshModes) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pairs of modes that are the same: near in frequency, with the same effect on the floors."""
     shift = 0.5 * np.abs(np.log(ours.squared[:, None] / theirs.squared))
     sizes = [np.linalg.norm(one.effect, axis=0) for one in (ours, theirs)]
@@ -290,7 +290,7 @@ def _energy_shares(
     reduced: ReducedStructure,
     placed: tuple[Placed, ...],
     theta: Floats,
-    modes: ShownModes,
+    modes: MeshModes,
     rows: NDArray[np.intp],
 ) -> Floats:
     """Share (m, q) of each kind of member in the strain energy of some modes."""
@@ -340,7 +340,7 @@ def _estimate(lessons: list[_Lesson], kinds: list[str]) -> tuple[Floats, Floats,
 
 __all__ = [
     "MeshError",
-    "ShownModes",
+    "MeshModes",
     "corrected",
     "corrected_model",
     "learn_mesh_error",

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.mesh_error import MeshError, ShownModes, modes_shown
+from femupdate.discrepancy.mesh_error import MeshError, MeshModes, modes_shown
 from femupdate.discrepancy.thresholds import FIT, MESH_ERROR
 from femupdate.dynamics.reduced import ReducedStructure, first_coordinates
 from femupdate.dynamics.system import System
@@ -98,7 +98,7 @@ class OpenMesh:
         system: System,
         values: Values,
         here: list[Tensor],
-        modes: ShownModes,
+        modes: MeshModes,
     ) -> Iterator[Tensor]:
         """Changes (1, n) by one mode's frequency after the other, off by what is left."""
         model, more = system.model, 2.0 * MESH_ERROR.left_factor * self.mesh.left
@@ -113,7 +113,7 @@ class OpenMesh:
         system: System,
         values: Values,
         here: list[Tensor],
-        modes: ShownModes,
+        modes: MeshModes,
     ) -> Iterator[Tensor]:
         """Errors (1 + f, n) of what the floors show of every mode: of all alike, and of each."""
         model = system.model

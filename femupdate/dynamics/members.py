@@ -163,8 +163,8 @@ _WITH_COLUMNS = tuple(f"{force}_with_columns" for force in WALL_FORCES)
 
 
 @dataclass(frozen=True)
-class Member:
-    """A beam element, whose end forces are asked for, or a wall that is cut at its foot.
+class CutMember:
+    """A member cut where its forces are read: a beam element at its ends, a wall at its foot.
 
     Attributes:
         kind: "beam", "column" or "wall".
@@ -214,7 +214,7 @@ class ChosenMembers:
     structure: Structure
     added: tuple[tuple[Placed, Terms], ...]
     law: DampingLaw
-    members: tuple[Member, ...]
+    members: tuple[CutMember, ...]
 
     def rows(self, theta: Floats) -> tuple[Floats, ...]:
         """Rows (k, n) of every member's forces at stiffness factors theta (p,)."""
@@ -234,7 +234,7 @@ class MemberForces:
         peak: (k,) of the largest absolute value of each.
     """
 
-    member: Member
+    member: CutMember
     mean: Floats
     sd: Floats
     peak: Statistics
@@ -296,12 +296,12 @@ def _leaves_members(placed: Placed, terms: Terms) -> bool:
     return not (changed or placed.effect.needs_levels or changes_in_run(placed.effect))
 
 
-def _wall(cut: WallCut, name: str) -> Member:
+def _wall(cut: WallCut, name: str) -> CutMember:
     forces = WALL_FORCES + _WITH_COLUMNS if cut.has_columns else WALL_FORCES
-    return Member("wall", name, cut.ends, forces, cut)
+    return CutMember("wall", name, cut.ends, forces, cut)
 
 
-def _nearest(building: Building, model: FiniteElementModel, place: Place) -> Member:
+def _nearest(building: Building, model: FiniteElementModel, place: Place) -> CutMember:
     beams = model.elements_of(Beams)
     if not len(beams):
         raise BuildingError(f"{building.name}: there are neither beams nor columns; leave them out")
@@ -310,7 +310,7 @@ def _nearest(building: Building, model: FiniteElementModel, place: Place) -> Mem
     ends = model.nodes[beams.nodes[beam]]
     (x, y, z), (a, b, c) = ends
     name = f"({x:g}, {y:g}, {z:g}) to ({a:g}, {b:g}, {c:g}) m"
-    return Member(str(beams.kind[beam]), name, ends, Beams.force_names, beam)
+    return CutMember(str(beams.kind[beam]), name, ends, Beams.force_names, beam)
 
 
 def member_forces(

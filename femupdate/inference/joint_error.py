@@ -14,11 +14,23 @@ Rows = tuple[tuple[int, ...], ...]
 """Some rows of each."""
 
 
-class JointError:
-    """The errors of independent kinds of data, whose densities multiply.
+class ModelError:
+    """What a model errs by, learned from the data: of every kind an error of its own.
+
+    The kinds are independent: their densities multiply.
+
+        >>> import femupdate, torch
+        >>> from femupdate.inference.model_error import LearnedError
+        >>> frequency_hz = torch.linspace(1.0, 10.0, 50).double()
+        >>> weight = torch.full((3, 50), 1 / 0.05**2).double()  # noise of .05 in ln|H|, 3 floors
+        >>> error = femupdate.ModelError([LearnedError(weight, frequency_hz)], [150])
+        >>> off = torch.full((1, 150), 4.0).double()  # by .2 everywhere, four times the noise
+        >>> of_noise_alone = -0.5 * off.square().sum()
+        >>> bool(error.log_density(off) > 0.1 * of_noise_alone)
+        True
 
     Args:
-        parts: the error of each.
+        parts: the error of each kind.
         sizes: number of residuals of each.
     """
 
@@ -63,25 +75,25 @@ class JointError:
         """Log density (n,) of residuals (n, m), summed over the tables."""
         return summed(self.log_densities(residuals))
 
-    def kept(self, rows: Rows) -> "JointError":
+    def kept(self, rows: Rows) -> "ModelError":
         """With some rows of the tables alone."""
         fewer = [part.kept(own) for part, own in zip(self.parts, rows, strict=True)]
-        return JointError(fewer, self._sizes)
+        return ModelError(fewer, self._sizes)
 
-    def finer(self, row: Row) -> "JointError":
+    def finer(self, row: Row) -> "ModelError":
         """With finer tables about a row."""
         finer = [part.finer(at) for part, at in zip(self.parts, row, strict=True)]
-        return JointError(finer, self._sizes)
+        return ModelError(finer, self._sizes)
 
-    def with_known_of(self, other: "JointError") -> "JointError":
+    def with_known_of(self, other: "ModelError") -> "ModelError":
         """With the errors that another of the same data knows beforehand."""
         both = zip(self.parts, other.parts, strict=True)
-        return JointError([one.with_known_of(own) for one, own in both], self._sizes)
+        return ModelError([one.with_known_of(own) for one, own in both], self._sizes)
 
-    def with_rows_of(self, other: "JointError") -> "JointError":
+    def with_rows_of(self, other: "ModelError") -> "ModelError":
         """With the rows of the tables of another of the same data."""
         both = zip(self.parts, other.parts, strict=True)
-        return JointError([one.with_rows_of(own) for one, own in both], self._sizes)
+        return ModelError([one.with_rows_of(own) for one, own in both], self._sizes)
 
     def counting(self, densities: Sequence[Tensor]) -> Rows:
         """Rows that count at one at least of some points, from log densities (n, g)."""
@@ -107,10 +119,10 @@ class JointError:
             part.forget()
 
 
-def joint_error(data: Sequence[Data], known: Sequence[Tensor | None] = ()) -> JointError:
+def joint_error(data: Sequence[Data], known: Sequence[Tensor | None] = ()) -> ModelError:
     """What a model may err by in data, beside errors (c, n) of each that are known beforehand."""
     both = zip(data, known or [None] * len(data), strict=True)
-    return JointError([one.error(own) for one, own in both], [one.residuals for one in data])
+    return ModelError([one.error(own) for one, own in both], [one.residuals for one in data])
 
 
 def summed(densities: Sequence[Tensor]) -> Tensor:
@@ -118,4 +130,4 @@ def summed(densities: Sequence[Tensor]) -> Tensor:
     return torch.stack([torch.logsumexp(own, dim=-1) for own in densities]).sum(dim=0)
 
 
-__all__ = ["JointError", "Row", "Rows", "joint_error", "summed"]
+__all__ = ["ModelError", "Row", "Rows", "joint_error", "summed"]

@@ -13,7 +13,7 @@ from femupdate.dynamics.system import System
 from femupdate.effects.effect import Effect, Placed
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
-from femupdate.inference.joint_error import JointError, Row, Rows, joint_error
+from femupdate.inference.joint_error import ModelError, Row, Rows, joint_error
 from femupdate.inference.parameters import Parameters, Values, effect_parameters
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, torch_generator
@@ -61,7 +61,7 @@ class Likelihood:
     data: tuple[Data, ...]
     system: System
     prior: Parameters
-    error: JointError
+    error: ModelError
     row: Row
     constant: float = 0.0
     within: ReducedStructure | None = None

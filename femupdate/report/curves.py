@@ -19,7 +19,7 @@ _ALONE = "of the parameters alone"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Band:
+class CurveBand:
     """A band about a curve.
 
     Attributes:
@@ -54,7 +54,7 @@ class Curve:
     x: Floats
     mean: Floats
     name: str = PREDICTED
-    bands: tuple[Band, ...] = ()
+    bands: tuple[CurveBand, ...] = ()
     measured: Floats | None = None
     noise: Floats | None = None
     used: Flags | None = None
@@ -197,5 +197,5 @@ def _twice(name: str, mean: Floats, sd: Floats) -> Edges:
     return name, mean - 2.0 * sd, mean + 2.0 * sd
 
 
-def _bands(edges: Sequence[Edges], row: int) -> tuple[Band, ...]:
-    return tuple(Band(name=name, low=low[row], high=high[row]) for name, low, high in edges)
+def _bands(edges: Sequence[Edges], row: int) -> tuple[CurveBand, ...]:
+    return tuple(CurveBand(name=name, low=low[row], high=high[row]) for name, low, high in edges)

@@ -25,7 +25,7 @@ from femupdate.study import Study, write_text
 from femupdate.tables import Column, Table
 from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.prediction_quantities import Quantity, floor_table, tidy_table
+from femupdate.workflow.prediction_quantities import DrawnQuantity, floor_table, tidy_table
 from femupdate.workflow.summary import (
     SUMMARY,
     identifiability_record,
@@ -147,7 +147,9 @@ class CalibrationReport(Result):
         if None not in known:
             values = 1e-6 * factors * np.array(known, dtype=float)
             places = tuple(building.story_names)
-            yield tidy_table("story_stiffness", [Quantity("stiffness", "kN/mm", places, values)])
+            yield tidy_table(
+                "story_stiffness", [DrawnQuantity("stiffness", "kN/mm", places, values)]
+            )
 
     def _responses(self) -> Table:
         """|H| of every floor and frequency, blank where none was measured."""

@@ -17,7 +17,12 @@ from femupdate.report.page_charts import (
 )
 from femupdate.tables import Table
 from femupdate.workflow.page_parts import PageStudy
-from femupdate.workflow.prediction_quantities import PEAKS, Quantity, quantities, quantity_tables
+from femupdate.workflow.prediction_quantities import (
+    PEAKS,
+    DrawnQuantity,
+    quantities,
+    quantity_tables,
+)
 
 
 def prediction_section(page: PageStudy) -> Section:
@@ -53,14 +58,14 @@ def prediction_section(page: PageStudy) -> Section:
     return Section("prediction", title, tuple(blocks))
 
 
-def predicted_quantities(page: PageStudy) -> dict[str, Quantity]:
+def predicted_quantities(page: PageStudy) -> dict[str, DrawnQuantity]:
     """What was predicted; empty where nothing was."""
     if page.prediction is None:
         return {}
     return _quantities(page, page.prediction["predictions"].to_dataset())
 
 
-def _quantities(page: PageStudy, predictions: Any) -> dict[str, Quantity]:
+def _quantities(page: PageStudy, predictions: Any) -> dict[str, DrawnQuantity]:
     peaks = [predictions[name].values for name in PEAKS]
     floors = [str(name) for name in predictions["floor"].values]
     mass = float(page.model.reduced.story_mass[0])
@@ -115,7 +120,7 @@ def _spectra(predictions: Any) -> tuple[Chart, ...]:
     return (Chart(name="floor_spectra", caption="Floor response spectra", panels=panels),)
 
 
-def _profiles(found: dict[str, Quantity]) -> Chart:
+def _profiles(found: dict[str, DrawnQuantity]) -> Chart:
     keys = [key for key in ("acceleration", "ratio", "drift", "shear") if key in found]
     panels = tuple((found[key].name, _profile(found[key])) for key in keys)
     most = max(len(found[key].places) for key in keys)
@@ -128,7 +133,7 @@ def _profiles(found: dict[str, Quantity]) -> Chart:
     )
 
 
-def _profile(one: Quantity) -> Figure:
+def _profile(one: DrawnQuantity) -> Figure:
     return interval_figure(one.places, [Interval.of(one.values)], one.heading)
 
 
@@ -140,6 +145,6 @@ def _others(predictions: Any) -> list[Table]:
             continue
         places = tuple(str(place) for place in values[values.dims[1]].values)
         words = str(name).replace("_", " ")
-        one = Quantity(words, str(values.attrs.get("units", "")), places, values.values)
+        one = DrawnQuantity(words, str(values.attrs.get("units", "")), places, values.values)
         tables += quantity_tables([one])
     return tables

@@ -8,7 +8,7 @@ from femupdate.report.scale import interval_text
 from femupdate.study import as_written
 from femupdate.workflow.page_parts import PageStudy, bad_items, posterior_notes, read_json, searched
 from femupdate.workflow.page_prediction import predicted_quantities
-from femupdate.workflow.prediction_quantities import Quantity
+from femupdate.workflow.prediction_quantities import DrawnQuantity
 from femupdate.workflow.summary import effect_parameter
 
 _WARNS = ("is missing", "too small", "too narrow", "unlike", "misses", "not enough", "beyond")
@@ -111,7 +111,7 @@ def _prediction(page: PageStudy) -> tuple[str, ...]:
     return (f"Under {name}{scaled}: {'; '.join(parts)}.",)
 
 
-def _largest(one: Quantity) -> str:
+def _largest(one: DrawnQuantity) -> str:
     own = one.statistics
     k = int(own.mean.argmax())
     values = (float(part[k]) for part in (own.mean, own.sd, own.q05, own.q95))

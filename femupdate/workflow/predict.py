@@ -55,7 +55,7 @@ from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSourc
 from femupdate.workflow.prediction_quantities import (
     ALONE,
     PEAKS,
-    Quantity,
+    DrawnQuantity,
     floor_table,
     force_scales,
     in_unit,
@@ -102,7 +102,7 @@ class Prediction(Result):
     damping: str
     notes: tuple[str, ...]
     seconds: float
-    quantities: Mapping[str, Quantity]
+    quantities: Mapping[str, DrawnQuantity]
     motion: GroundMotion
     measured: Floats | None = None
     floor_spectra: FloorSpectra | None = None
@@ -348,7 +348,7 @@ def _histories(
     return batches, (*told, changing_note(level is not None))
 
 
-def _quantities(model: StudyModel, summary: HistorySummary) -> Mapping[str, Quantity]:
+def _quantities(model: StudyModel, summary: HistorySummary) -> Mapping[str, DrawnQuantity]:
     peaks = [getattr(summary, name) for name in PEAKS]
     return quantities(model.building, summary.floors, peaks, float(model.reduced.story_mass[0]))
 

@@ -21,7 +21,7 @@ _BENCH_TOP = 100.0  # N; the largest shear of models that weigh some kilograms
 
 
 @dataclass(frozen=True, eq=False)
-class Quantity:
+class DrawnQuantity:
     """One quantity at several places of a building.
 
     Attributes:
@@ -60,9 +60,9 @@ class Quantity:
         return tuple(interval_text(*(float(value) for value in row)) for row in rows)
 
 
-def quantity_tables(found: Iterable[Quantity]) -> list[Table]:
+def quantity_tables(found: Iterable[DrawnQuantity]) -> list[Table]:
     """Tables of quantities at the same places: of the floors, of the stories, of the base."""
-    groups: dict[tuple[str, ...], list[Quantity]] = {}
+    groups: dict[tuple[str, ...], list[DrawnQuantity]] = {}
     for one in found:
         groups.setdefault(one.places, []).append(one)
     return [
@@ -78,7 +78,7 @@ def quantity_tables(found: Iterable[Quantity]) -> list[Table]:
 
 
 def tidy_table(
-    name: str, found: Iterable[Quantity], members: Sequence[MemberForces] = (), key: str = ""
+    name: str, found: Iterable[DrawnQuantity], members: Sequence[MemberForces] = (), key: str = ""
 ) -> Table:
     """Quantities and forces of members, one figure at one place a row.
 
@@ -130,7 +130,7 @@ PEAKS = ("peak_acceleration", "peak_shear", "peak_drift", "story_stiffness")
 
 def quantities(
     building: Building, floors: Sequence[str], peaks: Sequence[Floats], mass: float
-) -> Mapping[str, Quantity]:
+) -> Mapping[str, DrawnQuantity]:
     """Return everything worth a table, by key.
 
     Args:
@@ -141,23 +141,25 @@ def quantities(
     acceleration, shear, drift, stiffness = peaks
     base = shear[:, :1]
     found = {
-        "acceleration": Quantity("peak acceleration", "m/s²", tuple(floors), acceleration),
-        "drift": Quantity("peak drift", "mm", stories, 1e3 * drift),
+        "acceleration": DrawnQuantity("peak acceleration", "m/s²", tuple(floors), acceleration),
+        "drift": DrawnQuantity("peak drift", "mm", stories, 1e3 * drift),
     }
     heights = heights_of(building)
     if heights is not None:
         ratio = 100.0 * drift / heights
-        found["ratio"] = Quantity("drift ratio", "%", stories, ratio)
+        found["ratio"] = DrawnQuantity("drift ratio", "%", stories, ratio)
     # Figures of a bench-top model would vanish in the units of a building.
     force = "N" if shear.max() < _BENCH_TOP else "kN"
     newton = 1.0 if force == "N" else 1e-3
-    found["shear"] = Quantity("peak shear", force, stories, newton * shear)
-    found["base"] = Quantity("peak base shear", force, ("base",), newton * base)
+    found["shear"] = DrawnQuantity("peak shear", force, stories, newton * shear)
+    found["base"] = DrawnQuantity("peak base shear", force, ("base",), newton * base)
     weight = mass * STANDARD_GRAVITY
-    found["coefficient"] = Quantity(
+    found["coefficient"] = DrawnQuantity(
         "peak base shear over weight", "%", ("base",), 100.0 * base / weight
     )
-    found["stiffness"] = Quantity("stiffness", f"{force}/mm", stories, 1e-3 * newton * stiffness)
+    found["stiffness"] = DrawnQuantity(
+        "stiffness", f"{force}/mm", stories, 1e-3 * newton * stiffness
+    )
     return found
 
 

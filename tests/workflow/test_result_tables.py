@@ -9,14 +9,14 @@ from click.testing import CliRunner
 from femupdate.cli.main import group
 
 from femupdate.building import factor_titles, load_building
-from femupdate.dynamics.members import Member, MemberForces
+from femupdate.dynamics.members import CutMember, MemberForces
 from femupdate.dynamics.summary import Statistics
 from femupdate.inference.posterior import load_posterior
 from femupdate.report.scale import interval_text
 from femupdate.result import Result
 from femupdate.workflow.predict import force_curves
 from femupdate.workflow.prediction_quantities import (
-    Quantity,
+    DrawnQuantity,
     force_scales,
     member_tables,
     quantities,
@@ -109,8 +109,8 @@ def test_floor_spectra_have_a_row_for_every_oscillator(folder):
 @pytest.fixture
 def members():
     """A wall and a beam whose forces are known."""
-    wall = Member("wall", "X2:S1", np.zeros((2, 3)), ("N", "V", "M"), 0)
-    beam = Member("beam", "(1, 0, 2.7) to (1.2, 0, 2.7) m", np.zeros((2, 3)), ("N_start",), 0)
+    wall = CutMember("wall", "X2:S1", np.zeros((2, 3)), ("N", "V", "M"), 0)
+    beam = CutMember("beam", "(1, 0, 2.7) to (1.2, 0, 2.7) m", np.zeros((2, 3)), ("N_start",), 0)
     found = []
     for member, size in ((wall, [5514.0, 32320.0, 40940.0]), (beam, [80.69])):
         mean = np.array(size)
@@ -186,6 +186,6 @@ def test_figures_follow_their_spread():
     assert interval_text(1.23456, 0.0123, 1.21, 1.2512) == "1.235 [1.210, 1.251]"
     assert interval_text(1234.5, 10.0, 1220.0, 1250.0) == "1234 [1220, 1250]"
     assert interval_text(0.0, 0.0, 0.0, 0.0) == "0.000 [0.000, 0.000]"
-    one = Quantity("drift", "mm", ("S1",), np.array([[1.0], [2.0]]))
+    one = DrawnQuantity("drift", "mm", ("S1",), np.array([[1.0], [2.0]]))
     (told,) = quantity_tables([one])
     assert told.text().splitlines()[0].split() == ["drift,", "mm"]
