@@ -11,7 +11,7 @@ from femupdate.arrays import Flags, Floats, Integers, Strings
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.lattice import ExtraLines, Lattice, quadrilaterals, strips
-from femupdate.building.members import BeamLines, ColumnGroup, Material, Wall
+from femupdate.building.members import BeamLines, Material, Wall
 from femupdate.building.references import (
     Stretch,
     beam_stretches,
@@ -84,26 +84,24 @@ def joined(blocks: Sequence[ElementBlock], used: Integers) -> tuple[Elements, ..
         blocks: whose elements have fields for what the blocks hold, or do without it.
         used: points of the lattice, or nodes of the read mesh, that are the model's nodes.
     """
-    return tuple(_joined(kind, alike, used) for kind, alike in by_element(blocks).items())
-
-
-def _joined(kind: type[Elements], blocks: Sequence[ElementBlock], used: Integers) -> Elements:
-    nodes = np.searchsorted(used, np.concatenate([block.nodes for block in blocks]))
-    known = [block.values() for block in blocks]
-    filled: dict[str, Any] = {"nodes": nodes}
-    for name in {item.name for item in fields(kind)} - {"nodes"}:
-        columns = [values.get(name) for values in known]
-        given = [np.asarray(value) for value in columns if value is not None]
-        if given:
-            shape = _SHAPES.get(name, ())
-            nothing = np.zeros(shape, dtype=given[0].dtype)
-            filled[name] = np.concatenate(
-                [
+    made = []
+    for kind, alike in by_element(blocks).items():
+        nodes = np.searchsorted(used, np.concatenate([block.nodes for block in alike]))
+        known = [block.values() for block in alike]
+        filled: dict[str, Any] = {"nodes": nodes}
+        for name in {item.name for item in fields(kind)} - {"nodes"}:
+            columns = [values.get(name) for values in known]
+            given = [np.asarray(value) for value in columns if value is not None]
+            if given:
+                shape = _SHAPES.get(name, ())
+                nothing = np.zeros(shape, dtype=given[0].dtype)
+                parts = [
                     np.broadcast_to(nothing if value is None else value, (len(block.nodes), *shape))
-                    for value, block in zip(columns, blocks, strict=True)
+                    for value, block in zip(columns, alike, strict=True)
                 ]
-            )
-    return kind(**filled)
+                filled[name] = np.concatenate(parts)
+        made.append(kind(**filled))
+    return tuple(made)
 
 
 # Which way a section's depth points: z is vertical in a beam; in a column z is the global y.
@@ -123,7 +121,11 @@ def column_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Element
         key = f"columns[{number}]"
         section = building.sections[columns.section]
         stories = resolve(columns.stories, building.story_names, "story", f"{key}.stories")
-        for ix, iy in _places(building, lattice, columns, key):
+        places = [(lattice.x.near(x), lattice.y.near(y)) for x, y in columns.points]
+        if not places:
+            points = intersections(building.grid, columns.at, f"{key}.at")
+            places = [(lattice.x.at[point.x], lattice.y.at[point.y]) for point in points]
+        for ix, iy in places:
             for group in map(building.story_names.index, stories):
                 nodes = strips(lattice.crossings(ix, iy, lattice.story(group)))
                 offset = None
@@ -140,16 +142,6 @@ def column_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Element
                     up=_COLUMN_UP,
                     offset=offset,
                 )
-
-
-def _places(
-    building: FrameBuilding, lattice: Lattice, columns: ColumnGroup, key: str
-) -> list[tuple[int, int]]:
-    """Return the mesh lines in x and y at which columns stand."""
-    if columns.points:
-        return [(lattice.x.near(x), lattice.y.near(y)) for x, y in columns.points]
-    points = intersections(building.grid, columns.at, f"{key}.at")
-    return [(lattice.x.at[point.x], lattice.y.at[point.y]) for point in points]
 
 
 def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
@@ -195,6 +187,10 @@ def brace_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementB
                 diagonals = {"up": (low_end, high_start), "down": (high_end, low_start)}
             chosen = diagonals if braces.shape == "cross" else (braces.shape,)
             nodes = np.array([diagonals[leaning] for leaning in chosen], dtype=np.int64)
+            released = None
+            if braces.ends == "pinned":  # neither end passes bending moments on
+                released = np.zeros((len(nodes), 12), dtype=np.bool_)
+                released[:, [4, 5, 10, 11]] = True
             yield ElementBlock(
                 key=key,
                 element=Beams,
@@ -204,15 +200,8 @@ def brace_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementB
                 section=section.figures(),
                 material=building.material(section.material),
                 up=_BEAM_UP,
-                released=_pins(len(nodes)) if braces.ends == "pinned" else None,
+                released=released,
             )
-
-
-def _pins(count: int) -> Flags:
-    """Return that neither end of an element passes bending moments on, (count, 12)."""
-    released = np.zeros((count, 12), dtype=np.bool_)
-    released[:, [4, 5, 10, 11]] = True
-    return released
 
 
 def _touched(lattice: Lattice, beams: BeamLines, run: Stretch, points: Integers) -> Integers:
@@ -369,7 +358,11 @@ def dead_walls(building: FrameBuilding, lattice: Lattice) -> Iterator[DeadWall]:
         widths = np.diff(lattice.coordinates(sheet[:, 0])[:, part.run.axis])
         tributary = (np.append(widths, 0.0) + np.append(0.0, widths)) / 2.0
         area_density = building.material(part.wall.material).density * part.wall.thickness
-        height = building.stories[part.group].height * _closed_share(part, lattice, sheet)
+        nodes = quadrilaterals(sheet)
+        corners = lattice.coordinates(nodes.ravel()).reshape(-1, 4, 3)
+        area = np.ptp(corners[:, :, part.run.axis], axis=1) * np.ptp(corners[:, :, 2], axis=1)
+        closed = float(area[~part.is_open(lattice, nodes)].sum() / area.sum())
+        height = building.stories[part.group].height * closed
         yield DeadWall(
             key=part.key,
             group=part.group,
@@ -377,14 +370,6 @@ def dead_walls(building: FrameBuilding, lattice: Lattice) -> Iterator[DeadWall]:
             below=sheet[:0, 0] if part.group == 0 else sheet[:, 0],
             share=area_density * height * tributary / 2.0,
         )
-
-
-def _closed_share(part: _WallStory, lattice: Lattice, sheet: Integers) -> float:
-    """Return how much of a wall's area no opening takes."""
-    nodes = quadrilaterals(sheet)
-    corners = lattice.coordinates(nodes.ravel()).reshape(-1, 4, 3)
-    area = np.ptp(corners[:, :, part.run.axis], axis=1) * np.ptp(corners[:, :, 2], axis=1)
-    return float(area[~part.is_open(lattice, nodes)].sum() / area.sum())
 
 
 def slab_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:

@@ -44,33 +44,6 @@ def _tributary(model: FiniteElementModel, group: int) -> Floats:
     return area
 
 
-def _rest(building: Massive, weights: Floats, key: str, total: float, floor: str) -> float:
-    weight = weights[building.floors.index(floor)]
-    rest = total - weight
-    if rest < -_ROUNDING * total:
-        text = (
-            f"{floor} weighs {weight / 1e3:.4g} t by itself (its slab and beams, and the columns "
-            f"and walls below it), more than the {total / 1e3:.4g} t in all; raise the total"
-        )
-        raise Complaint(f"{key}.total", text)
-    return max(rest, 0.0)
-
-
-def _floor_rest(building: Massive, model: FiniteElementModel, weights: Floats) -> Floats:
-    """Return what the floor masses leave after the self weight, spread over the slabs, (N,) kg."""
-    spread = np.zeros(len(model.nodes))
-    for number, mass in enumerate(building.floor_mass):
-        key = f"floor_mass[{number}]"
-        for floor in resolve(mass.floors, building.floors, "floor", f"{key}.floors"):
-            rest = _rest(building, weights, key, mass.total, floor)
-            area = _tributary(model, building.floors.index(floor))
-            if rest > _ROUNDING * mass.total and not area.any():
-                text = f"{floor} has no slab to carry its mass; add one, or remove the floor mass"
-                raise Complaint(f"{key}.floors", text)
-            spread += rest * area / (area.sum() or 1.0)
-    return spread
-
-
 def place_masses(
     building: Massive, model: FiniteElementModel, dead: Sequence[DeadWall]
 ) -> PointMasses:
@@ -83,7 +56,24 @@ def place_masses(
     Raises:
         Complaint: a floor lighter than its self weight, or one without a slab.
     """
-    at_node = _floor_rest(building, model, self_mass(model, dead))
+    weights, at_node = self_mass(model, dead), np.zeros(len(model.nodes))
+    for number, mass in enumerate(building.floor_mass):
+        key = f"floor_mass[{number}]"
+        for floor in resolve(mass.floors, building.floors, "floor", f"{key}.floors"):
+            group = building.floors.index(floor)
+            rest = mass.total - weights[group]
+            if rest < -_ROUNDING * mass.total:
+                text = (
+                    f"{floor} weighs {weights[group] / 1e3:.4g} t by itself (its slab and beams, "
+                    "and the columns and walls below it), more than the "
+                    f"{mass.total / 1e3:.4g} t in all; raise the total"
+                )
+                raise Complaint(f"{key}.total", text)
+            area = _tributary(model, group)
+            if rest > _ROUNDING * mass.total and not area.any():
+                text = f"{floor} has no slab to carry its mass; add one, or remove the floor mass"
+                raise Complaint(f"{key}.floors", text)
+            at_node += max(rest, 0.0) * area / (area.sum() or 1.0)
     for wall in dead:
         np.add.at(at_node, wall.above, wall.share)
         if len(wall.below):

@@ -1,6 +1,6 @@
 """What building files of every kind hold, validated (SI inside)."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -248,24 +248,20 @@ class Building(Entry):
 
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
-        _check_story_names(self.story_names)
+        seen: list[str] = []
+        for number, name in enumerate(self.story_names):
+            if name in seen:
+                text = f"{name!r} is the name of stories[{seen.index(name)}] already; rename one"
+                raise Complaint(f"stories[{number}].name", text)
+            seen.append(name)
+        if not seen:
+            raise Complaint("stories", "the building has no story; add a [[stories]] table")
         for name in self.prior.stories:
             if name not in self.story_names:
                 raise Complaint(f"prior.stories.{name}", unknown("story", name, self.story_names))
         if self.prior.zeta is not None and self.damping.is_rayleigh:
             text = "Rayleigh damping is fixed by its anchors; remove the prior, or use constant"
             raise Complaint("prior.zeta", f"{text} damping")
-
-
-def _check_story_names(names: Iterable[str]) -> None:
-    seen: list[str] = []
-    for number, name in enumerate(names):
-        if name in seen:
-            text = f"{name!r} is the name of stories[{seen.index(name)}] already; rename one"
-            raise Complaint(f"stories[{number}].name", text)
-        seen.append(name)
-    if not seen:
-        raise Complaint("stories", "the building has no story; add a [[stories]] table")
 
 
 class MeshedBuilding(Building):

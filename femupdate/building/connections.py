@@ -9,7 +9,7 @@ from femupdate.arrays import Flags, Integers
 from femupdate.building.lattice import ExtraLines
 from femupdate.building.members import Supports
 from femupdate.building.mesh_check import piece_of
-from femupdate.fe.joints import EdgeJoint, edge_joints, joint_links
+from femupdate.fe.joints import edge_joints, joint_links
 from femupdate.fe.model import CONSTANT, DOF_PER_NODE, FiniteElementModel, RigidLinks, Springs
 
 # What slides or is free is held by its base, which `dynamics.released` lets move.
@@ -34,8 +34,12 @@ def connected(
     footing = RigidLinks()
     if supports.base == "springs":
         model, footing = _on_springs(model, base, supports)
-    joints = _away_from(edge_joints(model), base)
-    ties = joint_links(model, joints)
+    joints = []
+    for joint in edge_joints(model):
+        if joint.node not in base:  # the base's nodes are left to its support
+            keep = ~np.isin(joint.edge, base)
+            joints.append(replace(joint, edge=joint.edge[keep], position=joint.position[keep]))
+    ties = joint_links(model, tuple(joints))
     plan = _diaphragms(model, diaphragms, ties.slave)
     # On a diaphragm the slaves of a joint follow in plan already, with the same motion.
     tied = ties.tied & ~(np.isin(ties.slave, plan.slave)[:, None] & _IN_PLAN)
@@ -76,16 +80,6 @@ def _on_springs(
     nodes = np.concatenate([model.nodes, middle[None]])
     fixed = np.concatenate([model.fixed, held])
     return replace(model, nodes=nodes, fixed=fixed, springs=springs), links
-
-
-def _away_from(joints: Sequence[EdgeJoint], base: Integers) -> tuple[EdgeJoint, ...]:
-    """Leave the base's nodes to its support."""
-    kept = (~np.isin(joint.edge, base) for joint in joints)
-    return tuple(
-        replace(joint, edge=joint.edge[keep], position=joint.position[keep])
-        for joint, keep in zip(joints, kept, strict=True)
-        if joint.node not in base
-    )
 
 
 def _diaphragms(

@@ -59,20 +59,6 @@ def dotted(parts: Iterable[str | int]) -> str:
     return path
 
 
-def _present(document: Any, parts: tuple[str | int, ...], *, keep_last: bool) -> list[str | int]:
-    """Drop the tags of unions, which pydantic adds to a path but no file contains."""
-    path: list[str | int] = []
-    for number, part in enumerate(parts):
-        last = number == len(parts) - 1
-        try:
-            document = document[part]
-        except (KeyError, IndexError, TypeError):
-            if not (last and keep_last):
-                continue
-        path.append(part)
-    return path
-
-
 _PLAIN = {
     "missing": "the key is missing; add it",
     "tuple_type": "must be a list",
@@ -110,7 +96,16 @@ def as_building_error(error: ValidationError, document: Any, where: str) -> Buil
     """Return the first complaint of pydantic as one sentence with file, key and mend."""
     problem = error.errors(include_url=False)[0]
     below, sentence = _sentence(problem)
-    path = _present(document, problem["loc"], keep_last=problem["type"] == "missing")
+    # A path of pydantic names the tags of unions as well, which no file contains.
+    path: list[str | int] = []
+    missing = len(problem["loc"]) - 1 if problem["type"] == "missing" else -1
+    for number, part in enumerate(problem["loc"]):
+        try:
+            document = document[part]
+        except (KeyError, IndexError, TypeError):
+            if number != missing:
+                continue
+        path.append(part)
     key = dotted([*path, below] if below else path)
     others = error.error_count() - 1
     more = f" ({others} more to mend in this file)" if others else ""

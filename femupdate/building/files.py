@@ -26,21 +26,6 @@ from femupdate.storage import atomic_path, toml_content
 _log = logging.getLogger(__name__)
 
 
-def _parse(text: str, where: str) -> dict[str, Any]:
-    try:
-        return toml_content(text)
-    except ValueError as error:
-        raise BuildingError(f"{where}: {error}") from None
-
-
-def _check_mesh(building: Building, where: str) -> None:
-    if isinstance(building, FrameBuilding | MeshBuilding):
-        try:
-            check_mesh(building)
-        except BuildingError as error:
-            raise BuildingError(f"{where}: {error}") from None
-
-
 def load_building(path_or_name: str | Path) -> Building:
     """Return the building of a file, or a shipped one by its name.
 
@@ -52,7 +37,10 @@ def load_building(path_or_name: str | Path) -> Building:
             file, the key and the mend.
     """
     where, text = building_text(path_or_name)
-    document = _parse(text, where)
+    try:
+        document = toml_content(text)
+    except ValueError as error:
+        raise BuildingError(f"{where}: {error}") from None
     try:
         building = from_document(document, where, from_file=True)
     except RecursionError:
@@ -63,7 +51,11 @@ def load_building(path_or_name: str | Path) -> Building:
     building.__dict__["source"] = text  # what a cached property of it would be
     if isinstance(building, MeshBuilding):
         building = _with_mesh_file(building, Path(where).expanduser().parent / building.mesh.file)
-    _check_mesh(building, where)
+    if isinstance(building, FrameBuilding | MeshBuilding):
+        try:
+            check_mesh(building)
+        except BuildingError as error:
+            raise BuildingError(f"{where}: {error}") from None
     for doubt in building.doubts():
         _warn_once(f"{where}: {doubt}")
     _log.info("loaded the building %s from %s", building.name, where)
@@ -81,29 +73,24 @@ def _with_mesh_file(building: MeshBuilding, file: Path) -> MeshBuilding:
     )
 
 
-def _with_mesh_beside(building: MeshBuilding, target: Path) -> MeshBuilding:
-    """Copy the mesh beside the building file, so that the two can be moved together."""
-    source = Path(building.mesh.file).expanduser()
-    copy = target.with_name(f"{target.stem}_mesh{source.suffix}")
-    if not (copy.exists() and source.exists() and copy.samefile(source)):
-        with atomic_path(copy, BuildingError) as temporary:
-            shutil.copyfile(source, temporary)
-    return _with_mesh_file(building, Path(copy.name))
-
-
 def save_building(building: Building, path: str | Path) -> Path:
     """Write the building as TOML that loads back equal, and return the path.
 
     The file appears whole or not at all. Of a building that was read from a file, or that changes
     one, the text stays with all its comments but for what has changed. The mesh of a building of
-    kind "mesh" is copied beside it.
+    kind "mesh" is copied beside it, so that the two can be moved together.
 
     Raises:
         BuildingError: the file cannot be written.
     """
     target = Path(path).expanduser()
     if isinstance(building, MeshBuilding):
-        building = _with_mesh_beside(building, target)
+        source = Path(building.mesh.file).expanduser()
+        copy = target.with_name(f"{target.stem}_mesh{source.suffix}")
+        if not (copy.exists() and source.exists() and copy.samefile(source)):
+            with atomic_path(copy, BuildingError) as temporary:
+                shutil.copyfile(source, temporary)
+        building = _with_mesh_file(building, Path(copy.name))
     text = to_toml(building)
     with atomic_path(target, BuildingError) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")

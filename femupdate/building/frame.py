@@ -52,23 +52,31 @@ class FrameBuilding(MeshedBuilding):
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
         super().check()
-        _check_grid(self.grid)
+        _check_lines(self.grid.x, "grid.x")
+        _check_lines(self.grid.y, "grid.y")
+        for name in self.grid.x:
+            if name in self.grid.y:
+                raise Complaint(f"grid.x.{name}", "a line of grid.y has the same name; rename one")
         _check_members(self)
         _check_columns(self)
         _check_stretches(self)
-        _check_sensors(self)
-        _check_standing(self)
+        for floor in self.sensors.floors:
+            require(floor, self.floors, "floor", f"sensors.floors.{floor}")
+        intersections(self.grid, self.sensors.points, "sensors.points")
+        for floor in self.sensors.floors:
+            key, points = self.sensors.of(floor)
+            intersections(self.grid, points, key)
+        named = [columns.stories for columns in self.columns]
+        named += [wall.stories for wall in self.walls if wall.is_stiff]
+        stories = self.story_names
+        held = {story for names in named for story in resolve(names, stories, "story", "stories")}
+        for number, story in enumerate(stories):
+            if story not in held:
+                text = f"no column or wall with stiffness stands in story {story!r}; add one"
+                raise Complaint(f"stories[{number}]", text)
         if self.by_kind and self.effects:
             text = "effects need one factor a story; remove [parameters], or the effects"
             raise Complaint("effects", text)
-
-
-def _check_grid(grid: Grid) -> None:
-    _check_lines(grid.x, "grid.x")
-    _check_lines(grid.y, "grid.y")
-    for name in grid.x:
-        if name in grid.y:
-            raise Complaint(f"grid.x.{name}", "a line of grid.y has the same name; rename one")
 
 
 def _check_lines(lines: Mapping[str, float], key: str) -> None:
@@ -146,23 +154,3 @@ def _check_opening(building: FrameBuilding, wall: Wall, opening: Opening, key: s
         if opening.bottom + opening.height > height + CLOSEST_LINES:
             text = f"the opening ends {opening.bottom + opening.height:g} m above the floor, story"
             raise Complaint(f"{key}.height", f"{text} {story} at {height:g} m; make it lower")
-
-
-def _check_sensors(building: FrameBuilding) -> None:
-    for floor in building.sensors.floors:
-        require(floor, building.floors, "floor", f"sensors.floors.{floor}")
-    intersections(building.grid, building.sensors.points, "sensors.points")
-    for floor in building.sensors.floors:
-        key, points = building.sensors.of(floor)
-        intersections(building.grid, points, key)
-
-
-def _check_standing(building: FrameBuilding) -> None:
-    stories = building.story_names
-    named = [columns.stories for columns in building.columns]
-    named += [wall.stories for wall in building.walls if wall.is_stiff]
-    held = {story for names in named for story in resolve(names, stories, "story", "stories")}
-    for number, story in enumerate(stories):
-        if story not in held:
-            text = f"no column or wall with stiffness stands in story {story!r}; add one"
-            raise Complaint(f"stories[{number}]", text)

@@ -1,14 +1,13 @@
 """Meshes a frame building: nodes, shells, bars, masses, supports, and where the floors are."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from femupdate.arrays import Integers
 from femupdate.building.blocks import (
-    DeadWall,
     ElementBlock,
     beam_blocks,
     brace_blocks,
@@ -87,23 +86,41 @@ def _parts_on(building: FrameBuilding, lattice: Lattice) -> _Parts:
 
 def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
     parts = _parts_on(building, lattice)
-    used, dead = parts.used, list(dead_walls(building, lattice))
+    model, used = parts.model, parts.used
     base = np.flatnonzero(lattice.level(used) == 0)
-    _refuse_floating(parts.model, base)
+    pieces = loose_pieces(len(used), [part.nodes for part in model.elements], base)
+    if pieces:
+        where = place(model.nodes[np.concatenate(pieces).min()])
+        raise Complaint(
+            "columns",
+            f"nothing connects what is at {where} to the base; add a column, wall, beam or slab "
+            "that does",
+        )
     _refuse_loose_columns(building, parts)
     _refuse_loose_braces(parts, lattice)
+    floor_nodes = _floor_nodes(building, lattice, used)
+    dead = []
+    for wall in dead_walls(building, lattice):
+        for side, crossings in (("above", wall.above), ("below", wall.below)):
+            missing = crossings[~np.isin(crossings, used)]
+            if len(missing):
+                where = place(lattice.coordinates(missing[:1])[0])
+                text = f"nothing at {where}, {side} the wall, carries its weight"
+                raise Complaint(wall.key, f"{text}; put a beam or a slab along it")
+        above, below = np.searchsorted(used, wall.above), np.searchsorted(used, wall.below)
+        dead.append(replace(wall, above=above, below=below))
     rigid = {f"slabs[{n}]" for n, slab in enumerate(building.slabs) if slab.diaphragm == "rigid"}
     return finished(
         building,
-        parts.model,
+        model,
         base,
-        _floor_nodes(building, lattice, used),
+        floor_nodes,
         diaphragms=[
             np.searchsorted(used, np.unique(block.nodes))
             for block in parts.blocks
             if block.key in rigid
         ],
-        dead=list(_on_nodes(dead, used, lattice)),
+        dead=dead,
     )
 
 
@@ -116,18 +133,6 @@ def _refuse_doubles(blocks: Sequence[ElementBlock], lattice: Lattice) -> None:
         later, earlier = (blocks[owner[index]] for index in double)
         where = place(lattice.coordinates(nodes[double[0]]).mean(axis=0))
         raise Complaint(later.key, f"it lies on {earlier.key} at {where}; remove one")
-
-
-def _refuse_floating(model: FiniteElementModel, base: Integers) -> None:
-    """Raise Complaint where a node has no path of elements down to the base."""
-    pieces = loose_pieces(len(model.nodes), [part.nodes for part in model.elements], base)
-    if pieces:
-        where = place(model.nodes[np.concatenate(pieces).min()])
-        raise Complaint(
-            "columns",
-            f"nothing connects what is at {where} to the base; add a column, wall, beam or slab "
-            "that does",
-        )
 
 
 def _refuse_loose_columns(building: FrameBuilding, parts: _Parts) -> None:
@@ -154,23 +159,6 @@ def _refuse_loose_braces(parts: _Parts, lattice: Lattice) -> None:
             where = place(lattice.coordinates(loose[:1])[0])
             text = f"nothing but the brace is at {where}; end it at a column, beam or wall"
             raise Complaint(block.key, text)
-
-
-def _on_nodes(dead: Sequence[DeadWall], used: Integers, lattice: Lattice) -> Iterator[DeadWall]:
-    """Yield the walls without stiffness with node indices in place of crossings."""
-    for wall in dead:
-        _refuse_uncarried(wall, used, lattice)
-        above, below = np.searchsorted(used, wall.above), np.searchsorted(used, wall.below)
-        yield replace(wall, above=above, below=below)
-
-
-def _refuse_uncarried(wall: DeadWall, used: Integers, lattice: Lattice) -> None:
-    for side, crossings in (("above", wall.above), ("below", wall.below)):
-        missing = crossings[~np.isin(crossings, used)]
-        if len(missing):
-            where = place(lattice.coordinates(missing[:1])[0])
-            text = f"nothing at {where}, {side} the wall, carries its weight"
-            raise Complaint(wall.key, f"{text}; put a beam or a slab along it")
 
 
 def _floor_nodes(

@@ -154,7 +154,8 @@ def lattice_of(
     floors = dict(zip((BASE, *floor_names(len(stories))), levels.tolist(), strict=True))
     stations, more = (grid.x, grid.y, floors), (extra.x, extra.y, extra.z)
     count = math.prod(
-        _count(station, size) + len(cuts) for station, cuts in zip(stations, more, strict=True)
+        sum(np.diff(sorted(station.values()))) / size + len(station) + len(cuts)
+        for station, cuts in zip(stations, more, strict=True)
     )
     if count > _MOST_CROSSINGS:
         raise BuildingError(
@@ -163,10 +164,6 @@ def lattice_of(
     return Lattice(
         *(divide(station, size, least, cuts) for station, cuts in zip(stations, more, strict=True))
     )
-
-
-def _count(stations: Mapping[str, float], size: float) -> float:
-    return sum(np.diff(sorted(stations.values()))) / size + len(stations)
 
 
 def strips(points: Integers) -> Integers:

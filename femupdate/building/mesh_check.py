@@ -79,10 +79,24 @@ def check_elements(nodes: Floats, cells: Mapping[str, Integers], *, doubles_allo
         _refuse_degenerate(nodes, kind, corners)
         if corners.shape[1] > 3:
             _refuse_crossed(nodes, kind, corners)
-        _refuse_doubles(nodes, kind, corners)
+        double = first_double(corners)
+        if double is not None:
+            later, earlier = double
+            where = place(nodes[corners[later]].mean(axis=0))
+            text = f"{kind} {later} lies on {kind} {earlier} at {where}; remove one of the two"
+            raise Complaint(_KEY, text)
     used = np.unique(np.concatenate([corners.ravel() for corners in cells.values()]))
     if not doubles_allowed:
-        _refuse_double_nodes(nodes, used)
+        distance = _SAME * float(np.ptp(nodes[used], axis=0).max())
+        pairs = cKDTree(nodes[used]).query_pairs(distance, output_type="ndarray")
+        if len(pairs):
+            first, second = used[np.sort(pairs[0])]
+            raise Complaint(
+                _KEY,
+                f"{len(pairs)} pairs of nodes are in the same place, such as nodes {first} and "
+                f"{second} at {place(nodes[first])}: the elements there are not connected; write "
+                'mesh.merge = "1 mm" to merge them, or "0 m" where the gap is meant',
+            )
     _refuse_hanging(nodes, cells, used)
 
 
@@ -147,28 +161,6 @@ def _refuse_crossed(nodes: Floats, kind: str, corners: Integers) -> None:
             _KEY,
             f"{_name(kind, first, corners)} at {where} is inverted: its sides cross or a corner "
             "points inwards; list its nodes in order around a convex quadrilateral",
-        )
-
-
-def _refuse_doubles(nodes: Floats, kind: str, corners: Integers) -> None:
-    double = first_double(corners)
-    if double is not None:
-        later, earlier = double
-        where = place(nodes[corners[later]].mean(axis=0))
-        text = f"{kind} {later} lies on {kind} {earlier} at {where}; remove one of the two"
-        raise Complaint(_KEY, text)
-
-
-def _refuse_double_nodes(nodes: Floats, used: Integers) -> None:
-    distance = _SAME * float(np.ptp(nodes[used], axis=0).max())
-    pairs = cKDTree(nodes[used]).query_pairs(distance, output_type="ndarray")
-    if len(pairs):
-        first, second = used[np.sort(pairs[0])]
-        raise Complaint(
-            _KEY,
-            f"{len(pairs)} pairs of nodes are in the same place, such as nodes {first} and "
-            f"{second} at {place(nodes[first])}: the elements there are not connected; write "
-            'mesh.merge = "1 mm" to merge them, or "0 m" where the gap is meant',
         )
 
 

@@ -143,7 +143,10 @@ def import_mesh(building: MeshBuilding) -> BuildingMesh:
 def _import(building: MeshBuilding) -> BuildingMesh:
     raw = read_mesh(Path(building.mesh.file).expanduser(), building.mesh.tags)
     nodes = raw.nodes * factor(building.mesh.unit, "length") - [0.0, 0.0, building.mesh.base]
-    raw = _merged(building, raw, nodes)
+    if building.mesh.merge:
+        number = merge_nodes(nodes, building.mesh.merge)
+        merged = {k: replace(cells, nodes=number[cells.nodes]) for k, cells in raw.cells.items()}
+        raw = replace(raw, cells=merged)
     blocks = list(_blocks(building, raw, nodes))
     used = np.unique(np.concatenate([block.nodes.ravel() for block in blocks]))
     by_type = {
@@ -176,14 +179,6 @@ def _import(building: MeshBuilding) -> BuildingMesh:
     )
 
 
-def _merged(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> RawMesh:
-    if not building.mesh.merge:
-        return raw
-    number = merge_nodes(nodes, building.mesh.merge)
-    cells = {kind: replace(cells, nodes=number[cells.nodes]) for kind, cells in raw.cells.items()}
-    return replace(raw, cells=cells)
-
-
 def _blocks(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> Iterator[ElementBlock]:
     """Yield the cells of all parts; every cell must belong to one, or be ignored."""
     taken = {kind: np.full(len(cells.nodes), -1) for kind, cells in raw.cells.items()}
@@ -197,7 +192,11 @@ def _blocks(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> Iterator[Ele
             if (kind == "line") != (part.thickness is None):
                 continue
             chosen = _chosen(raw, kind, part.group, f"{key}.group") & ~ignored[kind]
-            _refuse_taken(raw, kind, taken[kind], chosen, key)
+            double = np.flatnonzero(chosen & (taken[kind] >= 0))
+            if len(double):
+                earlier = f"parts[{taken[kind][double[0]]}]"
+                text = f"{len(double)} {kind} cells belong to {earlier} already"
+                raise Complaint(f"{key}.group", f"{text}; let every cell belong to one part")
             taken[kind][chosen] = number
             if chosen.any():
                 some = True
@@ -207,7 +206,17 @@ def _blocks(building: MeshBuilding, raw: RawMesh, nodes: Floats) -> Iterator[Ele
             text = f"no {what} of the mesh belong to it (groups: {', '.join(raw.group_names)})"
             raise Complaint(f"{key}.group", f"{text}; correct the name or remove the part")
     for kind, owner in taken.items():
-        _refuse_left(raw, kind, (owner < 0) & ~ignored[kind], nodes)
+        left = (owner < 0) & ~ignored[kind]
+        if left.any():
+            first = int(left.argmax())
+            groups = [name for name, flags in raw.cells[kind].groups.items() if flags[first]]
+            where = place(nodes[raw.cells[kind].nodes[first]].mean(axis=0))
+            said = f"group {groups[-1]!r}" if groups else "no group"
+            raise Complaint(
+                "parts",
+                f"{int(left.sum())} {kind} cells belong to no part, such as the one at {where} in "
+                f"{said}; add a [[parts]] table, or name the group in mesh.ignore",
+            )
 
 
 def _chosen(raw: RawMesh, kind: str, names: tuple[str, ...], key: str) -> Flags:
@@ -220,26 +229,6 @@ def _chosen(raw: RawMesh, kind: str, names: tuple[str, ...], key: str) -> Flags:
             raise Complaint(key, unknown("group of the mesh", name, raw.group_names))
         chosen |= cells.groups.get(name, np.zeros(len(chosen), dtype=np.bool_))
     return chosen
-
-
-def _refuse_taken(raw: RawMesh, kind: str, owner: Integers, chosen: Flags, key: str) -> None:
-    double = np.flatnonzero(chosen & (owner >= 0))
-    if len(double):
-        text = f"{len(double)} {kind} cells belong to parts[{owner[double[0]]}] already"
-        raise Complaint(f"{key}.group", f"{text}; let every cell belong to one part")
-
-
-def _refuse_left(raw: RawMesh, kind: str, left: Flags, nodes: Floats) -> None:
-    if left.any():
-        first = int(left.argmax())
-        groups = [name for name, flags in raw.cells[kind].groups.items() if flags[first]]
-        where = place(nodes[raw.cells[kind].nodes[first]].mean(axis=0))
-        said = f"group {groups[-1]!r}" if groups else "no group"
-        raise Complaint(
-            "parts",
-            f"{int(left.sum())} {kind} cells belong to no part, such as the one at {where} in "
-            f"{said}; add a [[parts]] table, or name the group in mesh.ignore",
-        )
 
 
 def _block(

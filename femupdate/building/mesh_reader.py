@@ -97,7 +97,17 @@ def read_mesh(path: Path, tags: str | None) -> RawMesh:
 def _read(path: Path) -> Any:
     import meshio
 
-    _check_file(path)
+    # Unlike Path.is_file, this says no where a name is too long or a folder closed.
+    if not os.path.isfile(path):
+        raise Complaint("mesh.file", f"there is no file {path}; correct the path")
+    size = path.stat().st_size
+    if path.suffix == ".med":
+        size = max(size, _unpacked(path))
+    if size > _LARGEST_BYTES:  # it would fill the memory
+        raise Complaint(
+            "mesh.file",
+            f"{path.name} holds {size / 1e6:.0f} MB, which no building's mesh needs; coarsen it",
+        )
     try:
         # meshio prints what it thinks of a file, and exits where it cannot read one.
         with (
@@ -169,21 +179,6 @@ class _Unpacker:
         if not unpacking.eof:
             raise ValueError("its packed arrays are cut short")
         return piece
-
-
-def _check_file(path: Path) -> None:
-    """Refuse what is no file, or one that would fill the memory."""
-    # Unlike Path.is_file, this says no where a name is too long or a folder closed.
-    if not os.path.isfile(path):
-        raise Complaint("mesh.file", f"there is no file {path}; correct the path")
-    size = path.stat().st_size
-    if path.suffix == ".med":
-        size = max(size, _unpacked(path))
-    if size > _LARGEST_BYTES:
-        raise Complaint(
-            "mesh.file",
-            f"{path.name} holds {size / 1e6:.0f} MB, which no building's mesh needs; coarsen it",
-        )
 
 
 def _unpacked(path: Path) -> int:
@@ -264,7 +259,12 @@ def _groups(mesh: Any, block: int, count: int, tags: str | None) -> Iterable[tup
             continue
         values = np.asarray(mesh.cell_data[key][block]).ravel()
         for value in np.unique(values):
-            for name in _names_of(mesh, key, float(value)):
+            names = [f"{float(value):g}"]
+            if key == "cell_tags":  # MED: a family may belong to several groups
+                names += getattr(mesh, "cell_tags", {}).get(int(value), [])
+            elif key == "gmsh:physical":
+                names += [n for n, data in mesh.field_data.items() if int(data[0]) == int(value)]
+            for name in names:
                 yield name, values == value
     for name, sets in mesh.cell_sets.items():
         if name.startswith("gmsh:") or sets[block] is None:
@@ -272,13 +272,3 @@ def _groups(mesh: Any, block: int, count: int, tags: str | None) -> Iterable[tup
         flags = np.zeros(count, dtype=np.bool_)
         flags[np.asarray(sets[block], dtype=np.int64)] = True
         yield name, flags
-
-
-def _names_of(mesh: Any, key: str, value: float) -> list[str]:
-    number = f"{value:g}"
-    if key == "cell_tags":  # MED: a family may belong to several groups
-        return [number, *getattr(mesh, "cell_tags", {}).get(int(value), [])]
-    if key != "gmsh:physical":
-        return [number]
-    named = [name for name, data in mesh.field_data.items() if int(data[0]) == int(value)]
-    return [number, *named]

@@ -1,6 +1,5 @@
 """Which members share a stiffness factor: one factor a story, or one a story and kind of member."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,10 +42,22 @@ def stiffness_factors(building: Building) -> tuple[StiffnessFactor, ...]:
     if not isinstance(building, FrameBuilding) or not building.by_kind:
         count = len(building.story_names)
         return tuple(StiffnessFactor(f"theta_{i + 1}", i) for i in range(count))
-    owned = set(_owned(building))
+    stories, floors = building.story_names, building.floors
+    lists = (  # of all members with stiffness; story i owns floor i + 1
+        *(("walls", wall.stories, stories) for wall in building.walls if wall.is_stiff),
+        *(("columns", columns.stories, stories) for columns in building.columns),
+        *(("beams", beams.floors, floors) for beams in building.beams),
+        *(("braces", braces.stories, stories) for braces in building.braces),
+        *(("slabs", slab.floors, floors) for slab in building.slabs),
+    )
+    owned = {
+        (known.index(name), kind)
+        for kind, names, known in lists
+        for name in resolve(names, known, kind, kind)
+    }
     return tuple(
         StiffnessFactor(f"{name} {kind}", story, kind)
-        for story, name in enumerate(building.story_names)
+        for story, name in enumerate(stories)
         for kind in _ORDER
         if (story, kind) in owned
     )
@@ -87,18 +98,3 @@ def with_factors(
 
     renumbered = model.mapped(lambda part: replace(part, group=of(part.group, part.kind)))
     return replace(renumbered, groups=len(factors))
-
-
-def _owned(building: FrameBuilding) -> Iterator[tuple[int, str]]:
-    """Yield (story, kind) of all members with stiffness; story i owns floor i + 1."""
-    stories, floors = building.story_names, building.floors
-    lists = (
-        *(("walls", wall.stories, stories) for wall in building.walls if wall.is_stiff),
-        *(("columns", columns.stories, stories) for columns in building.columns),
-        *(("beams", beams.floors, floors) for beams in building.beams),
-        *(("braces", braces.stories, stories) for braces in building.braces),
-        *(("slabs", slab.floors, floors) for slab in building.slabs),
-    )
-    for kind, names, known in lists:
-        for name in resolve(names, known, kind, kind):
-            yield known.index(name), kind

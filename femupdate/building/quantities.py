@@ -39,15 +39,13 @@ _POSSIBLE = {
 _SIGNS = {"positive": 0.0, "not negative": 0.0, "any": -math.inf}
 
 
-def _text(value: float, unit: str, kind: str) -> str:
-    scaled = value / factor(unit, kind)
-    plain = int(scaled) if scaled.is_integer() and abs(scaled) < 1e15 else scaled
-    return f"{plain!r} {unit}"
-
-
 def format_quantity(value: float, kind: str) -> str:
     """Return the shortest text that `parse_quantity` reads back as exactly this SI value."""
-    texts = [_text(value, unit, kind) for unit in _WRITTEN[kind]]
+    texts = []
+    for unit in _WRITTEN[kind]:
+        scaled = value / factor(unit, kind)
+        plain = int(scaled) if scaled.is_integer() and abs(scaled) < 1e15 else scaled
+        texts.append(f"{plain!r} {unit}")
     exact = [text for text in texts if parse_quantity(text, kind) == value]
     si_unit = next(unit for unit in UNITS[kind] if UNITS[kind][unit] == 1.0)
     return min(exact, key=len, default=f"{value!r} {si_unit}")

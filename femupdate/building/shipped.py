@@ -32,7 +32,8 @@ def building_text(path_or_name: str | Path) -> tuple[str, str]:
     """
     text = str(path_or_name)
     path = Path(path_or_name).expanduser()
-    if isinstance(path_or_name, str) and not _is_path(text) and text in shipped_buildings():
+    is_path = text.endswith(_SUFFIX) or "/" in text or os.sep in text
+    if isinstance(path_or_name, str) and not is_path and text in shipped_buildings():
         name = text + _SUFFIX
         return name, files("femupdate.models").joinpath(name).read_text(encoding="utf-8")
     try:
@@ -41,21 +42,12 @@ def building_text(path_or_name: str | Path) -> tuple[str, str]:
             raise BuildingError(f"{text}: this is too large for a building file; check the path")
         return text, path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise _not_found(text) from None
+        shipped = shipped_buildings()
+        raise BuildingError(
+            f"{text}: there is no such building file; the shipped buildings are "
+            f"{', '.join(shipped)}{close(Path(text).stem, shipped)}"
+        ) from None
     except UnicodeDecodeError:
         raise BuildingError(f"{text}: this is not UTF-8 text; save it as UTF-8") from None
     except OSError as error:
         raise BuildingError(f"{text}: cannot be read ({error.strerror}); check the path") from None
-
-
-def _is_path(text: str) -> bool:
-    return text.endswith(_SUFFIX) or "/" in text or os.sep in text
-
-
-def _not_found(text: str) -> BuildingError:
-    shipped = shipped_buildings()
-    hint = close(Path(text).stem, shipped)
-    return BuildingError(
-        f"{text}: there is no such building file; the shipped buildings are "
-        f"{', '.join(shipped)}{hint}"
-    )

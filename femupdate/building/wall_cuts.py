@@ -1,18 +1,17 @@
 """Finds a wall by its name, such as "X2:S1" or "X2:Y1-Y2:S1", in the mesh of a building."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from femupdate.arrays import Flags, Floats, Integers
+from femupdate.arrays import Floats, Integers
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.entry import unknown
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.references import resolve, wall_stretch
 from femupdate.errors import BuildingError
-from femupdate.fe.model import FiniteElementModel
 
 _KINDS = ("wall", "non_structural_wall")
 _NEAR = 1e-4  # m
@@ -75,7 +74,8 @@ def wall_cut(building: FrameBuilding | MeshBuilding, mesh: BuildingMesh, name: s
     if wall is not None:
         return _cut(mesh, wall, name)
     wanted = name.split(":")
-    longer = [full for full in walls if _short(full) == wanted]
+    parts = {full: full.split(":") for full in walls}
+    longer = [full for full, p in parts.items() if len(p) == 3 and [p[0], p[2]] == wanted]
     if len(longer) == 1:
         return _cut(mesh, walls[longer[0]], name)
     if longer:
@@ -83,28 +83,15 @@ def wall_cut(building: FrameBuilding | MeshBuilding, mesh: BuildingMesh, name: s
             f"{building.name}: {len(longer)} walls stand along {wanted[0]} in {wanted[1]}: "
             f"{', '.join(longer)}; write one of them"
         )
-    raise BuildingError(f"{building.name}: {_missing(building, name, walls)}")
-
-
-def _short(name: str) -> list[str]:
-    """Line and story of a wall's full name."""
-    parts = name.split(":")
-    return [parts[0], parts[-1]] if len(parts) == 3 else []
-
-
-def _missing(building: FrameBuilding | MeshBuilding, name: str, walls: Mapping[str, _Wall]) -> str:
-    """The sentence for a name that no wall with stiffness has."""
-    line = name.split(":")[0]
     if isinstance(building, FrameBuilding) and any(
-        wall.along == line and not wall.is_stiff for wall in building.walls
+        wall.along == wanted[0] and not wall.is_stiff for wall in building.walls
     ):
-        return (
-            f"the wall {name} only weighs (its stiffness is false), so it carries nothing; name "
-            "one with stiffness"
+        raise BuildingError(
+            f"{building.name}: the wall {name} only weighs (its stiffness is false), so it carries "
+            "nothing; name one with stiffness"
         )
-    if not walls:
-        return "it has no walls with stiffness; leave walls out"
-    return unknown("wall", name, walls)
+    none = "it has no walls with stiffness; leave walls out"
+    raise BuildingError(f"{building.name}: {unknown('wall', name, walls) if walls else none}")
 
 
 def _cut(mesh: BuildingMesh, wall: _Wall, name: str) -> WallCut:
@@ -157,25 +144,15 @@ def _frame_walls(building: FrameBuilding, mesh: BuildingMesh) -> Iterator[tuple[
         ends[:, 1 - run.axis] = (building.grid.y if run.axis == 0 else building.grid.x)[run.line]
         for name in resolve(wall.stories, building.story_names, "story", "stories"):
             story = building.story_names.index(name)
-            low = [*ends.min(axis=0), levels[story]]
-            high = [*ends.max(axis=0), levels[story + 1]]
-            nodes = _wall_nodes(mesh.model, _inside(mesh.model, np.array(low), np.array(high)))
+            low = np.array([*ends.min(axis=0), levels[story]]) - _NEAR
+            high = np.array([*ends.max(axis=0), levels[story + 1]]) + _NEAR
+            inside = np.all((mesh.model.nodes > low) & (mesh.model.nodes < high), axis=1)
+            chosen = [
+                part.nodes[inside[part.nodes].all(axis=1) & np.isin(part.kind, _KINDS)].ravel()
+                for part in mesh.model.elements
+            ]
+            nodes = np.unique(np.concatenate(chosen))
             yield f"{run.line}:{run.start}-{run.end}:{name}", _Wall(story, nodes, ends)
-
-
-def _inside(model: FiniteElementModel, low: Floats, high: Floats) -> Flags:
-    """Which nodes lie in a box."""
-    inside = (model.nodes > low - _NEAR) & (model.nodes < high + _NEAR)
-    return np.asarray(inside.all(axis=1))
-
-
-def _wall_nodes(model: FiniteElementModel, among: Flags) -> Integers:
-    """Nodes of the walls whose nodes are all among these."""
-    chosen = [
-        part.nodes[among[part.nodes].all(axis=1) & np.isin(part.kind, _KINDS)].ravel()
-        for part in model.elements
-    ]
-    return np.unique(np.concatenate(chosen))
 
 
 def _mesh_walls(building: MeshBuilding, mesh: BuildingMesh) -> Iterator[tuple[str, _Wall]]:
