@@ -98,13 +98,20 @@ def driven_shapes(
             pulled = factorization.times(basis[:, new])
             small[:count, new] = along(basis[:, :count], pulled)
             small[new, :count] = small[:count, new].T
-            modes = _diagonal(small[:count, :count])
+            pulled = small[:count, :count]
+            squared, directions = np.linalg.eigh(0.5 * (pulled + pulled.T))
+            frequency = np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi)
+            modes = DrivenShapes(frequency, directions)  # as combinations of the basis
             driven = modes.shapes.T @ along(basis[:, :count], forces)
             response = [
                 _response(modes, (group @ basis[:, :count]) @ modes.shapes, driven, top_hz, least)
                 for group, least in ((rows, 0.0), *((some, _SMALL) for some in watched))
             ]
-            if exhausted or (last is not None and _change(response, last) < tolerance):
+            moves = [  # mean square change of each force's response, of each group of rows
+                ((after - before) ** 2).mean(axis=(1, 2))
+                for after, before in zip(response, last or (), strict=False)
+            ]
+            if exhausted or (moves and float(np.sqrt(np.max(moves))) < tolerance):
                 return DrivenShapes(modes.frequency_hz, combined(basis[:, :count], modes.shapes))
             last, looked = response, count
         fresh = factorization.apply(moved)
@@ -132,12 +139,6 @@ def _orthonormal(fresh: Floats, basis: Floats, mass: csc_matrix) -> tuple[Floats
     return fresh, moved
 
 
-def _diagonal(stiffness: Floats) -> DrivenShapes:
-    """The shapes as combinations (r, r) of a basis with this stiffness (r, r)."""
-    squared, directions = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-    return DrivenShapes(np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi), directions)
-
-
 def _response(
     shapes: DrivenShapes, seen: Floats, driven: Floats, top_hz: float, least: float
 ) -> Floats:
@@ -153,11 +154,3 @@ def _response(
     flexible = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * _DAMPING * omega[:, None] * w)
     moved = np.abs(np.stack([(seen * force) @ flexible for force in driven.T]))
     return np.asarray(np.log(moved + least * moved.max(axis=(1, 2), keepdims=True) + 1e-300))
-
-
-def _change(new: Sequence[Floats], old: Sequence[Floats]) -> float:
-    """Largest rms change of a force's response, of any group of rows."""
-    squared = [
-        ((after - before) ** 2).mean(axis=(1, 2)) for after, before in zip(new, old, strict=True)
-    ]
-    return float(np.sqrt(np.max(squared)))

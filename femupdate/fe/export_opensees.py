@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from femupdate import __version__
-from femupdate.arrays import Floats, Integers
+from femupdate.arrays import Floats
 from femupdate.errors import StructureError
 from femupdate.fe.element import group_factors
 from femupdate.fe.model import DOF_NAMES, FiniteElementModel, RigidLinks, check_model
@@ -55,12 +55,18 @@ def opensees_script(
         block.opensees(block.youngs_modulus * group_factors(block.group, factors))
         for block in model.elements
     ]
+    known = {block.name: block.opensees_types for block in model.elements if block.opensees_types}
+    for kind, named in types.items():
+        if kind in known and named not in known[kind]:
+            raise StructureError(
+                f"{named} cannot stand for a {kind} in OpenSees; use {', '.join(known[kind])}"
+            )
     head = _HEAD.format(
         name=name,
         version=__version__,
         modes=modes,
         theta=numbers(factors),
-        types=_types(model, types),
+        types={kind: types.get(kind, first) for kind, (first, *_) in known.items()},
     )
     tables = _tables(model, factors, parts)
     text = "".join(table.text(key) for key, table in tables.items())
@@ -68,26 +74,20 @@ def opensees_script(
     return head + text + _BODY.replace("    ELEMENTS", f"    {code}")
 
 
-def _types(model: FiniteElementModel, wanted: Mapping[str, str]) -> dict[str, str]:
-    """The element type of OpenSees for each kind in the model that has one."""
-    known = {block.name: block.opensees_types for block in model.elements if block.opensees_types}
-    for kind, named in wanted.items():
-        if kind in known and named not in known[kind]:
-            raise StructureError(
-                f"{named} cannot stand for a {kind} in OpenSees; use {', '.join(known[kind])}"
-            )
-    return {kind: wanted.get(kind, first) for kind, (first, *_) in known.items()}
-
-
 def _tables(
     model: FiniteElementModel, factors: Floats, parts: list[OpenSeesPart]
 ) -> dict[str, OpenSeesTable]:
     held, springs = np.flatnonzero(model.fixed.any(axis=1)), model.springs
     stiffness = springs.stiffness * group_factors(springs.group, factors)
+    # One row per node: OpenSees keeps the last mass of a node and drops the others.
+    masses = model.masses
+    heavy, where = np.unique(masses.node, return_inverse=True)
+    values = np.zeros((len(heavy), 4))
+    np.add.at(values, where, np.column_stack([masses.mass, masses.inertia]))
     tables = {
         "NODES": OpenSeesTable(("x", "y", "z"), [model.nodes]),
         "SUPPORTS": OpenSeesTable(("node", *DOF_NAMES), [held, model.fixed[held].astype(int)]),
-        "MASSES": _masses(model),
+        "MASSES": OpenSeesTable(("node", "kg", "kg m2 about x", "y", "z"), [heavy, values]),
         "SPRINGS": OpenSeesTable(
             ("node", "node or -1", "direction", "N/m or N m/rad"),
             [springs.nodes, springs.direction, stiffness],
@@ -100,15 +100,6 @@ def _tables(
     return tables
 
 
-def _masses(model: FiniteElementModel) -> OpenSeesTable:
-    """One row per node: OpenSees keeps the last mass of a node and drops the others."""
-    masses = model.masses
-    nodes, where = np.unique(masses.node, return_inverse=True)
-    values = np.zeros((len(nodes), 4))
-    np.add.at(values, where, np.column_stack([masses.mass, masses.inertia]))
-    return OpenSeesTable(("node", "kg", "kg m2 about x", "y", "z"), [nodes, values])
-
-
 def _links(links: RigidLinks, tied: np.ndarray) -> OpenSeesTable:
     """Links of one kind, each to the last master of its chain."""
     chosen, rigid, plan = ((links.tied == ties).all(axis=1) for ties in (tied, _RIGID, _DIAPHRAGM))
@@ -119,19 +110,15 @@ def _links(links: RigidLinks, tied: np.ndarray) -> OpenSeesTable:
             f"the rigid link from node {links.master[first]} to node {links.slave[first]} ties "
             "neither all six motions nor those of a floor in its plane; OpenSees has no such link"
         )
-    return OpenSeesTable(("master", "slave"), [_last_masters(links)[chosen], links.slave[chosen]])
-
-
-def _last_masters(links: RigidLinks) -> Integers:
-    """The node at the end of each chain: OpenSees does not follow chains of links."""
-    rigid = links.tied.all(axis=1)
-    follows = dict(zip(links.slave[rigid].tolist(), links.master[rigid].tolist(), strict=True))
+    # OpenSees does not follow chains of links.
+    whole = links.tied.all(axis=1)
+    follows = dict(zip(links.slave[whole].tolist(), links.master[whole].tolist(), strict=True))
     masters = links.master.copy()
     for k, master in enumerate(masters.tolist()):
         while master in follows:
             master = follows[master]
         masters[k] = master
-    return masters
+    return OpenSeesTable(("master", "slave"), [masters[chosen], links.slave[chosen]])
 
 
 _HEAD = '''#!/usr/bin/env python3

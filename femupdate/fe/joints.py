@@ -72,31 +72,28 @@ class EdgeJoint:
 
 def edge_joints(model: FiniteElementModel) -> tuple[EdgeJoint, ...]:
     """Find the ends of beams that need a rigid link over their depth."""
-    sheets, beams = _sheets(model), model.elements_of(Beams)
+    corners, beams = model.nodes[model.faces], model.elements_of(Beams)
+    normal = area_vectors(corners)
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = normal / np.maximum(size, np.finfo(float).tiny)
+    sheets = _Sheets(model.faces, normal, corners.mean(axis=1))
     beams = beams.taken(np.flatnonzero(beams.kind != "brace"))  # which end in a point
     if not len(sheets.nodes) or not len(beams):
         return ()
     ends = _Ends.of(model.nodes, beams)
-    candidates, around = _candidates(sheets, ends, len(model.nodes))
-    joints: list[EdgeJoint] = []
-    for node in candidates.tolist():
-        ends_here = np.flatnonzero(ends.node == node)
-        joints += _joints_at(model.nodes, sheets, ends, node, ends_here, around(node))
-    return tuple(joints)
-
-
-def _candidates(
-    sheets: "_Sheets", ends: "_Ends", count: int
-) -> tuple[Integers, "_ElementsAtNodes"]:
-    """Nodes where a beam lies in the plane of a shell that has no beam along its sides there."""
-    around = _ElementsAtNodes(sheets.nodes, count)
+    # Nodes where a beam lies in the plane of a shell that has no beam along its sides there.
+    around = _ElementsAtNodes(sheets.nodes, len(model.nodes))
     end, sheet = around.pairs(ends.node)
     inside = np.abs(np.einsum("nd,nd->n", ends.away[end], sheets.normal[sheet])) < _IN_PLANE
     end, sheet = end[inside], sheet[inside]
     along = (sheets.nodes[sheet] == ends.other[end, None]).any(axis=1)
     key = ends.node[end] * len(sheets.nodes) + sheet
-    open_ = ~np.isin(key, key[along])
-    return np.unique(ends.node[end[open_]]), around
+    candidates = np.unique(ends.node[end[~np.isin(key, key[along])]])
+    joints: list[EdgeJoint] = []
+    for node in candidates.tolist():
+        ends_here = np.flatnonzero(ends.node == node)
+        joints += _joints_at(model.nodes, sheets, ends, node, ends_here, around(node))
+    return tuple(joints)
 
 
 def joint_links(model: FiniteElementModel, joints: tuple[EdgeJoint, ...]) -> RigidLinks:
@@ -127,14 +124,6 @@ class _Sheets:
     nodes: Integers
     normal: Floats
     middle: Floats
-
-
-def _sheets(model: FiniteElementModel) -> _Sheets:
-    corners = model.nodes[model.faces]
-    normal = area_vectors(corners)
-    size = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal = normal / np.maximum(size, np.finfo(float).tiny)
-    return _Sheets(model.faces, normal, corners.mean(axis=1))
 
 
 @dataclass(frozen=True)
@@ -256,7 +245,12 @@ def _edge(
     reach = max(depth, float(np.linalg.norm(points[near] - points[node], axis=1).max()))
     same = np.abs(sheets.normal @ normal) > _SAME_PLANE
     close = np.abs(sheets.middle - points[node]).max(axis=1) < 3.0 * reach
-    candidates = np.setdiff1d(_rim(sheets.nodes[same & close]), [node])
+    # The rim: nodes of the sides that only one of these elements has.
+    around = sheets.nodes[same & close]
+    sides = np.stack([around, np.roll(around, -1, axis=1)], axis=-1).reshape(-1, 2)
+    sides = np.sort(sides[sides[:, 0] != sides[:, 1]], axis=1)
+    distinct, count = np.unique(sides, axis=0, return_counts=True)
+    candidates = np.setdiff1d(distinct[count == 1], [node])
     arm = points[candidates] - points[node]
     along, aside = arm @ across, np.abs(arm @ away)
     level = np.abs(arm @ normal) < _SLANT * np.abs(along)
@@ -264,11 +258,3 @@ def _edge(
     chosen &= (np.abs(along) <= 1.5 * depth) | np.isin(candidates, near)
     order = np.argsort(along[chosen], kind="stable")
     return candidates[chosen][order], along[chosen][order]
-
-
-def _rim(quads: Integers) -> Integers:
-    """Nodes of the sides that only one of these elements has."""
-    sides = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2)
-    sides = np.sort(sides[sides[:, 0] != sides[:, 1]], axis=1)
-    distinct, count = np.unique(sides, axis=0, return_counts=True)
-    return np.unique(distinct[count == 1])

@@ -72,7 +72,10 @@ def largest_of_inverse(
             if steps.done >= min(look, most - width):
                 pairs = _converged(steps.inside, steps.link, count, tolerance)
                 if pairs is not None:
-                    return _purified(steps.known, steps.block @ steps.link, *pairs)
+                    # One step of inverse iteration: K^-1 M X = X theta + ahead y.
+                    ahead, (values, inside) = steps.block @ steps.link, pairs
+                    rest = ahead @ (inside[-ahead.shape[1] :] / values)
+                    return values, steps.known @ inside + rest
                 look = steps.done + max(2, steps.done // _LOOKS)
     except np.linalg.LinAlgError:
         pass  # the vectors span all that the start reaches
@@ -199,11 +202,3 @@ def _converged(
     values, vectors = values[::-1], vectors[:, ::-1]
     error = np.linalg.norm(link @ vectors[-len(link) :], axis=0)
     return (values, vectors) if (error <= tolerance * values).all() else None
-
-
-def _purified(
-    known: Floats, ahead: Floats, values: Floats, inside: Floats
-) -> tuple[Floats, Floats]:
-    """One step of inverse iteration on the Ritz vectors: K^-1 M X = X theta + ahead y."""
-    vectors = known @ inside + ahead @ (inside[-ahead.shape[1] :] / values)
-    return values, vectors

@@ -125,13 +125,24 @@ def membrane_strain(
 def _with_internal_modes(
     plane: Floats, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
 ) -> tuple[Floats, Floats]:
-    """Stiffness (n, 16, 16) and strains at the Gauss points (n, g, 3, 16) before condensation."""
+    """Stiffness (n, 16, 16) and strains (n, g, 3, 16) before condensation.
+
+    The strains are eps_x, eps_y and gamma_xy at the Gauss points.
+    """
     gauss, centre = sample(plane, GAUSS_POINTS), sample(plane, CENTRE)
-    internal = _internal_gradients(gauss, centre)
+    # Gradients of 1 - xi^2 and 1 - eta^2, (n, g, 2, 2). The Jacobian of the centre, scaled by the
+    # ratio of determinants, makes their mean vanish on any quadrilateral, which is what the patch
+    # test asks (Taylor, Beresford and Wilson 1976).
+    parent = np.einsum("ga,ab->gab", -2.0 * GAUSS_POINTS, np.eye(2))
+    ratio = centre.determinant / gauss.determinant
+    internal = ratio[:, :, None, None] * (centre.inverse @ parent)
     volume = gauss.determinant * thickness[:, None]
     shear_modulus = 0.5 * youngs_modulus / (1.0 + poisson_ratio)
 
-    strain = _strain(gauss, internal)
+    strain = np.zeros((*gauss.determinant.shape, 3, 16))
+    for u, v, slopes in ((_U, _V, gauss.gradients), (_INTERNAL_U, _INTERNAL_V, internal)):
+        strain[:, :, 0, u] = strain[:, :, 2, v] = slopes[:, :, 0]
+        strain[:, :, 1, v] = strain[:, :, 2, u] = slopes[:, :, 1]
     elasticity = plane_stress(youngs_modulus, poisson_ratio)
     stiffness = integrate(strain, elasticity[:, None] @ strain, volume)
 
@@ -159,26 +170,6 @@ def integrate(left: Floats, right: Floats, weight: Floats) -> Floats:
     count, points, rows, columns = left.shape
     flat = (left * weight[:, :, None, None]).reshape(count, points * rows, columns)
     return np.swapaxes(flat, 1, 2) @ right.reshape(count, points * rows, columns)
-
-
-def _strain(gauss: PlaneSamples, internal: Floats) -> Floats:
-    """Strains (eps_x, eps_y, gamma_xy) per unit coordinate at the Gauss points, (n, g, 3, 16)."""
-    strain = np.zeros((*gauss.determinant.shape, 3, 16))
-    for u, v, slopes in ((_U, _V, gauss.gradients), (_INTERNAL_U, _INTERNAL_V, internal)):
-        strain[:, :, 0, u] = strain[:, :, 2, v] = slopes[:, :, 0]
-        strain[:, :, 1, v] = strain[:, :, 2, u] = slopes[:, :, 1]
-    return strain
-
-
-def _internal_gradients(gauss: PlaneSamples, centre: PlaneSamples) -> Floats:
-    """Gradients of 1 - xi^2 and 1 - eta^2, (n, g, 2, 2).
-
-    The Jacobian of the centre, scaled by the ratio of determinants, makes their mean vanish on any
-    quadrilateral, which is what the patch test asks (Taylor, Beresford and Wilson 1976).
-    """
-    parent = np.einsum("ga,ab->gab", -2.0 * GAUSS_POINTS, np.eye(2))
-    ratio = centre.determinant / gauss.determinant
-    return ratio[:, :, None, None] * (centre.inverse @ parent)
 
 
 def _slip(samples: PlaneSamples, points: Floats, internal: Floats) -> Floats:

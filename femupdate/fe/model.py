@@ -149,14 +149,6 @@ def check_model(model: FiniteElementModel) -> None:
         StructureError: an index is out of range, a value is not finite, a node belongs to no
             element, a kind has two blocks, or no degree of freedom is free.
     """
-    _check_nodes(model)
-    _check_indices(model)
-    _check_blocks(model)
-    _check_springs_and_masses(model)
-    _check_connected(model)
-
-
-def _check_nodes(model: FiniteElementModel) -> None:
     bad = ~np.isfinite(model.nodes).all(axis=1)
     if bad.any():
         raise StructureError(f"{_nodes(np.flatnonzero(bad))} must have finite coordinates")
@@ -167,9 +159,7 @@ def _check_nodes(model: FiniteElementModel) -> None:
         )
     if model.fixed.all():
         raise StructureError("every degree of freedom is held; free those that should move")
-
-
-def _check_blocks(model: FiniteElementModel) -> None:
+    _check_indices(model)
     names = [block.name for block in model.elements]
     double = [name for name in names if names.count(name) > 1]
     if double:
@@ -179,8 +169,17 @@ def _check_blocks(model: FiniteElementModel) -> None:
     grouped: tuple[Elements | Springs, ...] = (*model.elements, model.springs)
     for block in grouped:
         complaint = "belongs to parameter {}, but the model has {}, numbered from 0"
-        groups = block.group
-        _refuse(block.name, groups >= model.groups, complaint, groups, model.groups)
+        _refuse(block.name, block.group >= model.groups, complaint, block.group, model.groups)
+    _check_springs_and_masses(model)
+    lonely = np.ones(len(model.nodes), dtype=bool)
+    connected = [block.nodes for block in model.elements]
+    for nodes in [*connected, model.springs.nodes, model.links.master, model.links.slave]:
+        lonely[nodes[nodes >= 0]] = False
+    if lonely.any():
+        raise StructureError(
+            f"{_nodes(np.flatnonzero(lonely))} belong to no element, spring or link; remove them "
+            "or connect them"
+        )
 
 
 def _check_indices(model: FiniteElementModel) -> None:
@@ -219,18 +218,6 @@ def _refuse(name: str, bad: ArrayLike, complaint: str, *values: Integers | int) 
         first = int(np.argmax(bad))
         shown = (value if isinstance(value, int) else value[first] for value in values)
         raise StructureError(f"{name} {first} {complaint.format(*shown)}")
-
-
-def _check_connected(model: FiniteElementModel) -> None:
-    lonely = np.ones(len(model.nodes), dtype=bool)
-    connected = [block.nodes for block in model.elements]
-    for nodes in [*connected, model.springs.nodes, model.links.master, model.links.slave]:
-        lonely[nodes[nodes >= 0]] = False
-    if lonely.any():
-        raise StructureError(
-            f"{_nodes(np.flatnonzero(lonely))} belong to no element, spring or link; remove them "
-            "or connect them"
-        )
 
 
 def _nodes(indices: Integers) -> str:

@@ -100,14 +100,27 @@ def _lowest(
         refuse_negative(operators, problem.factorization)
         return _modes(problem, *_condensed(problem, count))
     complaint = "did not converge"
-    for attempt in (_own_lanczos, _wider_lanczos, _arpack, _sharp_arpack):
-        pairs = attempt(problem, count)
+    width, vectors = block_size(count), min(problem.stiffness.shape[0], 3 * count + 40)
+    attempts = (
+        lambda: _own_lanczos(problem, count, width, _TOLERANCE),
+        # Finds repeated modes, up to as many as the block has vectors.
+        lambda: _own_lanczos(problem, count, 4 * width, _SHARP_TOLERANCE),
+        lambda: _arpack(problem, count, _SHARP_TOLERANCE, None),
+        lambda: _arpack(problem, count, 0.0, vectors),
+    )
+    for attempt in attempts:
+        pairs = attempt()
         if pairs is None:
             continue
-        residual = _residual(problem, *pairs)
+        values, shapes = pairs
+        image = symmetric_times(problem.mass, shapes)
+        elastic = symmetric_times(problem.stiffness, shapes)
+        error = np.linalg.norm(elastic - values * image, axis=0)
+        size = np.linalg.norm(elastic - problem.shift * image, axis=0)
+        residual = float((error / size).max())
         if not residual < _RESIDUAL:
             complaint = f"left a relative residual of {residual:.1e}"
-        elif pairs[0][-1] < below < np.inf or _complete(problem, pairs[0]):
+        elif values[-1] < below < np.inf or _complete(problem, values):
             return _modes(problem, *pairs)
         else:
             refuse_negative(operators, problem.factorization)
@@ -193,21 +206,16 @@ def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
 
 
 def _own_lanczos(
-    problem: _Problem, count: int, width: int | None = None, tolerance: float = _TOLERANCE
+    problem: _Problem, count: int, width: int, tolerance: float
 ) -> tuple[Floats, Floats] | None:
-    shape = (problem.stiffness.shape[0], width or block_size(count))
+    shape = (problem.stiffness.shape[0], width)
     start = np.random.default_rng(_SEED).standard_normal(shape)
     pairs = largest_of_inverse(problem.factorization.apply, problem.mass, start, count, tolerance)
     return None if pairs is None else (problem.shift + 1.0 / pairs[0], pairs[1])
 
 
-def _wider_lanczos(problem: _Problem, count: int) -> tuple[Floats, Floats] | None:
-    """Finds repeated modes, up to as many as the block has vectors."""
-    return _own_lanczos(problem, count, 4 * block_size(count), _SHARP_TOLERANCE)
-
-
 def _arpack(
-    problem: _Problem, count: int, tolerance: float = _SHARP_TOLERANCE, vectors: int | None = None
+    problem: _Problem, count: int, tolerance: float, vectors: int | None
 ) -> tuple[Floats, Floats] | None:
     size = problem.stiffness.shape[0]
     start = np.random.default_rng(_SEED).standard_normal(size)
@@ -227,10 +235,6 @@ def _arpack(
         return None
     order = np.argsort(values, kind="stable")
     return values[order], shapes[:, order]
-
-
-def _sharp_arpack(problem: _Problem, count: int) -> tuple[Floats, Floats] | None:
-    return _arpack(problem, count, 0.0, min(problem.stiffness.shape[0], 3 * count + 40))
 
 
 def _complete(problem: _Problem, values: Floats) -> bool:
@@ -268,12 +272,3 @@ def _modes(problem: _Problem, values: Floats, shapes: Floats) -> NaturalModes:
     sign = np.sign(shapes[largest, np.arange(len(values))])
     frequency = np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
     return NaturalModes(frequency, shapes * (sign / norm))
-
-
-def _residual(problem: _Problem, values: Floats, shapes: Floats) -> float:
-    """Largest relative residual of the modes."""
-    image = symmetric_times(problem.mass, shapes)
-    elastic = symmetric_times(problem.stiffness, shapes)
-    error = np.linalg.norm(elastic - values * image, axis=0)
-    size = np.linalg.norm(elastic - problem.shift * image, axis=0)
-    return float((error / size).max())
