@@ -40,67 +40,52 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
     peak = float(np.abs(channel.values).max())
     values = channel.values / peak
     mean = float(values.mean())
-    return (
-        *_of_scale(channel, (peak, peak * float(np.abs(values - mean).max())), si),
-        *_of_offset(channel, values - mean, mean, peak),
-        *_of_sampling(channel),
-        *(_of_force(values) if channel.quantity == "force" else _of_shape(values, channel)),
-    )
-
-
-def _of_scale(
-    channel: RecordedChannel, peaks: tuple[float, float], si: float | None
-) -> Iterator[str]:
-    """Sentences on the unit and the peak, given as it is and about the mean."""
-    peak, swing = peaks
+    swing = peak * float(np.abs(values - mean).max())
+    findings = []
     if channel.quantity == "acceleration" and si is None:
         given = f"its unit {channel.unit!r} is not one of acceleration"
-        yield f"{given if channel.unit else 'the file does not say its unit'}; give it with --unit."
+        given = given if channel.unit else "the file does not say its unit"
+        findings.append(f"{given}; give it with --unit.")
     if channel.quantity == "acceleration" and si is not None:
         if peak * si > LARGEST_PEAK:
-            yield (
+            findings.append(
                 f"it peaks at {peak * si / STANDARD_GRAVITY:.3g} g, more than any earthquake (5 g):"
                 " is the unit wrong?"
             )
         elif swing * si < SMALLEST_PEAK:
-            yield (
+            findings.append(
                 f"it peaks at {swing * si:.2g} m/s2, below what an accelerometer resolves: is the"
                 " unit wrong, or the channel dead?"
             )
     stated = channel.stated_peak
-    # Some headers state the peak about the mean.
-    # Headers round to three digits.
+    # Some headers state the peak about the mean. Headers round to three digits.
     if stated and min(abs(peak - stated), abs(swing - stated)) > 0.01 * stated + 5e-4:
-        yield f"it peaks at {peak:.4g} {channel.unit}, but its header says {stated:.4g}."
-
-
-def _of_offset(channel: RecordedChannel, moving: Floats, mean: float, peak: float) -> Iterator[str]:
+        findings.append(f"it peaks at {peak:.4g} {channel.unit}, but its header says {stated:.4g}.")
     # A mean of 5 % of the largest swing is worth a word.
-    if abs(mean) > 0.05 * float(np.abs(moving).max()):
+    if abs(mean) > 0.05 * float(np.abs(values - mean).max()):
         unit = f" {channel.unit}" if channel.unit else ""
-        yield f"its mean is {mean * peak:.3g}{unit}, an offset to remove."
-
-
-def _of_sampling(channel: RecordedChannel) -> Iterator[str]:
+        findings.append(f"its mean is {mean * peak:.3g}{unit}, an offset to remove.")
     rate = 1.0 / channel.time_step
     if not _SLOWEST_HZ <= rate <= _FASTEST_HZ:
-        yield (
+        findings.append(
             f"its sampling rate is {rate:.3g} Hz; buildings are measured at"
             f" {_SLOWEST_HZ:g} to {_FASTEST_HZ:g} Hz: is the time's unit wrong?"
         )
-
-
-def _of_force(values: Floats) -> Iterator[str]:
-    """A hammer hits in some samples and rests between them: its force may only be clipped."""
+    if channel.quantity != "force":
+        return (*findings, *_of_shape(values, channel))
+    # A hammer hits in some samples and rests between them: its force may only be clipped.
     run = _longest_run(np.abs(values) == np.abs(values).max())
     if run >= _CLIPPED:
-        yield f"it is clipped: {run} samples in a row stand at its largest value."
+        findings.append(f"it is clipped: {run} samples in a row stand at its largest value.")
+    return tuple(findings)
 
 
 def _of_shape(values: Floats, channel: RecordedChannel) -> Iterator[str]:
     time_step = channel.time_step
     moving = values - values.mean()
-    peak, step = float(np.abs(moving).max()), _quantum(values)
+    # The smallest difference between two values is the step of their digits.
+    steps = np.diff(np.unique(values))
+    peak, step = float(np.abs(moving).max()), float(steps.min()) if steps.size else 0.0
     # Below 50 steps of its digits nothing can be called clipped, a spike or stuck.
     if peak < 50.0 * step:
         yield (
@@ -121,12 +106,6 @@ def _of_shape(values: Floats, channel: RecordedChannel) -> Iterator[str]:
     if count * time_step >= 1.0:
         first, last = start * time_step, (start + count) * time_step
         yield f"it stands still from {first:.4g} to {last:.4g} s: a gap that was filled?"
-
-
-def _quantum(values: Floats) -> float:
-    """Smallest difference between two values: the step of their digits."""
-    steps = np.diff(np.unique(values))
-    return float(steps.min()) if steps.size else 0.0
 
 
 def _longest_run(flags: Flags) -> int:
@@ -171,6 +150,11 @@ class _Sensor:
     floor: str
     channel: RecordedChannel
 
+    @property
+    def title(self) -> str:
+        """What sentences call it."""
+        return f"channel {self.number} ({self.channel.name})"
+
 
 @dataclass(frozen=True, eq=False)
 class _Response:
@@ -198,38 +182,29 @@ def pair_findings(
         floors: of each, or None.
         placed: those that measure how the base turns.
     """
-    found: list[str] = []
+    findings: list[str] = []
     vertical = [
         str(k + 1) for k, channel in enumerate(channels) if channel.vertical and k not in placed
     ]
     if vertical:
         are = "s " + ", ".join(vertical) + " are" if len(vertical) > 1 else f" {vertical[0]} is"
-        found.append(f"channel{are} vertical: no response to the base's horizontal motion.")
+        findings.append(f"channel{are} vertical: no response to the base's horizontal motion.")
     for later, channel in enumerate(channels):
         for earlier in range(later):
-            if _repeats(channels[earlier], channel):
-                found.append(f"channels {earlier + 1} and {later + 1} hold the same numbers.")
-    for group in _groups(channels, floors):
-        found += _of_group(group)
-    return tuple(found)
-
-
-def _repeats(one: RecordedChannel, other: RecordedChannel) -> bool:
-    return np.array_equal(one.values, other.values) and bool(np.ptp(one.values))
-
-
-def _groups(
-    channels: Sequence[RecordedChannel], floors: Sequence[str | None]
-) -> list[list[_Sensor]]:
-    """Channels that share their direction and times, on floors that are known."""
-    found: dict[object, list[_Sensor]] = defaultdict(list)
+            same = np.array_equal(channels[earlier].values, channel.values)
+            if same and np.ptp(channel.values):
+                findings.append(f"channels {earlier + 1} and {later + 1} hold the same numbers.")
+    # Channels that share their direction and times, on floors that are known.
+    groups: dict[object, list[_Sensor]] = defaultdict(list)
     for number, (channel, floor) in enumerate(zip(channels, floors, strict=True), start=1):
         if floor is not None and not channel.vertical and np.ptp(channel.values):
             parsed = parse_channel(channel.name)
             along = parsed.direction if parsed else channel.direction.upper()
             key = along, channel.values.size, channel.time_step
-            found[key].append(_Sensor(number, floor, channel))
-    return [sorted(own, key=lambda one: floor_height(one.floor)) for own in found.values()]
+            groups[key].append(_Sensor(number, floor, channel))
+    for group in groups.values():
+        findings += _of_group(sorted(group, key=lambda sensor: floor_height(sensor.floor)))
+    return tuple(findings)
 
 
 def _of_group(group: Sequence[_Sensor]) -> Iterator[str]:
@@ -242,42 +217,44 @@ def _of_group(group: Sequence[_Sensor]) -> Iterator[str]:
     if not based and seconds < 120.0:
         return
     reference = group[0] if based else group[-1]
-    others = [one for one in group if one is not reference]
-    whole = {one.number: _response(reference, one, 0, 1) for one in others}
-    first = _first_mode(whole[others[-1].number], based)
+    others = [sensor for sensor in group if sensor is not reference]
+    responses = {sensor.number: _response(reference, sensor, 0, 1) for sensor in others}
+    first = _first_mode(responses[others[-1].number], based)
     if first is None:
         return
-    against = [one for one in others if _runs_against(whole[one.number], first, based)]
+    against = []
+    for sensor in others:
+        low = _low(responses[sensor.number], first, based)
+        reversed_at = responses[sensor.number].values[low].real < 0.0
+        if low.sum() >= _LEAST_BINS and np.mean(reversed_at) > 0.9:
+            against.append(sensor)
     # Of floors alone, one that runs against all others is reversed; several are another mode.
     if based or (len(against) == 1 < len(others)):
-        yield from (_against(one, based) for one in against)
-    sound = [one for one in others if one not in against]
-    yield from _out_of_order(reference, sound, whole, first)
-    for one in sound:
-        delay = _delay(whole[one.number], first, based)
-        drift = _drift(reference, one, first)
-        if delay is not None and drift is None:
+        where = "the base where both should move together, at low frequency"
+        where = where if based else "all other floors in the lowest mode"
+        for sensor in against:
+            yield f"{sensor.title} moves against {where}: is its direction reversed?"
+    sound = [sensor for sensor in others if sensor not in against]
+    yield from _out_of_order(reference, sound, responses, first)
+    for sensor in sound:
+        response = responses[sensor.number]
+        used = _low(response, first, based)
+        frequency, angle = response.frequency_hz[used], np.angle(response.values[used])
+        delay = _shift(frequency, angle, response.phase_sd()[used], first)
+        drift = _drift(reference, sensor, first)
+        # Beside a floor, neighbouring modes turn the phase at the first one's frequency too.
+        least = (1.0 if based else 2.0) * _LATE / first
+        if delay is not None and abs(delay) > least and drift is None:
             late = "behind" if delay > 0.0 else "ahead of"
             yield (
-                f"channel {one.number} ({one.channel.name}) runs {1e3 * abs(delay):.3g} ms {late}"
-                f" channel {reference.number} ({reference.channel.name}): are their clocks the"
-                " same?"
+                f"{sensor.title} runs {1e3 * abs(delay):.3g} ms {late} {reference.title}: are their"
+                " clocks the same?"
             )
         if drift is not None:
             yield (
-                f"channel {one.number} ({one.channel.name}) drifts against channel"
-                f" {reference.number} ({reference.channel.name}) by {1e3 * abs(drift):.3g} ms from"
+                f"{sensor.title} drifts against {reference.title} by {1e3 * abs(drift):.3g} ms from"
                 " the first half of the record to the second: their clocks do not run alike."
             )
-
-
-def _against(one: _Sensor, based: bool) -> str:
-    where = "the base where both should move together, at low frequency"
-    where = where if based else "all other floors in the lowest mode"
-    return (
-        f"channel {one.number} ({one.channel.name}) moves against {where}: is its direction"
-        " reversed?"
-    )
 
 
 def _response(reference: _Sensor, one: _Sensor, part: int, parts: int) -> _Response:
@@ -324,27 +301,22 @@ def _low(response: _Response, first: float, based: bool) -> Flags:
     return np.asarray((frequency > low) & (frequency < high) & (response.coherence > _COHERENCE))
 
 
-def _runs_against(response: _Response, first: float, based: bool) -> bool:
-    low = _low(response, first, based)
-    return bool(low.sum() >= _LEAST_BINS and np.mean(response.values[low].real < 0.0) > 0.9)
-
-
 def _out_of_order(
     reference: _Sensor, others: Sequence[_Sensor], responses: dict[int, _Response], first: float
 ) -> Iterator[str]:
     """A sentence where floors do not move the more the higher they are, in the first mode."""
     sizes = {reference.number: 1.0}
-    for one in others:
-        own = responses[one.number]
-        near = np.abs(own.frequency_hz - first) <= 0.1 * first + own.frequency_hz[1]
-        near &= own.coherence > _COHERENCE
+    for sensor in others:
+        response = responses[sensor.number]
+        near = np.abs(response.frequency_hz - first) <= 0.1 * first + response.frequency_hz[1]
+        near &= response.coherence > _COHERENCE
         if not near.any():
             return
-        sizes[one.number] = float(np.abs(own.values[near]).max())
+        sizes[sensor.number] = float(np.abs(response.values[near]).max())
     # Floors must be in order where the mode amplifies twofold.
     if reference.floor == BASE and max(sizes.values()) < 2.0:
         return
-    ordered = sorted((reference, *others), key=lambda one: floor_height(one.floor))
+    ordered = sorted((reference, *others), key=lambda sensor: floor_height(sensor.floor))
     # A floor that moves 1.6 times as much as one above it is out of order.
     wrong = [
         (low, high)
@@ -356,20 +328,9 @@ def _out_of_order(
         return
     low, high = max(wrong, key=lambda pair: sizes[pair[0].number] / sizes[pair[1].number])
     yield (
-        f"channel {low.number} ({low.channel.name}) moves"
-        f" {sizes[low.number] / sizes[high.number]:.2g} times as much as channel {high.number}"
-        f" ({high.channel.name}) above it in the first mode, at {first:.3g} Hz: are they swapped?"
+        f"{low.title} moves {sizes[low.number] / sizes[high.number]:.2g} times as much as"
+        f" {high.title} above it in the first mode, at {first:.3g} Hz: are they swapped?"
     )
-
-
-def _delay(response: _Response, first: float, based: bool) -> float | None:
-    """Seconds by which a channel runs behind the reference; None where it does not."""
-    used = _low(response, first, based)
-    angle = np.angle(response.values[used])
-    found = _shift(response.frequency_hz[used], angle, response.phase_sd()[used], first)
-    # Beside a floor, neighbouring modes turn the phase at the first one's frequency too.
-    least = (1.0 if based else 2.0) * _LATE / first
-    return found if found is not None and abs(found) > least else None
 
 
 def _drift(reference: _Sensor, one: _Sensor, first: float) -> float | None:

@@ -53,12 +53,13 @@ def proposal(channels: Sequence[RecordedChannel]) -> dict[str, Proposed]:
     for k, channel in enumerate(channels):
         if is_usable(channel) and floors[k] is not None:
             directions[_key(channel, directions, channels)].append(k)
-    rank = {key: _reach(own, floors) for key, own in directions.items()}
+    reached = {key: {floors[k] for k in indices} for key, indices in directions.items()}
+    rank = {key: (BASE in there, len(there)) for key, there in reached.items()}
     ordered = sorted(directions, key=lambda key: rank[key], reverse=True)
-    found: dict[str, Proposed] = {}
+    proposed: dict[str, Proposed] = {}
     for axis, key in zip("xy", _right_angled(ordered, directions, channels), strict=False):
-        found |= _along(axis, directions[key], floors, channels)
-    return found
+        proposed |= _along(axis, directions[key], floors, channels)
+    return proposed
 
 
 def columns_of(
@@ -74,11 +75,12 @@ def columns_of(
     """
     if names is None:
         return {
-            ours: f"{'-' if one.turned else ''}{one.channel + 1}" for ours, one in proposed.items()
+            ours: f"{'-' if each.turned else ''}{each.channel + 1}"
+            for ours, each in proposed.items()
         }
-    found = {ours: channels[one.channel].name for ours, one in proposed.items()}
+    columns = {ours: channels[each.channel].name for ours, each in proposed.items()}
     time = next((n for n in names if n not in {each.name for each in channels}), TIME)
-    return found if time.lower() == TIME else {TIME: time, **found}
+    return columns if time.lower() == TIME else {TIME: time, **columns}
 
 
 def _key(
@@ -92,22 +94,17 @@ def _key(
         return parsed.direction
     if channel.azimuth_deg is None:
         return channel.direction.upper()
-    for key, own in directions.items():
-        other = channels[own[0]].azimuth_deg
+    for key, indices in directions.items():
+        other = channels[indices[0]].azimuth_deg
         if other is not None and _angle(channel.azimuth_deg, other) <= _ALONG_DEG:
             return key
     return f"{channel.azimuth_deg:.0f}"
 
 
-def _angle(one: float, other: float) -> float:
+def _angle(first: float, second: float) -> float:
     """Angle between two axes, 0 to 90 degrees, whichever way they point."""
-    apart = abs(one - other) % 180.0
+    apart = abs(first - second) % 180.0
     return min(apart, 180.0 - apart)
-
-
-def _reach(own: Sequence[int], floors: Sequence[str | None]) -> tuple[bool, int]:
-    told = {floors[k] for k in own}
-    return BASE in told, len(told)
 
 
 def _right_angled(
@@ -194,30 +191,37 @@ def next_step(
     options = f" --unit {unit or 'UNIT'}" if unit or unknown else ""
     if not usable:
         return NextStep("", "None of the channels is a horizontal acceleration.")
+    name = shlex.quote(str(path))
     if columns:
-        return NextStep(_as_told(path, columns, options), "", columns)
+        based = any(ours.startswith((BASE, "force/")) for ours in columns)
+        command = f"calibrate {name}{options}" if based else f"identify {name} -o modes.csv"
+        return NextStep(f"femupdate {command}{columns_option(columns)}", "", columns)
     proposed = proposal(histories)
     columns = columns_of(proposed, histories, names)
     along = columns_of({k: v for k, v in proposed.items() if ".y" not in k}, histories, names)
     base = [ours for ours in proposed if ours.startswith(BASE)]
     floors = [ours for ours in proposed if not ours.startswith(BASE)]
-    ours = names is not None and _speaks_our_names(names)
+    others = [title for title in names or () if title.lower() != TIME]
+    ours = len(others) == len(names or ()) - 1 and all(parse_history(title) for title in others)
     mapped = "" if ours else columns_option(along)
-    calibrate = f"femupdate calibrate {shlex.quote(str(path))}{options}"
+    calibrate = f"femupdate calibrate {name}{options}"
     forced = any(isinstance(parse_history(each.name), ForceChannel) for each in histories)
     if (base or forced) and floors:
         return NextStep(calibrate + mapped, "" if ours else _CHECK, columns)
     what = "NUMBER" if names is None else "NAME"
     pushed = next((k for k, each in enumerate(histories) if each.quantity == "force"), None)
     if pushed is not None and not forced:
-        own = str(pushed + 1) if names is None else histories[pushed].name
-        option = columns_option({"force/RF": own, **along}, [] if floors else ["RF"], what)
+        force = str(pushed + 1) if names is None else histories[pushed].name
+        option = columns_option({"force/RF": force, **along}, [] if floors else ["RF"], what)
         return NextStep(calibrate + option, _FORCED, columns)
     if len(histories) <= _COMPONENTS and not floors:
-        return NextStep(_predict(path, histories, usable, options), "")
+        largest = max(usable, key=lambda k: float(abs(histories[k].values).max()))
+        channel = f" --channel {largest + 1}" if len(histories) > 1 else ""
+        return NextStep(f"femupdate predict --record {name}{channel}{options}", "")
+    seconds = histories[usable[0]].values.size * histories[usable[0]].time_step
     # Records of earthquakes end before two minutes.
-    if floors and not base and _lasts(histories[usable[0]]) >= 120.0:
-        identify = f"femupdate identify {shlex.quote(str(path))} -o modes.csv{mapped}"
+    if floors and not base and seconds >= 120.0:
+        identify = f"femupdate identify {name} -o modes.csv{mapped}"
         return NextStep(identify, _NO_BASE, columns)
     if not base and len(histories) <= _COMPONENTS:
         return NextStep(
@@ -233,24 +237,6 @@ def next_step(
     )
 
 
-def _lasts(channel: RecordedChannel) -> float:
-    """Length, s."""
-    return channel.values.size * channel.time_step
-
-
-def _as_told(path: Path, columns: Mapping[str, str], options: str) -> str:
-    """The command for channels that the user has given to floors."""
-    name = shlex.quote(str(path))
-    if any(ours.startswith((BASE, "force/")) for ours in columns):
-        return f"femupdate calibrate {name}{options}{columns_option(columns)}"
-    return f"femupdate identify {name} -o modes.csv{columns_option(columns)}"
-
-
-def _speaks_our_names(names: Sequence[str]) -> bool:
-    others = [name for name in names if name.lower() != TIME]
-    return len(others) == len(names) - 1 and all(parse_history(name) for name in others)
-
-
 def columns_option(
     columns: Mapping[str, str] | None, missing: Sequence[str] = (), what: str = "NUMBER"
 ) -> str:
@@ -258,11 +244,3 @@ def columns_option(
     pairs = [f"{ours}={theirs}" for ours, theirs in (columns or {}).items()]
     pairs += [f"{ours}={what}" for ours in missing]
     return f" --columns {shlex.quote(','.join(pairs))}" if pairs else ""
-
-
-def _predict(
-    path: Path, histories: Sequence[RecordedChannel], usable: Sequence[int], options: str
-) -> str:
-    largest = max(usable, key=lambda k: float(abs(histories[k].values).max()))
-    channel = f" --channel {largest + 1}" if len(histories) > 1 else ""
-    return f"femupdate predict --record {shlex.quote(str(path))}{channel}{options}"

@@ -50,7 +50,14 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
     Raises:
         MeasurementError: there is no run, or their grids differ.
     """
-    _require_one_grid(runs)
+    if not runs:
+        raise MeasurementError("there is no run to pool; give one at least")
+    for run in runs[1:]:
+        if not np.array_equal(run.frequency_hz, runs[0].frequency_hz):
+            raise MeasurementError(
+                f"{run.source} is on another frequency grid than {runs[0].source}; bring both to "
+                "the building's"
+            )
     if len(runs) == 1:
         return runs[0]
     names = [name for name in floors if any(name in run.floors for run in runs)]
@@ -62,6 +69,10 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
     total, values = precision.sum(axis=0), np.stack([run.log_frf for run in wide])
     mean = _mean(values, precision)
     deviation = np.where(precision > 0.0, values - mean, 0.0)
+    # Share (r, m) of every run in all floors together; alike where there is nothing.
+    of_run = precision.sum(axis=1)
+    of_all = of_run.sum(axis=0)
+    shares = np.where(of_all > 0.0, of_run / np.where(of_all > 0.0, of_all, 1.0), 1.0 / len(runs))
     return Observation(
         frequency_hz=wide[0].frequency_hz,
         floors=tuple(names),
@@ -73,9 +84,9 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
         resolution_hz=resolution,
         source=", ".join(run.source for run in runs),
         scatter=(precision * deviation**2).sum(axis=0),
-        estimator=mean_estimator([run.estimator for run in runs], _shares(precision), grid),
-        rotation=_rotation(runs, _shares(precision)),
-        excitation=max((run.excitation for run in runs), key=lambda one: one.turns),
+        estimator=mean_estimator([run.estimator for run in runs], shares, grid),
+        rotation=_rotation(runs, shares),
+        excitation=max((run.excitation for run in runs), key=lambda excitation: excitation.turns),
     )
 
 
@@ -84,19 +95,8 @@ def _rotation(runs: Sequence[Observation], shares: Floats) -> Complexes | None:
     if all(run.rotation is None for run in runs):
         return None
     none = np.zeros(shares.shape[1], dtype=np.complex128)
-    own = np.stack([none if run.rotation is None else run.rotation for run in runs])
-    return np.asarray((shares * np.nan_to_num(own)).sum(axis=0))
-
-
-def _require_one_grid(runs: Sequence[Observation]) -> None:
-    if not runs:
-        raise MeasurementError("there is no run to pool; give one at least")
-    for run in runs[1:]:
-        if not np.array_equal(run.frequency_hz, runs[0].frequency_hz):
-            raise MeasurementError(
-                f"{run.source} is on another frequency grid than {runs[0].source}; bring both to "
-                "the building's"
-            )
+    rows = np.stack([none if run.rotation is None else run.rotation for run in runs])
+    return np.asarray((shares * np.nan_to_num(rows)).sum(axis=0))
 
 
 def _weights(runs: Sequence[Observation]) -> Floats:
@@ -119,13 +119,6 @@ def _resolution(runs: Sequence[Observation], weight: Floats) -> float | None:
         0.0 if estimated and run.coherence is None else run.resolution_hz or spacing for run in runs
     ]
     return float(np.sqrt(weight @ np.square(widths) / weight.sum()))
-
-
-def _shares(precision: Floats) -> Floats:
-    """Share (r, m) of every run in all floors together; alike where there is nothing."""
-    of_run = precision.sum(axis=1)
-    total = of_run.sum(axis=0)
-    return np.where(total > 0.0, of_run / np.where(total > 0.0, total, 1.0), 1.0 / len(of_run))
 
 
 def _mean(values: Floats, precision: Floats) -> Floats:
@@ -199,8 +192,8 @@ class Agreement:
         # Runs that agree are said to differ once in a thousand times.
         limit = 1e-3 / max(len(self.differences), 1)
         # The noise is an estimate itself: nothing is said below 1.3 times it.
-        found = [d for d in self.differences if d.p_value < limit and d.ratio > 1.3]
-        return tuple(sorted(found, key=lambda one: (one.p_value, -one.ratio)))
+        large = [d for d in self.differences if d.p_value < limit and d.ratio > 1.3]
+        return tuple(sorted(large, key=lambda d: (d.p_value, -d.ratio)))
 
     def sentence(self) -> str:
         """The agreement in a sentence for the user."""
@@ -209,11 +202,11 @@ class Agreement:
                 "No floor was measured in more than one of them: whether they agree cannot be told "
                 "without a model."
             )
-        found = self.beyond_chance
-        if not found:
+        large = self.beyond_chance
+        if not large:
             return f"They agree: their differences are {self.ratio:.2f} times the noise (rms)."
-        first = found[0]
-        others = "" if len(found) == 1 else f", and so in {len(found) - 1} more places"
+        first = large[0]
+        others = "" if len(large) == 1 else f", and so in {len(large) - 1} more places"
         return (
             f"They do not agree: {first.source} differs from {first.others} at {first.floor}, "
             f"{first.band_hz[0]:.3g} to {first.band_hz[1]:.3g} Hz, by {first.ratio:.1f} times the "

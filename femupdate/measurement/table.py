@@ -69,35 +69,28 @@ def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
         return list(rows)
     mark = delimiter or " "
 
-    def apart(line: int, text: str) -> Row:
+    split = []
+    for row, (line, text) in enumerate(rows):
         cells = []
         for k, cell in enumerate(cells_of(text, delimiter)):
-            cells += _parts(cell, blanks) if k in complex_columns else [cell]
-        return line, mark.join(cells)
-
-    head = []
-    for k, title in enumerate(titles):
-        head += [_named(title, part) for part in ("re", "im")] if k in complex_columns else [title]
-    return [(rows[0][0], mark.join(head)), *(apart(*row) for row in rows[1:])]
+            match = _complex(cell) if k in complex_columns else None
+            if k not in complex_columns:
+                cells.append(cell)
+            elif row == 0:  # a unit in brackets stays behind the name
+                name, bracket, unit = cell.partition("(" if "(" in cell else "[")
+                behind = f" {bracket}{unit}" if bracket else ""
+                cells += [f"{name.strip()}_{part}{behind}" for part in ("re", "im")]
+            elif match is not None:
+                cells += [match["re"] or "0", re.sub(r"\s", "", match["im"])]
+            else:
+                cells += [cell, cell if cell.lower() in blanks else "0"]
+        split.append((line, mark.join(cells)))
+    return split
 
 
 def _complex(cell: str) -> re.Match[str] | None:
     # The pattern takes very long to refuse a long cell.
     return _COMPLEX.fullmatch(cell) if len(cell) <= 80 else None
-
-
-def _named(title: str, part: str) -> str:
-    """`2F_re` of `2F`; a unit in brackets stays behind the name."""
-    name, bracket, unit = title.partition("(") if "(" in title else title.partition("[")
-    return f"{name.strip()}_{part}{' ' if bracket else ''}{bracket}{unit}"
-
-
-def _parts(cell: str, blanks: Sequence[str]) -> list[str]:
-    """Real and imaginary part of a cell; of what is not complex the cell itself and zero."""
-    match = _complex(cell)
-    if match is not None:
-        return [match["re"] or "0", re.sub(r"\s", "", match["im"])]
-    return [cell, cell] if cell.lower() in blanks else [cell, "0"]
 
 
 # 2020-01-31 12:00:00.005, also with T and Z, or 12:00:00.005 alone.
@@ -118,16 +111,16 @@ def in_seconds(rows: list[Row], delimiter: str | None) -> list[Row]:
     if not _MOMENT.fullmatch(cells_of(rows[-1][1], delimiter)[0]):
         return rows  # as nearly all tables: not a row more need be looked at
     first = [cells_of(text, delimiter)[0] for _, text in rows]
-    found = [_MOMENT.fullmatch(cell) for cell in first]
-    start = next((k for k, one in enumerate(found) if one), len(rows))
+    matches = [_MOMENT.fullmatch(cell) for cell in first]
+    start = next((k for k, match in enumerate(matches) if match), len(rows))
     plain = all(text.strip().startswith(cell) for (_, text), cell in zip(rows, first, strict=True))
-    if start == len(rows) or not all(found[start:]) or not plain:
+    if start == len(rows) or not all(matches[start:]) or not plain:
         return rows
     moments = np.array(
         [
-            f"{(one['date'] or '2000-01-01').replace('/', '-')}T{one['time'].replace(',', '.')}"
-            for one in found[start:]
-            if one
+            f"{(match['date'] or '2000-01-01').replace('/', '-')}T{match['time'].replace(',', '.')}"
+            for match in matches[start:]
+            if match
         ],
         dtype="datetime64[ns]",
     )
@@ -189,20 +182,21 @@ def uniform_step(file: TextFile, time: Floats, lines: Integers, title: str) -> f
     tolerance = min(max(0.75 * digit, 0.01 * step), 0.3 * step)
     deviation = np.abs(time - (start + step * np.arange(time.size)))
     if backwards.size or deviation.max() > tolerance:
-        _raise_uneven(file, time, lines, title)
-    return _rounded_step(step, time.size, digit)
-
-
-def _raise_uneven(file: TextFile, time: Floats, lines: Integers, title: str) -> None:
-    steps = np.diff(time)
-    usual = float(np.median(steps))
-    worst = int(np.argmax(np.abs(steps - usual)))
-    raise file.error(
-        f"the sampling is not uniform: {steps[worst]:.6g} s after the row before, elsewhere"
-        f" {usual:.6g} s; fill the gap or resample to one time step",
-        int(lines[worst + 1]),
-        title,
-    )
+        steps = np.diff(time)
+        usual = float(np.median(steps))
+        worst = int(np.argmax(np.abs(steps - usual)))
+        raise file.error(
+            f"the sampling is not uniform: {steps[worst]:.6g} s after the row before, elsewhere"
+            f" {usual:.6g} s; fill the gap or resample to one time step",
+            int(lines[worst + 1]),
+            title,
+        )
+    # The nearest whole sampling rate or round step that the first and last time's digits allow.
+    allowed = digit / (time.size - 1)
+    rate, rounded = round(1.0 / step), round(step, _DECIMALS)
+    if rate > 0 and abs(step - 1.0 / rate) <= allowed:
+        return 1.0 / rate
+    return rounded if abs(step - rounded) <= allowed else float(step)
 
 
 def _decimals(time: Floats) -> int:
@@ -212,16 +206,6 @@ def _decimals(time: Floats) -> int:
         if np.abs(np.round(time, decimals) - time).max() <= scale:
             return decimals
     return _DECIMALS
-
-
-def _rounded_step(step: float, count: int, digit: float) -> float:
-    """Take the nearest whole sampling rate, or the nearest round step, that the digits allow."""
-    allowed = digit / (count - 1)  # what the rounding of the first and last time allows
-    rate = round(1.0 / step)
-    if rate > 0 and abs(step - 1.0 / rate) <= allowed:
-        return 1.0 / rate
-    rounded = round(step, _DECIMALS)
-    return rounded if abs(step - rounded) <= allowed else float(step)
 
 
 _MOST_ABOVE, _LEAST_ROWS, _LEAST_COLUMNS = 60, 10, 2
@@ -267,7 +251,7 @@ class ColumnTable:
                 else (("", column),)
             )
         }
-        values = np.column_stack([own.astype(np.float64) for _, own in parts.values()])
+        values = np.column_stack([column.astype(np.float64) for _, column in parts.values()])
         stated = tuple(units.get(name) or None for name, _ in parts.values())
         return ColumnTable(file, tuple(parts), stated, values, np.arange(len(values)) + 1)
 
@@ -395,7 +379,13 @@ def read_head_rows(
         return None, None, rows
     titles = [split(cell) for cell in first]
     names = tuple(name for name, _ in titles)
-    _refuse_repeats(file, names, line)
+    for position, name in enumerate(names):
+        if name and name in names[:position]:
+            raise file.error(
+                f"two columns are called {name!r}; rename or remove one (several sensors of a"
+                f" floor are {name}:1, {name}:2)",
+                line,
+            )
     units: tuple[str | None, ...] = tuple(unit for _, unit in titles)
     second = cells_of(rows[1][1], delimiter) if len(rows) > 1 else ["0"]
     if any(is_number(cell) for cell in second):
@@ -407,7 +397,7 @@ def read_head_rows(
             rows[1][0],
         )
     below = [None if unit in ("", "-") else unit for unit in second]
-    stated = tuple(own or beside for own, beside in zip(below, units, strict=True))
+    stated = tuple(unit or beside for unit, beside in zip(below, units, strict=True))
     return names, stated, rows[2:]
 
 
@@ -418,16 +408,6 @@ def _drop_blank_tail(text: str, delimiter: str, count: int) -> str:
             break
         text = head
     return text
-
-
-def _refuse_repeats(file: TextFile, names: tuple[str, ...], line: int) -> None:
-    for position, name in enumerate(names):
-        if name and name in names[:position]:
-            raise file.error(
-                f"two columns are called {name!r}; rename or remove one (several sensors of a"
-                f" floor are {name}:1, {name}:2)",
-                line,
-            )
 
 
 def _blame(
