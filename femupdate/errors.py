@@ -1,6 +1,8 @@
 """Errors that femupdate raises on purpose: each says what is wrong, where, and what to do."""
 
+import difflib
 import re
+from collections.abc import Iterable
 
 _LONGEST_WORD, _LONGEST_MESSAGE = 300, 2000
 _NOT_SHOWN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
@@ -26,6 +28,12 @@ def _shortened(text: str, longest: int) -> str:
     """Text whose middle is left out where it is too long: its end says what to do."""
     half = (longest - 5) // 2
     return text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}"
+
+
+def close(name: str, known: Iterable[str]) -> str:
+    """Return "; did you mean 'x'?" with the nearest known name, or nothing."""
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 class UnitError(FemupdateError):

@@ -8,11 +8,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from femupdate.building.entry import as_building_error, close
+from femupdate.building.entry import as_building_error
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.shear import ShearBuilding
-from femupdate.errors import BuildingError
+from femupdate.errors import BuildingError, close
 
 Building = FrameBuilding | MeshBuilding | ShearBuilding
 

@@ -1,18 +1,11 @@
 """The base of every table of a building file, and how a complaint about one finds its words."""
 
-import difflib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from femupdate.errors import BuildingError
-
-
-def close(name: str, known: Iterable[str]) -> str:
-    """Return "; did you mean 'x'?" with the nearest known name, or nothing."""
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
-    return f"; did you mean {near[0]!r}?" if near else ""
+from femupdate.errors import BuildingError, close
 
 
 class Complaint(ValueError):  # noqa: N818 - it never leaves this room: users get a BuildingError

@@ -7,8 +7,7 @@ import os
 from importlib.resources import files
 from pathlib import Path
 
-from femupdate.building.entry import close
-from femupdate.errors import BuildingError
+from femupdate.errors import BuildingError, close
 from femupdate.storage import check_regular
 
 _SUFFIX = ".toml"

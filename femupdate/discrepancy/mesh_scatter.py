@@ -53,7 +53,7 @@ class OpenMesh:
         """
         if not self.by_modes:
             members = self._members(data, system, self.terms, values)
-            return torch.cat([torch.cat(members, dim=1), _of_points_that_bend(data, members)])
+            return torch.cat([torch.cat(members, dim=1), of_points_that_bend(data, members)])
         # Of changes this small fewer shapes tell enough.
         count = min(FIT.fewer_shapes, system.model.size)
         own, terms = (
@@ -156,7 +156,7 @@ def _moved(data: Sequence[Data], from_: list[Tensor], to: list[Tensor]) -> list[
     return [one.moved(*both) for one, *both in zip(data, from_, to, strict=True)]
 
 
-def _of_points_that_bend(data: Sequence[Data], known: list[Tensor]) -> Tensor:
+def of_points_that_bend(data: Sequence[Data], known: list[Tensor]) -> Tensor:
     """An error (c, n) for every point of FRFs that the known ones change by too much for a line."""
     found = []
     for one, changes in zip(data, known, strict=True):

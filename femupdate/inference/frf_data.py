@@ -45,18 +45,19 @@ class Believed:
 
     Attributes:
         wild: standard deviations, of error and noise together, beyond which a residual counts as
-            that many: one point where an anti-resonance is a sample off must not decide anything.
+            that many: one point where an anti-resonance is a sample off must not decide a name.
+            A search from the whole prior has no limit: beyond it nothing tells the way.
         table: what the model may err by.
     """
 
-    wild: float = JUDGED.wild
+    wild: float = math.inf
     table: ErrorTable = MODEL_ERROR
 
 
 # A model that may err; the same by a coarser table, which a hundred fits share, for only their
 # differences count; and a model that may not err.
-LEARNING, COMPARING = Believed(), Believed(table=COARSE_ERROR)
-AT_ITS_WORD = Believed(wild=math.inf, table=STATED)
+LEARNING, COMPARING = Believed(), Believed(wild=JUDGED.wild, table=COARSE_ERROR)
+AT_ITS_WORD = Believed(table=STATED)
 
 
 @dataclass(frozen=True)

@@ -145,7 +145,9 @@ def test_instruments_between_structural_effects_keep_their_sizes_apart(stick, pl
     alone = respond(system_of(stick, place("added_mass@3F")), THETA, (0.3,))
     same(respond(mixed, THETA, (0.5, 0.3)), alone)
     seen = seen_by_sensors(mixed, THETA, (0.5, 0.3))
-    ratio = seen / alone.floor_acceleration[0]
+    real = alone.floor_acceleration[0]
+    moves = (np.abs(real) > 0.01 * np.abs(real).max()).all(axis=0)  # at rest there is no ratio
+    ratio = seen[:, moves] / real[:, moves]
     np.testing.assert_allclose(np.median(ratio, axis=1), [1.0, 1.0, 1.5], rtol=1e-3)
 
 

@@ -1,9 +1,12 @@
 """Errors that are known beforehand widen what the data tell, whatever a single point says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
+from femupdate.discrepancy.mesh_scatter import of_points_that_bend
 from femupdate.dynamics.system import System
 from femupdate.inference.frf_data import base_logs
 from femupdate.inference.likelihood import likelihood_of
@@ -25,16 +28,19 @@ def test_what_moves_all_factors_alike_is_never_told_from_them(
     seen = observe(building.floors, GRID, frf, 0.02, 3, phase=False)
     system = System(reduced_of(building).model)
 
-    def shared(parameters, frequency_hz, zeta, estimate=None):
-        here = system.log_frf(parameters, zeta, frequency_hz)
-        there = system.log_frf(parameters * (1.0 + 1e-5), zeta, frequency_hz)
+    def alike(data, system, values):
+        """A change of all factors by one common share, as a line."""
+        at = values.zeta, torch.from_numpy(GRID)
+        here = system.log_frf(values.theta, *at)
+        there = system.log_frf(values.theta * (1.0 + 1e-5), *at)
         change = COMMON * (there - here) / 1e-5
         change[:, 0, 100] += wild
-        return change[:, None]
+        known = data[0].moved(here, here + change)
+        return torch.cat([known, of_points_that_bend(data, [known])])
 
     prior = theta_prior(building) + Parameters((damping_parameter(building),))
     likelihood = likelihood_of((base_logs(seen, system, modes=None),), system, prior)
-    found = settled(likelihood, 1, shared=shared, observation=seen)
+    found = settled(replace(likelihood, known=alike), 1)
     middle = prior.from_normal(found.found.z[:1])
     steps = torch.cat([torch.zeros(1, 4), 1e-6 * torch.eye(4)]).to(middle)
     whitened = found.likelihood.residuals(middle * torch.exp(steps))

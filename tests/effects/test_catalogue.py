@@ -69,7 +69,8 @@ def test_neutral_size_changes_nothing(effect, case):
     for place in effect.places(case.structure):
         if effect.parameters:
             ours = case.frf(f"{effect.name}@{place}", sizes=neutral(effect), zeta=0.03)
-            np.testing.assert_allclose(ours, plain, rtol=1e-10, atol=1e-12)
+            # Rounding of 4e-12 in a frequency shows 34 times as large at its peak (2 Q).
+            np.testing.assert_allclose(ours, plain, rtol=1e-9, atol=1e-12)
 
 
 @EFFECTS

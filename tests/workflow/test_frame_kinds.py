@@ -64,7 +64,7 @@ def _hit(path, structure, hidden):
 
 def _found(cabin, path):
     given = read_given(cabin.study, cabin.model, _source(path), None, SILENT)
-    posed = prepared(cabin.finder, given.data(cabin.model, None))
+    posed = prepared(cabin.finder, given.data(cabin.model.system))
     return sought(cabin.finder, *posed)[2]
 
 

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from femupdate.errors import MeasurementError
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.kinds import measured_of
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 
@@ -103,12 +101,3 @@ def test_a_listed_effect_is_found_from_both(tmp_path):
     assert apart == set(report.check.names)
     # Both together know the mass no worse than either; twenty thousand draws leave .7 % open.
     assert sd[2][2] < 1.02 * min(sd[0][2], sd[1][2])
-
-
-def test_no_static_load_is_carried(tmp_path):
-    (tmp_path / "hung.toml").write_text(BUILDING.format(base="slides"))
-    model = open_study(Study(tmp_path / "study"), str(tmp_path / "hung.toml"))
-    path = tmp_path / "loads.csv"
-    path.write_text("case,load/RF (kN),2F (mm),RF (mm)\n0,5,1,2\n1,10,2,4\n")
-    with pytest.raises(MeasurementError, match=r"loads\.csv: a base that slides carries no static"):
-        measured_of(model.building, ObservationSource(path))

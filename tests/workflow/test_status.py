@@ -1,6 +1,7 @@
 """What `status` says of a study: current, stale, damaged, missing, interrupted, next."""
 
 import json
+import re
 
 import pytest
 
@@ -71,7 +72,9 @@ def test_a_command_is_told_as_it_was_called(look, tower_observation, words, agai
     found = {item.name: item.again for item in study_status(study).holds}
     model, posterior = again
     assert found["reduced model"] == model
-    assert found["posterior"] == posterior.format(tower_observation.path)
+    # What tests share is made by one process of theirs, from an observation in a folder of its own.
+    again = re.sub(r"/\S*/tower_observation\.csv", str(tower_observation.path), found["posterior"])
+    assert again == posterior.format(tower_observation.path)
 
 
 def test_the_posterior_of_a_repaired_building_is_made_again_from_outside(look):
