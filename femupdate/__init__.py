@@ -1,9 +1,9 @@
 """femupdate: calibrates finite-element models of buildings to measured vibration."""
 
-from importlib import import_module as _import_module
 from pathlib import Path as _Path
 from typing import TYPE_CHECKING as _TYPE_CHECKING
-from typing import Any as _Any
+
+from femupdate.lazy import lazily as _lazily
 
 __version__ = "0.1.0"
 
@@ -15,7 +15,7 @@ if (_checkout / "cli" / "main.py").exists():
 
 # Where each public name is: imported when it is first used, so that commands start without it.
 _NOUNS = {
-    "Building": "building.common",
+    "Building": "building.files:AnyBuilding",
     "Diagnosis": "discrepancy.diagnose",
     "Effect": "effects.effect",
     "GroundMotion": "measurement.record",
@@ -66,13 +66,7 @@ if _TYPE_CHECKING:
     from femupdate.workflow.predict import Prediction
 
 
-def __getattr__(name: str) -> _Any:
-    if name in _NOUNS:
-        module, _, inner = _NOUNS[name].partition(":")
-        return getattr(_import_module(f"femupdate.{module}"), inner or name)
-    if name in _VERBS:
-        return getattr(_import_module("femupdate.interface"), name)
-    raise AttributeError(f"module 'femupdate' has no attribute {name!r}")
+__getattr__ = _lazily(__name__, {**_NOUNS, **dict.fromkeys(_VERBS, "interface")})
 
 
 def __dir__() -> list[str]:

@@ -10,12 +10,14 @@ def lazily(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
 
     Args:
         package: its name.
-        modules: the module inside the package that holds each public name.
+        modules: the module inside the package that holds each public name; "module:inner" where
+            it has another name there.
     """
 
     def get(name: str) -> Any:
         if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(f"{package}.{modules[name]}"), name)
+        module, _, inner = modules[name].partition(":")
+        return getattr(import_module(f"{package}.{module}"), inner or name)
 
     return get

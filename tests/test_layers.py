@@ -9,6 +9,12 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIBRARY = ROOT / "femupdate"
 TABLE = ROOT / "docs" / "architecture.md"
+# What imports by a name that is not written there: public names, commands, the modules of a folder,
+# and packages that someone may not have.
+LAZY = {
+    *("femupdate/lazy.py", "cli/group.py", "cli/benchmark.py"),
+    *("femupdate/registry.py", "femupdate/measurement/reader.py", "femupdate/measurement/text.py"),
+}
 ABOVE_ALL = ("interface.py", "__main__.py", "__init__.py")
 
 
@@ -54,6 +60,20 @@ def test_packages_import_those_above_them():
         if other.parts[0] in order
         and (file.parts[0] not in order or order.index(other.parts[0]) > order.index(file.parts[0]))
         and str(file) not in ABOVE_ALL
+    ]
+    assert not wrong
+
+
+def test_no_import_hides_from_these_tests():
+    """`import_module` is for public names on demand, for what is found in a folder, and others'."""
+    wrong = [
+        f"{path.relative_to(ROOT)}: {ast.unparse(node)}"
+        for path in (*LIBRARY.rglob("*.py"), *(ROOT / "cli").rglob("*.py"))
+        if str(path.relative_to(ROOT)) not in LAZY
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+        and ast.unparse(node.func).endswith(("import_module", "__import__"))
+        and not (isinstance(node.args[0], ast.Constant) and "femupdate" not in node.args[0].value)
     ]
     assert not wrong
 

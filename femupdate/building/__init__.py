@@ -3,7 +3,7 @@
 from femupdate.lazy import lazily
 
 _PUBLIC = {
-    "building_hash": "files",
+    "building_hash": "document",
     "building_text": "shipped",
     "EffectEntry": "common",
     "factor_titles": "parameters",
@@ -11,7 +11,7 @@ _PUBLIC = {
     "from_document": "document",
     "import_mesh": "mesh_import",
     "load_building": "files",
-    "mechanics_hash": "files",
+    "mechanics_hash": "document",
     "mesh_building": "mesh",
     "save_building": "files",
     "Section": "sections",

@@ -1,10 +1,9 @@
 """What building files of every kind hold, validated (SI inside)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
-from typing import Literal, cast
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -179,6 +178,9 @@ class Building(Entry):
         (('2F', '3F', 'RF'), ('S1', 'S2', 'S3'))
     """
 
+    # A building of any kind by its file or its shipped name: put here by what knows all kinds.
+    load: ClassVar[Callable[[str | Path], "Building"]]
+
     name: Label
     title: str = ""
     description: str = ""
@@ -204,17 +206,6 @@ class Building(Entry):
     def source(self) -> str:
         """The text of the file that it was read from, with its comments; empty without one."""
         return ""
-
-    @staticmethod
-    def load(path_or_name: str | Path) -> "Building":
-        """A building of any kind by its file or its shipped name.
-
-        Raises:
-            BuildingError: no such building, or its file is wrong.
-        """
-        # What reads files knows the kinds, which are built on this class.
-        read = import_module("femupdate.building.files").load_building
-        return cast(Building, read(path_or_name))
 
     @property
     def story_names(self) -> tuple[str, ...]:

@@ -9,13 +9,8 @@ from typing import Any, TypeGuard
 
 import tomlkit
 
-from femupdate.building.document import (
-    Building,
-    building_hash,
-    from_document,
-    mechanics_hash,
-    to_document,
-)
+from femupdate.building.common import Building as AnyBuilding
+from femupdate.building.document import Building, from_document, to_document
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import check_mesh
 from femupdate.building.own_mesh import MeshBuilding
@@ -60,6 +55,9 @@ def load_building(path_or_name: str | Path) -> Building:
         _warn_once(f"{where}: {doubt}")
     _log.info("loaded the building %s from %s", building.name, where)
     return building
+
+
+AnyBuilding.load = staticmethod(load_building)
 
 
 @cache
@@ -136,6 +134,3 @@ def _item(value: Any) -> Any:
     if isinstance(value, str) and "\n" in value:
         return tomlkit.string(value, multiline=True)
     return tomlkit.item(value)
-
-
-__all__ = ["building_hash", "load_building", "mechanics_hash", "save_building", "to_toml"]

@@ -15,8 +15,7 @@ import numpy as np
 
 from femupdate import __version__
 from femupdate.arrays import Floats
-from femupdate.building.document import Building
-from femupdate.building.files import mechanics_hash
+from femupdate.building.document import Building, mechanics_hash
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.parameters import factor_ranges
 from femupdate.building.shear import require_heights

@@ -16,8 +16,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from femupdate.building.document import Building
-from femupdate.building.files import mechanics_hash
+from femupdate.building.document import Building, mechanics_hash
 from femupdate.errors import SurrogateError
 from femupdate.storage import write_bytes
 from femupdate.study import Study, StudyPart

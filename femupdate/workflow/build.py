@@ -194,7 +194,7 @@ def export_opensees(
 
 def _refuse_other(study: Study, building: Building) -> None:
     """A study with a posterior keeps its building."""
-    from femupdate.building.files import mechanics_hash
+    from femupdate.building.document import mechanics_hash
 
     kept = study.path(BUILDING_FILE)
     if not kept.exists() or not study.posteriors():

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.document import Building, without_effects
-from femupdate.building.files import mechanics_hash
+from femupdate.building.document import Building, mechanics_hash, without_effects
 from femupdate.discrepancy.finder_model import finder_mesh_size, finder_structure
 from femupdate.dynamics.reduced import ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.reduction import reduce_structure

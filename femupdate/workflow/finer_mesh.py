@@ -11,8 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from femupdate.building.document import Building, without_effects
-from femupdate.building.files import mechanics_hash
+from femupdate.building.document import Building, mechanics_hash, without_effects
 from femupdate.building.frame import FrameBuilding
 from femupdate.discrepancy.mesh_error import MeshError, corrected_model
 from femupdate.discrepancy.mesh_scatter import OpenMesh

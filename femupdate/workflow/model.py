@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.building.document import Building
-from femupdate.building.files import load_building, mechanics_hash, save_building
+from femupdate.building.document import Building, mechanics_hash
+from femupdate.building.files import load_building, save_building
 from femupdate.dynamics.damping import DampingLaw, damping_law
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduction import Reduction, reduce_structure

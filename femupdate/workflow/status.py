@@ -8,8 +8,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from femupdate.building.document import Building, without_effects
-from femupdate.building.files import load_building, mechanics_hash
+from femupdate.building.document import Building, mechanics_hash, without_effects
+from femupdate.building.files import load_building
 from femupdate.building.shipped import shipped_buildings
 from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import (
