@@ -117,11 +117,7 @@ def _submitted(
 
 
 def _by_threads(task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[tuple[int, T]]:
-    """On the processors of this machine.
-
-    Threads share the model. SuperLU, LAPACK and BLAS let go of Python's lock, and what is done here
-    is theirs. Each has one thread of its own, as more would only be in each other's way.
-    """
+    """On the processors of this machine."""
     import torch
     from threadpoolctl import threadpool_limits
 

@@ -32,34 +32,22 @@ _SHAPES = {"up": (3,), "size": (2,), "offset": (2, 3), "released": (12,)}
 
 @dataclass(frozen=True, kw_only=True)
 class ElementBlock:
-    """The n elements of one member in one story or on one floor, or of one part of a read mesh.
+    """The n elements of one member in one story or on one floor, or of one part of a read mesh."""
 
-    Attributes:
-        key: the entry of the file that it comes from, such as "walls[2]".
-        element: the kind of element.
-        nodes: (n, k) points of a lattice, or nodes of a read mesh.
-        group: index of the story that owns it, or (n,) of each element.
-        kind: "wall", "non_structural_wall", "slab", "column", "beam" or "brace", or (n,) of each
-            element.
-        material: of all.
-        thickness: of surfaces, m.
-        section: of lines.
-        up, offset, released: as for `femupdate.fe.elements.beam.Beams`; None where there are none.
-        part: number of the part of a read mesh.
-    """
-
-    key: str
-    element: type[Elements]
-    nodes: Integers
-    group: int | Integers
+    key: str  # the entry of the file that it comes from, such as "walls[2]"
+    element: type[Elements]  # the kind of element
+    nodes: Integers  # (n, k) points of a lattice, or nodes of a read mesh
+    group: int | Integers  # index of the story that owns it, or (n,) of each element
+    # "wall", "non_structural_wall", "slab", "column", "beam" or "brace", or (n,) of each element
     kind: str | Strings
-    material: Material
-    thickness: float | None = None
-    section: SectionFigures | None = None
+    material: Material  # of all
+    thickness: float | None = None  # of surfaces, m
+    section: SectionFigures | None = None  # of lines
+    # as for `femupdate.fe.elements.beam.Beams`; None where there are none
     up: tuple[float, float, float] | Floats | None = None
     offset: Floats | None = None
     released: Flags | None = None
-    part: int = -1
+    part: int = -1  # number of the part of a read mesh
 
     def values(self) -> dict[str, Any]:
         """What the element's fields are filled with, by their names."""
@@ -243,19 +231,14 @@ def _hinges(beams: BeamLines, count: int) -> Flags | None:
 
 @dataclass(frozen=True)
 class DeadWall:
-    """A wall of one story that only weighs.
-
-    Attributes:
-        above, below: (n,) crossings along the wall on the floor above and below (below is empty
-            on the ground).
-        share: (n,) mass for each of those, kg: half of the wall's in all.
-    """
+    """A wall of one story that only weighs."""
 
     key: str
     group: int
+    # (n,) crossings along the wall on the floor above and below (below is empty on the ground)
     above: Integers
     below: Integers
-    share: Floats
+    share: Floats  # (n,) mass for each of those, kg: half of the wall's in all
 
     @property
     def mass(self) -> float:
@@ -265,21 +248,13 @@ class DeadWall:
 
 @dataclass(frozen=True)
 class _WallStory:
-    """A wall in one story.
+    """A wall in one story."""
 
-    Attributes:
-        key: the entry of the file it comes from.
-        wall: that entry.
-        run: the stretch of the grid line under it.
-        group: index of the story.
-        openings: (n, 4) sides of each opening, m: along the wall from and to, up from and to.
-    """
-
-    key: str
-    wall: Wall
-    run: Stretch
-    group: int
-    openings: Floats
+    key: str  # the entry of the file it comes from
+    wall: Wall  # that entry
+    run: Stretch  # the stretch of the grid line under it
+    group: int  # index of the story
+    openings: Floats  # (n, 4) sides of each opening, m: along the wall from and to, up from and to
 
     def sheet(self, lattice: Lattice) -> Integers:
         """Crossings (points along the wall, levels)."""

@@ -84,29 +84,19 @@ def place_masses(
 
 @dataclass(frozen=True, kw_only=True)
 class BuildingMesh:
-    """A meshed building.
+    """A meshed building."""
 
-    Attributes:
-        model: the finite-element model.
-        floors: names of the floors, bottom to top ("2F" ... "RF").
-        floor_nodes: node indices of each floor's sensor points.
-        floor_level: (floors,) height above the base, m.
-        base_nodes: (n,) indices of the nodes at the base.
-        direction: 0 where motion is measured along x, 1 along y.
-        story_names: names of the stories, bottom to top.
-        factors: the model's parameters; group i of its elements has the factor i.
-        parts: of a mesh that was read: which of the file's `parts` each element belongs to, one
-            array a block of the model's elements.
-    """
-
-    model: FiniteElementModel
-    floors: tuple[str, ...]
-    floor_nodes: Mapping[str, Integers]
-    floor_level: Floats
-    base_nodes: Integers
-    direction: int
-    story_names: tuple[str, ...]
+    model: FiniteElementModel  # the finite-element model
+    floors: tuple[str, ...]  # names of the floors, bottom to top ("2F" ... "RF").
+    floor_nodes: Mapping[str, Integers]  # node indices of each floor's sensor points
+    floor_level: Floats  # (floors,) height above the base, m
+    base_nodes: Integers  # (n,) indices of the nodes at the base
+    direction: int  # 0 where motion is measured along x, 1 along y
+    story_names: tuple[str, ...]  # names of the stories, bottom to top
+    # the model's parameters; group i of its elements has the factor i
     factors: tuple[StiffnessFactor, ...]
+    # of a mesh that was read: which of the file's `parts` each element belongs to, one array a
+    # block of the model's elements
     parts: tuple[Integers, ...] | None = None
 
 

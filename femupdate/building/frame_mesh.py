@@ -51,17 +51,11 @@ def mesh_frame(building: FrameBuilding, size: float, least: int = 1) -> Building
 
 @dataclass(frozen=True)
 class _Parts:
-    """The elements of a building on the crossings of a lattice.
+    """The elements of a building on the crossings of a lattice."""
 
-    Attributes:
-        model: elements only, no supports.
-        used: (N,) crossing of each node.
-        blocks: the elements, member by member.
-    """
-
-    model: FiniteElementModel
-    used: Integers
-    blocks: tuple[ElementBlock, ...]
+    model: FiniteElementModel  # elements only, no supports
+    used: Integers  # (N,) crossing of each node
+    blocks: tuple[ElementBlock, ...]  # the elements, member by member
 
 
 def _parts_on(building: FrameBuilding, lattice: Lattice) -> _Parts:

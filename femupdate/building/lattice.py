@@ -22,15 +22,10 @@ _MOST_CROSSINGS = 5_000_000
 
 @dataclass(frozen=True)
 class Lines:
-    """The mesh lines of one axis.
+    """The mesh lines of one axis."""
 
-    Attributes:
-        coordinate: (n,) ascending, m.
-        at: index of the mesh line on each named line (a grid line, or a floor).
-    """
-
-    coordinate: Floats
-    at: Mapping[str, int]
+    coordinate: Floats  # (n,) ascending, m
+    at: Mapping[str, int]  # index of the mesh line on each named line (a grid line, or a floor)
 
     def __len__(self) -> int:
         return len(self.coordinate)

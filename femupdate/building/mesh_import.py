@@ -28,13 +28,9 @@ _LEAST = 1e-3  # m; a beam between rigid ends is longer
 
 @dataclass(frozen=True)
 class SpanEnds:
-    """Where the spans of line elements start and end.
+    """Where the spans of line elements start and end."""
 
-    Attributes:
-        start, end: (n, 2) whether a span starts, or ends, at the first and at the second node of
-            each element.
-    """
-
+    # (n, 2) whether a span starts, or ends, at the first and at the second node of each element
     start: Flags
     end: Flags
 

@@ -32,28 +32,18 @@ _FIRST_ORDER = {
 
 @dataclass(frozen=True)
 class Cells:
-    """All cells of one type.
+    """All cells of one type."""
 
-    Attributes:
-        nodes: (n, 2), (n, 3) or (n, 4) node indices.
-        groups: (n,) flags for every group's name.
-    """
-
-    nodes: Integers
-    groups: Mapping[str, Flags]
+    nodes: Integers  # (n, 2), (n, 3) or (n, 4) node indices
+    groups: Mapping[str, Flags]  # (n,) flags for every group's name
 
 
 @dataclass(frozen=True)
 class RawMesh:
-    """What a mesh file holds, in its own unit.
+    """What a mesh file holds, in its own unit."""
 
-    Attributes:
-        nodes: (N, 3) coordinates.
-        cells: by type: "line", "triangle", "quad".
-    """
-
-    nodes: Floats
-    cells: Mapping[str, Cells]
+    nodes: Floats  # (N, 3) coordinates
+    cells: Mapping[str, Cells]  # by type: "line", "triangle", "quad"
 
     @property
     def group_names(self) -> tuple[str, ...]:
@@ -159,15 +149,10 @@ class _Unheard:
 
 @dataclass(frozen=True)
 class _Unpacker:
-    """Unpacks as zlib and lzma do, until there is no room left.
+    """Unpacks as zlib and lzma do, until there is no room left."""
 
-    Attributes:
-        begin: makes an object that unpacks one piece.
-        room: bytes that are left, one number.
-    """
-
-    begin: Callable[[], Any]
-    room: list[int]
+    begin: Callable[[], Any]  # makes an object that unpacks one piece
+    room: list[int]  # bytes that are left, one number
 
     def decompress(self, data: bytes) -> bytes:
         """Unpack one piece."""

@@ -11,54 +11,40 @@ from femupdate.building.references import require
 
 
 class MeshFile(Entry):
-    """The mesh file, and how its coordinates are to be read.
+    """The mesh file, and how its coordinates are to be read."""
 
-    Attributes:
-        file: path, relative to the building file.
-        unit: unit of its coordinates.
-        base: level of the base in the mesh (z is up).
-        tags: cell data that holds the groups' numbers, where the format has no named groups (VTU).
-        merge: nodes nearer to each other than this become one; "0 m" leaves double nodes alone.
-        ignore: groups whose cells are left out.
-    """
-
-    file: Label
-    unit: Literal["m", "cm", "mm", "in", "ft"]
-    base: Coordinate = 0.0
+    file: Label  # path, relative to the building file
+    unit: Literal["m", "cm", "mm", "in", "ft"]  # unit of its coordinates
+    base: Coordinate = 0.0  # level of the base in the mesh (z is up)
+    # cell data that holds the groups' numbers, where the format has no named groups (VTU)
     tags: Label | None = None
+    # nodes nearer to each other than this become one; "0 m" leaves double nodes alone
     merge: LengthOrZero | None = None
-    ignore: Names | None = None
+    ignore: Names | None = None  # groups whose cells are left out
 
 
 class Part(Entry):
-    """The cells of some groups: shells with a thickness, or beams with a section.
+    """The cells of some groups: shells with a thickness, or beams with a section."""
 
-    Attributes:
-        group: names or numbers of groups in the mesh; "*" for all cells of that dimension.
-        thickness: of shells.
-        section: of beams, one of the building's.
-        element: kind of element that the cells become, such as "shell"; the usual one of their type
-            where left out.
-        story: the story that owns the cells; by their height where left out.
-        up: direction of the section's depth; vertical in beams, along y in upright columns.
-        kind: "wall", "slab", "column" or "beam"; by the direction of each cell where left out.
-        diaphragm: "rigid" where the shells of each floor move as one body in plan.
-        eccentricity: of beams, where their axis lies from the mesh's line, along x, y and z.
-        rigid_ends: of beams, lengths at the start and at the end of every span that do not bend.
-        hinges: "start", "end" or "both": ends of every span that pass no bending moment.
-    """
-
-    group: Names
-    thickness: Length | None = None
-    section: Label | None = None
+    group: Names  # names or numbers of groups in the mesh; "*" for all cells of that dimension
+    thickness: Length | None = None  # of shells
+    section: Label | None = None  # of beams, one of the building's
+    # kind of element that the cells become, such as "shell"; the usual one of their type where left
+    # out
     element: Label | None = None
     material: Label | None = None
-    story: Label | None = None
+    story: Label | None = None  # the story that owns the cells; by their height where left out
+    # direction of the section's depth; vertical in beams, along y in upright columns
     up: tuple[Number, Number, Number] | None = None
+    # "wall", "slab", "column" or "beam"; by the direction of each cell where left out
     kind: Literal["wall", "slab", "column", "beam"] | None = None
+    # "rigid" where the shells of each floor move as one body in plan
     diaphragm: Literal["rigid"] | None = None
+    # of beams, where their axis lies from the mesh's line, along x, y and z
     eccentricity: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    # of beams, lengths at the start and at the end of every span that do not bend
     rigid_ends: tuple[LengthOrZero, LengthOrZero] | None = None
+    # "start", "end" or "both": ends of every span that pass no bending moment
     hinges: Literal["start", "end", "both"] | None = None
 
     @property

@@ -24,16 +24,11 @@ _ORDER = ("walls", "columns", "beams", "braces", "slabs")
 
 @dataclass(frozen=True)
 class StiffnessFactor:
-    """One parameter.
+    """One parameter."""
 
-    Attributes:
-        name: "theta_3", or "S3 walls".
-        story: index of the story.
-        kind: "walls", "columns", "beams", "braces" or "slabs"; None for all of the story.
-    """
-
-    name: str
-    story: int
+    name: str  # "theta_3", or "S3 walls"
+    story: int  # index of the story
+    # "walls", "columns", "beams", "braces" or "slabs"; None for all of the story
     kind: str | None = None
 
 

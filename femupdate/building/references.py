@@ -11,15 +11,10 @@ from femupdate.building.quantities import ALL
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch of a grid line between two lines that cross it, in ascending order.
+    """A stretch of a grid line between two lines that cross it, in ascending order."""
 
-    Attributes:
-        axis: 0 where the line runs along x, 1 where it runs along y.
-        line, start, end: names of the line and of the two that bound the stretch.
-    """
-
-    axis: int
-    line: str
+    axis: int  # 0 where the line runs along x, 1 where it runs along y
+    line: str  # names of the line and of the two that bound the stretch
     start: str
     end: str
 

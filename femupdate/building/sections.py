@@ -21,9 +21,6 @@ class SectionFigures:
     y is the direction of the width, z that of the depth: a column's width lies along x and its
     depth along y, a beam's width is horizontal and its depth vertical. `inertia_y` resists bending
     with displacement along z. The axis runs through the centroid.
-
-    Attributes:
-        extent: width and depth, m; those of the rectangle with the same figures where None.
     """
 
     area: float
@@ -32,6 +29,7 @@ class SectionFigures:
     inertia_y: float
     inertia_z: float
     torsion_constant: float
+    # width and depth, m; those of the rectangle with the same figures where None
     extent: tuple[float, float] | None = None
 
     @property

@@ -61,21 +61,13 @@ class ShearBuilding(Building):
 
 @dataclass(frozen=True)
 class ShearOperators:
-    """K(theta) = sum_i theta_i stiffness_terms[i], in displacements relative to the base.
+    """K(theta) = sum_i theta_i stiffness_terms[i], in displacements relative to the base."""
 
-    Attributes:
-        stiffness_terms: (p, n, n) one a story, N/m.
-        mass: (n, n) diagonal, kg.
-        floors: names of the n floors, bottom to top.
-        story_names: names of the p = n stories, bottom to top.
-        masses_known: False where masses are nominal and forces therefore relative.
-    """
-
-    stiffness_terms: Floats
-    mass: Floats
-    floors: tuple[str, ...]
-    story_names: tuple[str, ...]
-    masses_known: bool
+    stiffness_terms: Floats  # (p, n, n) one a story, N/m
+    mass: Floats  # (n, n) diagonal, kg
+    floors: tuple[str, ...]  # names of the n floors, bottom to top
+    story_names: tuple[str, ...]  # names of the p = n stories, bottom to top
+    masses_known: bool  # False where masses are nominal and forces therefore relative
 
 
 def shear_operators(building: Building) -> ShearOperators:

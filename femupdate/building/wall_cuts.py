@@ -20,21 +20,13 @@ _STRAIGHT = 1e-2  # of its length: a wall bulges no further
 
 @dataclass(frozen=True)
 class WallCut:
-    """A horizontal cut through a straight wall, at the foot of a story.
+    """A horizontal cut through a straight wall, at the foot of a story."""
 
-    Attributes:
-        nodes: of the wall in the story that is cut.
-        foot: those of them that the cut runs through.
-        level: of the cut, m.
-        ends: (2, 3) start and end of the wall at that level, m.
-        has_columns: whether columns rise from the cut as well.
-    """
-
-    nodes: Integers
-    foot: Integers
-    level: float
-    ends: Floats
-    has_columns: bool
+    nodes: Integers  # of the wall in the story that is cut
+    foot: Integers  # those of them that the cut runs through
+    level: float  # of the cut, m
+    ends: Floats  # (2, 3) start and end of the wall at that level, m
+    has_columns: bool  # whether columns rise from the cut as well
 
     @property
     def axis(self) -> Floats:
@@ -114,11 +106,7 @@ def _cut(mesh: BuildingMesh, wall: _Wall, name: str) -> WallCut:
 
 
 def _straight(plan: Floats, name: str) -> Floats:
-    """Start and end (2, 2) of points that lie on a line in plan; the start has the lower x, or y.
-
-    Raises:
-        BuildingError: they do not.
-    """
+    """Start and end (2, 2) of points on a line in plan; the start has the lower x, or y."""
     centre = plan.mean(axis=0)
     _, _, axes = np.linalg.svd(plan - centre, full_matrices=False)
     along, across = axes

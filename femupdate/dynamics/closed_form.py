@@ -56,23 +56,15 @@ def observed(
 
 @dataclass(frozen=True)
 class ClosedForm:
-    """How the base turns and errors of instruments; nothing where there are no effects.
+    """How the base turns and errors of instruments; nothing where there are no effects."""
 
-    Attributes:
-        placed: the effects.
-        pitch: of each effect, rotation of the base per unit translation and size, rad/m.
-        floors: names, bottom to top.
-        levels: (f,) heights of the floors above the base, m.
-        stories: number of stiffness factors, which come before the sizes.
-        top_hz: top of the frequency grid.
-    """
-
-    placed: tuple[Placed, ...] = ()
+    placed: tuple[Placed, ...] = ()  # the effects
+    # of each effect, rotation of the base per unit translation and size, rad/m
     pitch: tuple[float, ...] = ()
-    floors: tuple[str, ...] = ()
-    levels: tuple[float, ...] = ()
-    stories: int = 0
-    top_hz: float = 0.0
+    floors: tuple[str, ...] = ()  # names, bottom to top
+    levels: tuple[float, ...] = ()  # (f,) heights of the floors above the base, m
+    stories: int = 0  # number of stiffness factors, which come before the sizes
+    top_hz: float = 0.0  # top of the frequency grid
 
     @property
     def changes(self) -> bool:

@@ -26,36 +26,23 @@ from femupdate.fe.mechanism import factorize_held
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """M u'' + K u = -force y'', y = (translation, rotation) of the base.
+    """M u'' + K u = -force y'', y = (translation, rotation) of the base."""
 
-    Attributes:
-        stiffness, mass: (n, n); the stiffness without the springs.
-        springs: between sums over many degrees of freedom.
-        force: (n, 2).
-        rigid_mass: (2, 2).
-        story_inertia: (s, n) and story_rigid (s, 2), as those of a `Structure`.
-    """
-
-    stiffness: csc_matrix
-    springs: SpringTerms
+    stiffness: csc_matrix  # (n, n); the stiffness without the springs
+    springs: SpringTerms  # between sums over many degrees of freedom
     mass: csc_matrix
-    force: Floats
-    rigid_mass: Floats
-    story_inertia: Floats
+    force: Floats  # (n, 2)
+    rigid_mass: Floats  # (2, 2)
+    story_inertia: Floats  # (s, n) and story_rigid (s, 2), as those of a `Structure`
     story_rigid: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class WithSprings:
-    """A factorised stiffness with springs, which fill no matrix (Woodbury's formula, 1950).
+    """A factorised stiffness with springs, which fill no matrix (Woodbury's formula, 1950)."""
 
-    Attributes:
-        without: the stiffness without them.
-        springs: c of them.
-    """
-
-    without: Factored
-    springs: SpringTerms
+    without: Factored  # the stiffness without them
+    springs: SpringTerms  # c of them
 
     def apply(self, rhs: Floats) -> Floats:
         """Displacement (n, m) under forces (n, m)."""
@@ -82,36 +69,23 @@ class WithSprings:
 
 @dataclass(frozen=True, eq=False)
 class SensorRows:
-    """What is observed of the full model along the motion.
+    """What is observed of the full model along the motion."""
 
-    Attributes:
-        names: of the floor that each sensor stands on.
-        rows: (c, n) displacement of each sensor.
-        levels: (c,) heights above the base, m.
-        watched: groups of further rows (w, n) whose response must be right (see `driven_shapes`).
-    """
-
-    names: tuple[str, ...]
-    rows: Floats
-    levels: Floats
+    names: tuple[str, ...]  # of the floor that each sensor stands on
+    rows: Floats  # (c, n) displacement of each sensor
+    levels: Floats  # (c,) heights above the base, m
+    # groups of further rows (w, n) whose response must be right (see `driven_shapes`)
     watched: tuple[Floats, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class DrivenSystem:
-    """The full model at one sample, on the shapes that forces drive.
+    """The full model at one sample, on the shapes that forces drive."""
 
-    Attributes:
-        system: without stiffness factors, with what effects do beside stiffness and mass.
-        equations: of the full model.
-        frequency_hz: (r,) of the shapes; a natural frequency where one has converged.
-        shapes: (n, r) orthonormal in the mass.
-    """
-
-    system: System
-    equations: Equations
-    frequency_hz: Floats
-    shapes: Floats
+    system: System  # without stiffness factors, with what effects do beside stiffness and mass
+    equations: Equations  # of the full model
+    frequency_hz: Floats  # (r,) of the shapes; a natural frequency where one has converged
+    shapes: Floats  # (n, r) orthonormal in the mass
 
 
 def first_sizes(placed: Sequence[Placed], sizes: Floats) -> list[float]:

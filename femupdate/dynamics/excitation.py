@@ -5,14 +5,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Excitation:
-    """What drives a building; by default motion of its base.
+    """What drives a building; by default motion of its base."""
 
-    Attributes:
-        force: floor at which a force acts; empty where the base moves.
-        turns: whether the base's own rotation is known, a second column beside its translation.
-    """
-
-    force: str = ""
+    force: str = ""  # floor at which a force acts; empty where the base moves
+    # whether the base's own rotation is known, a second column beside its translation
     turns: bool = False
 
     @property

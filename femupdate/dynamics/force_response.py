@@ -25,17 +25,11 @@ _SAMPLES_A_FACTOR = 2
 
 @dataclass(frozen=True, eq=False)
 class RestFlexibility:
-    """What a reduced model lacks of the static displacement of f floors under forces at them.
+    """What a reduced model lacks of the static displacement of f floors under forces at them."""
 
-    Attributes:
-        terms: (p, f, f) m/N, each over its stiffness factor.
-        error: rms error that is left of the displacement where the force acts, relative.
-        lacked: rms share of that displacement that the reduced model lacks.
-    """
-
-    terms: Floats
-    error: float
-    lacked: float
+    terms: Floats  # (p, f, f) m/N, each over its stiffness factor
+    error: float  # rms error that is left of the displacement where the force acts, relative
+    lacked: float  # rms share of that displacement that the reduced model lacks
 
 
 def rest_flexibility(

@@ -44,21 +44,13 @@ _BLOCK = 2048  # frequencies at a time
 
 @dataclass(frozen=True)
 class ResponseHistories:
-    """Response histories of S samples at the instants 0, time_step, 2 time_step, ...
+    """Response histories of S samples at the instants 0, time_step, 2 time_step, ..."""
 
-    Attributes:
-        time_step: s.
-        floors: names of the f observed floors.
-        floor_acceleration: (S, f, n) absolute, m/s2.
-        story_shear: (S, s, n) N, positive with positive drift.
-        story_drift: (S, s, n) m, floor above less floor below.
-    """
-
-    time_step: float
-    floors: tuple[str, ...]
-    floor_acceleration: Floats
-    story_shear: Floats
-    story_drift: Floats
+    time_step: float  # s
+    floors: tuple[str, ...]  # names of the f observed floors
+    floor_acceleration: Floats  # (S, f, n) absolute, m/s2
+    story_shear: Floats  # (S, s, n) N, positive with positive drift
+    story_drift: Floats  # (S, s, n) m, floor above less floor below
 
     def __len__(self) -> int:
         return len(self.floor_acceleration)
@@ -71,37 +63,27 @@ class ResponseHistories:
 
 @dataclass(frozen=True)
 class HistorySettings:
-    """How histories are computed.
+    """How histories are computed."""
 
-    Attributes:
-        oversampling: points a step at which the record is interpolated, band-limited, before the
-            exact integration along straight lines. 1 draws straight lines between the samples
-            themselves, as Nigam and Jennings (1969) do, and so loses a share 1 - sinc^2(f dt) of
-            the motion at frequency f: 3 % at a tenth of the sampling rate, 19 % at a quarter.
-            With 8 it is 0.05 % and 0.3 %.
-        tolerance: a mode is integrated when taking it as static could change an absolute
-            acceleration by more than this share of the base acceleration (likewise a shear, a
-            drift); 0 integrates all modes.
-        batch: samples at a time.
-    """
-
+    # points a step at which the record is interpolated, band-limited, before the exact integration
+    # along straight lines. 1 draws straight lines between the samples themselves, as Nigam and
+    # Jennings (1969) do, and so loses a share 1 - sinc^2(f dt) of the motion at frequency f: 3 % at
+    # a tenth of the sampling rate, 19 % at a quarter. With 8 it is 0.05 % and 0.3 %.
     oversampling: int = 8
+    # a mode is integrated when taking it as static could change an absolute acceleration by more
+    # than this share of the base acceleration (likewise a shear, a drift); 0 integrates all modes
     tolerance: float = 1e-4
-    batch: int = 50
+    batch: int = 50  # samples at a time
 
 
 @dataclass(frozen=True)
 class OwnLevel:
-    """That a structure follows the level of its motion where effects let it change in a run.
+    """That a structure follows the level of its motion where effects let it change in a run."""
 
-    Attributes:
-        mean: (f,) level of the run that the factors are of, m/s2 (see `motion_level`), NaN where a
-            floor was not measured; None where it is not known: then it is that of this motion.
-        keep_damping: whether damping ratios stay as they are.
-    """
-
+    # (f,) level of the run that the factors are of, m/s2 (see `motion_level`), NaN where a floor
+    # was not measured; None where it is not known: then it is that of this motion
     mean: Floats | None = None
-    keep_damping: bool = False
+    keep_damping: bool = False  # whether damping ratios stay as they are
 
 
 def floor_histories(

@@ -47,15 +47,10 @@ def level_of_moment(acceleration: Floats, mean: Floats, width: int) -> Floats:
 
 
 class RunLevels(NamedTuple):
-    """How a motion is spread about its mean level.
+    """How a motion is spread about its mean level."""
 
-    Attributes:
-        middle: mean over its parts, doublings above the mean level.
-        parts: each above that middle, lowest first.
-    """
-
-    middle: float
-    parts: tuple[float, ...]
+    middle: float  # mean over its parts, doublings above the mean level
+    parts: tuple[float, ...]  # each above that middle, lowest first
 
 
 def levels_in_run(base: Floats, floors: Floats, time_step: float) -> RunLevels:

@@ -118,10 +118,7 @@ def _answers(
 
 
 def _along_ports(structure: Structure, factors: Factored, sets: Sequence[Sized]) -> list[Floats]:
-    """What a force in the line of each effect that is present moves, (n, 1) each.
-
-    Modes alone do not hold what gives at a point; the force is that of the whole mass at 1 m/s2.
-    """
+    """What a force in the line of each effect that is present moves, (n, 1) each."""
     acting = {placed.label: placed for present in sets for placed, _ in present}
     terms = (one.effect.terms(structure, one.place) for one in acting.values())
     rows = [own.port.row for own in terms if own.port is not None]
@@ -163,18 +160,12 @@ class KnownModes:
 
     An eigensolver's modes are orthonormal to its tolerance alone. What they are is projected, not
     what they should be: the difference, of 1e-9, would pass for new directions beside them.
-
-    Attributes:
-        equations: without the changes.
-        shapes: (n, m) of unit modal mass.
-        image: (n, m) the mass times them.
-        stiffness, mass: (m, m) of the equations on the shapes.
     """
 
-    equations: Equations
-    shapes: Floats
-    image: Floats
-    stiffness: Floats
+    equations: Equations  # without the changes
+    shapes: Floats  # (n, m) of unit modal mass
+    image: Floats  # (n, m) the mass times them
+    stiffness: Floats  # (m, m) of the equations on the shapes
     mass: Floats
 
     @staticmethod
@@ -250,18 +241,12 @@ def nearby_shapes(
 
 @dataclass(frozen=True, eq=False)
 class _Projected:
-    """A model on a basis of b shapes.
+    """A model on a basis of b shapes."""
 
-    Attributes:
-        stiffness, mass: (b, b).
-        floors: (f, b) what the floors show of the shapes.
-        driven: (b,) what drives them.
-    """
-
-    stiffness: Floats
+    stiffness: Floats  # (b, b)
     mass: Floats
-    floors: Floats
-    driven: Floats
+    floors: Floats  # (f, b) what the floors show of the shapes
+    driven: Floats  # (b,) what drives them
 
     def responses(self, static: Floats, target: ReductionTarget) -> Floats:
         """Combinations (b, c) of the basis that span the responses of the model on it.

@@ -164,21 +164,13 @@ _WITH_COLUMNS = tuple(f"{force}_with_columns" for force in WALL_FORCES)
 
 @dataclass(frozen=True)
 class CutMember:
-    """A member cut where its forces are read: a beam element at its ends, a wall at its foot.
+    """A member cut where its forces are read: a beam element at its ends, a wall at its foot."""
 
-    Attributes:
-        kind: "beam", "column" or "wall".
-        name: of a wall, as asked for; where it lies, of a beam element.
-        ends: (2, 3) first and second end, or start and end of the cut, m.
-        forces: names of the k forces, such as "My_start", or "V".
-        what: index of the beam element, or the cut.
-    """
-
-    kind: str
-    name: str
-    ends: Floats
-    forces: tuple[str, ...]
-    what: int | WallCut
+    kind: str  # "beam", "column" or "wall"
+    name: str  # of a wall, as asked for; where it lies, of a beam element
+    ends: Floats  # (2, 3) first and second end, or start and end of the cut, m
+    forces: tuple[str, ...]  # names of the k forces, such as "My_start", or "V"
+    what: int | WallCut  # index of the beam element, or the cut
 
     def rows(self, model: FiniteElementModel, operators: AffineOperators, theta: Floats) -> Floats:
         """Rows over the displacements that give the forces, (k, n_free), N and N m."""
@@ -189,32 +181,20 @@ class CutMember:
 
 @dataclass(frozen=True)
 class BaseRecord:
-    """An acceleration history of the base.
+    """An acceleration history of the base."""
 
-    Attributes:
-        acceleration: (n,) m/s2, along the direction of the sensors.
-        time_step: s.
-    """
-
-    acceleration: Floats
-    time_step: float
+    acceleration: Floats  # (n,) m/s2, along the direction of the sensors
+    time_step: float  # s
 
 
 @dataclass(frozen=True, eq=False)
 class ChosenMembers:
-    """Members with the full model that they belong to.
+    """Members with the full model that they belong to."""
 
-    Attributes:
-        structure: the full model.
-        added: effects on it, each with its terms.
-        law: of its damping.
-        members: those chosen.
-    """
-
-    structure: Structure
-    added: tuple[tuple[Placed, Terms], ...]
-    law: DampingLaw
-    members: tuple[CutMember, ...]
+    structure: Structure  # the full model
+    added: tuple[tuple[Placed, Terms], ...]  # effects on it, each with its terms
+    law: DampingLaw  # of its damping
+    members: tuple[CutMember, ...]  # those chosen
 
     def rows(self, theta: Floats) -> tuple[Floats, ...]:
         """Rows (k, n) of every member's forces at stiffness factors theta (p,)."""
@@ -226,18 +206,12 @@ class ChosenMembers:
 
 @dataclass(frozen=True)
 class MemberForces:
-    """The forces of one member over the draws; N, N m.
+    """The forces of one member over the draws; N, N m."""
 
-    Attributes:
-        member: whose they are.
-        mean, sd: (k, n) histories.
-        peak: (k,) of the largest absolute value of each.
-    """
-
-    member: CutMember
-    mean: Floats
+    member: CutMember  # whose they are
+    mean: Floats  # (k, n) histories
     sd: Floats
-    peak: Statistics
+    peak: Statistics  # (k,) of the largest absolute value of each
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` holds."""

@@ -33,21 +33,16 @@ _REACH = 1.5  # half widths
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes of unit modal stiffness, m of them.
+    """Modes of unit modal stiffness, m of them."""
 
-    Attributes:
-        inverse: (N, m) 1 / omega^2, largest first; NaN where a structure is pushed away by a
-            negative stiffness.
-        rows: (N, o, m) displacement of what is observed and, after that, of the ports.
-        participation: (N, e, m) modal force per unit acceleration of the base, in each column:
-            its translation, and its rotation.
-        direct: (N, o, e) rigid motion of the rows with the base.
-    """
-
+    # (N, m) 1 / omega^2, largest first; NaN where a structure is pushed away by a negative
+    # stiffness
     inverse: Tensor
-    rows: Tensor
+    rows: Tensor  # (N, o, m) displacement of what is observed and, after that, of the ports
+    # (N, e, m) modal force per unit acceleration of the base, in each column: its translation, and
+    # its rotation
     participation: Tensor
-    direct: Tensor
+    direct: Tensor  # (N, o, e) rigid motion of the rows with the base
 
     def __getitem__(self, rows: Tensor) -> "Modes":
         parts = (self.inverse, self.rows, self.participation, self.direct)
@@ -140,10 +135,7 @@ def response(
 
 
 def _with_ports(between: Tensor, stiffness: Tensor, free: Tensor) -> Tensor:
-    """Motion (N, j, e, k) of the ports under the forces in them, from that without.
-
-    `between` (N, j, j, k) is what a force in one port moves at another one.
-    """
+    """Motion (N, j, e, k) of the ports under the forces in them, from that without."""
     if free.shape[1] == 1:
         return free / (1.0 + between * stiffness[:, None])
     eye = torch.eye(free.shape[1], dtype=free.dtype)
@@ -168,19 +160,12 @@ def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, columns: Tensor) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Band:
-    """Neighbouring frequencies of a grid.
+    """Neighbouring frequencies of a grid."""
 
-    Attributes:
-        omega: (k,) rad/s.
-        ends: below and above which, rad/s, a mode lies far from them.
-        points: (q,) Chebyshev points of the band, rad/s.
-        weights: (q, k) with which values there give those at the frequencies.
-    """
-
-    omega: Tensor
-    ends: tuple[float, float]
-    points: Tensor
-    weights: Tensor
+    omega: Tensor  # (k,) rad/s
+    ends: tuple[float, float]  # below and above which, rad/s, a mode lies far from them
+    points: Tensor  # (q,) Chebyshev points of the band, rad/s
+    weights: Tensor  # (q, k) with which values there give those at the frequencies
 
 
 @lru_cache(maxsize=8)
@@ -236,15 +221,11 @@ class ModalData:
     H_f(w) = 1 + sum_j effect[f, j] w^2 / (w_j^2 - w^2 + 2 i zeta_j w_j w)
                + sum_k residual[f, k] w^(2 k + 2),
     where the second sum is the rest of the modes, all far above the grid, by their power series.
-
-    Attributes:
-        omega: (N, m) circular frequencies, rad/s.
-        effect: (N, f, m) floor shape times participation factor of each mode.
-        residual: (N, f, t) first terms of the power series of the modes left out, s^2, s^4, ...
     """
 
-    omega: Tensor
-    effect: Tensor
+    omega: Tensor  # (N, m) circular frequencies, rad/s
+    effect: Tensor  # (N, f, m) floor shape times participation factor of each mode
+    # (N, f, t) first terms of the power series of the modes left out, s^2, s^4, ..
     residual: Tensor
 
     def __len__(self) -> int:

@@ -99,19 +99,13 @@ class ModalOutputs:
 
     Modes are of unit mass: q'' + 2 zeta omega q' + omega^2 q = -participation a, with a (e,) the
     columns of the base's acceleration.
-
-    Attributes:
-        omega: (S, m) rad/s.
-        participation: (S, e, m).
-        displacement, acceleration: (S, o, m) shares of q and q'' in each output.
-        base: (S, o, e) shares of the base's acceleration.
     """
 
-    omega: Tensor
-    participation: Tensor
-    displacement: Tensor
+    omega: Tensor  # (S, m) rad/s
+    participation: Tensor  # (S, e, m)
+    displacement: Tensor  # (S, o, m) shares of q and q'' in each output
     acceleration: Tensor
-    base: Tensor
+    base: Tensor  # (S, o, e) shares of the base's acceleration
 
     def dynamic(self, nyquist_hz: float, tolerance: float) -> "ModalOutputs":
         """Leave the modes that are as good as static to the base term.
@@ -173,32 +167,21 @@ class ModalOutputs:
 
 
 class Window(NamedTuple):
-    """Modes during t steps.
+    """Modes during t steps."""
 
-    Attributes:
-        omega, ratio: (S, m) rad/s and damping ratios.
-        states: (t, S, 2, m) states (omega eta, eta') after each step.
-    """
-
-    omega: Tensor
+    omega: Tensor  # (S, m) rad/s and damping ratios
     ratio: Tensor
-    states: Tensor
+    states: Tensor  # (t, S, 2, m) states (omega eta, eta') after each step
 
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """What a step does to modes, at each of the levels of the motion that are told apart.
+    """What a step does to modes, at each of the levels of the motion that are told apart."""
 
-    Attributes:
-        omega, ratio: (l, S, m) rad/s and damping ratios.
-        transition: (l, S, 2, 2, m) of the state, by what it comes from.
-        load: (l, S, e (factor + 1), 2, m) by the points of every column of the excitation.
-    """
-
-    omega: Tensor
+    omega: Tensor  # (l, S, m) rad/s and damping ratios
     ratio: Tensor
-    transition: Tensor
-    load: Tensor
+    transition: Tensor  # (l, S, 2, 2, m) of the state, by what it comes from
+    load: Tensor  # (l, S, e (factor + 1), 2, m) by the points of every column of the excitation
 
     @staticmethod
     def of(

@@ -41,32 +41,21 @@ _RELEASED = ("flexibility", "mass")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BaseRotation:
-    """What a base that turns does to a reduced model.
+    """What a base that turns does to a reduced model."""
 
-    Attributes:
-        force: (r,) force on each coordinate per unit angular acceleration of the base.
-        mass: (2, 2) mass, first and second moment of it about the base.
-        story_moment: (s,) first moment of the mass above the middle of each story.
-        levels: (f,) heights above the base of what the floor rows observe, m.
-    """
-
-    force: Floats
-    mass: Floats
-    story_moment: Floats
-    levels: Floats
+    force: Floats  # (r,) force on each coordinate per unit angular acceleration of the base
+    mass: Floats  # (2, 2) mass, first and second moment of it about the base
+    story_moment: Floats  # (s,) first moment of the mass above the middle of each story
+    levels: Floats  # (f,) heights above the base of what the floor rows observe, m
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReleasedBase:
-    """A base that forces move.
+    """A base that forces move."""
 
-    Attributes:
-        flexibility: (2,) of springs that hardly hold it, m/N and 1/(N m); zero where it is held.
-        mass: (2, 2) of what moves with it beside the building, kg.
-    """
-
+    # (2,) of springs that hardly hold it, m/N and 1/(N m); zero where it is held
     flexibility: Floats
-    mass: Floats
+    mass: Floats  # (2, 2) of what moves with it beside the building, kg
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,34 +65,26 @@ class ReducedModel:
     With K(theta) = stiffness_constant + sum_i theta_i stiffness_terms[i], relative displacement
     u = V q, uniform base acceleration a_g in one direction with influence vector i:
         q'' + C q' + K(theta) q = -excitation a_g.
-
-    Attributes:
-        stiffness_terms: (p, r, r) one symmetric matrix a parameter, 1/s2.
-        stiffness_constant: (r, r) the part that no parameter scales, 1/s2.
-        excitation: (r,) V^T M i, the base motion's force on each coordinate per unit acceleration.
-        floor_shapes: (f, r) displacement of each observed floor (mean over its sensor points, in
-            the direction of the motion) per unit coordinate.
-        floors: names of the observed floors, bottom to top ("2F" ... "RF").
-        story_inertia: (s, r) force of inertia of all that lies above story i, per unit
-            acceleration of each coordinate (row i = i_above^T M V), kg.
-        story_mass: (s,) mass above the middle of story i in the direction of motion, kg.
-        story_drift: (s, r) displacement of the floor above less that of the floor below.
-        node_shapes: (N, 3, r) displacement of every node, float32, or None where not kept.
-        rotation: of the base; None where the model knows of its translation alone.
-        released: the base under forces; None where they do not move it.
     """
 
-    stiffness_terms: Floats
-    stiffness_constant: Floats
+    stiffness_terms: Floats  # (p, r, r) one symmetric matrix a parameter, 1/s2
+    stiffness_constant: Floats  # (r, r) the part that no parameter scales, 1/s2
+    # (r,) V^T M i, the base motion's force on each coordinate per unit acceleration
     excitation: Floats
+    # (f, r) displacement of each observed floor (mean over its sensor points, in the direction of
+    # the motion) per unit coordinate
     floor_shapes: Floats
-    floors: tuple[str, ...]
+    floors: tuple[str, ...]  # names of the observed floors, bottom to top ("2F" ... "RF").
+    # (s, r) force of inertia of all that lies above story i, per unit acceleration of each
+    # coordinate (row i = i_above^T M V), kg
     story_inertia: Floats
-    story_mass: Floats
-    story_drift: Floats
+    story_mass: Floats  # (s,) mass above the middle of story i in the direction of motion, kg
+    story_drift: Floats  # (s, r) displacement of the floor above less that of the floor below
+    # (N, 3, r) displacement of every node, float32, or None where not kept
     node_shapes: NDArray[np.float32] | None = None
+    # of the base; None where the model knows of its translation alone
     rotation: BaseRotation | None = None
-    released: ReleasedBase | None = None
+    released: ReleasedBase | None = None  # the base under forces; None where they do not move it
 
     @property
     def size(self) -> int:
@@ -172,22 +153,16 @@ Projections = dict[int, tuple[csc_matrix, Tensor]]
 
 @dataclass(frozen=True, eq=False)
 class ReducedStructure:
-    """A structure seen through a mass-orthonormal basis of r shapes.
+    """A structure seen through a mass-orthonormal basis of r shapes."""
 
-    Attributes:
-        structure: the full model.
-        model: its reduced model.
-        basis: (n, r) the shapes.
-        known: what effects add, by label, once it was asked for.
-        matrices: what `projected` makes of those that several effects share, by their identity.
-        whole: the structure on more shapes whose first these are, or None.
-    """
-
-    structure: Structure
-    model: ReducedModel
-    basis: Floats
+    structure: Structure  # the full model
+    model: ReducedModel  # its reduced model
+    basis: Floats  # (n, r) the shapes
+    # what effects add, by label, once it was asked for
     known: dict[str, Terms] = field(default_factory=dict, repr=False)
+    # what `projected` makes of those that several effects share, by their identity
     matrices: Projections = field(default_factory=dict, repr=False)
+    # the structure on more shapes whose first these are, or None
     whole: "ReducedStructure | None" = None
 
     def terms(self, placed: Placed) -> Terms:

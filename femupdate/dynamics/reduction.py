@@ -46,20 +46,13 @@ class Reduction:
 
     The checks were drawn evenly from the box after the number of shapes was chosen, and the full
     model was solved at each.
-
-    Attributes:
-        reduced: the structure on its basis.
-        rms_error: rms difference of ln|H| at the lowest damping, over all checks.
-        largest_error: largest difference of ln|H| at the lowest damping, anywhere.
-        checks: number of samples checked; 0 for what is its own reduction.
-        worst_error: rms difference of ln|H| over floors and grid at the worst of them.
     """
 
-    reduced: ReducedStructure
-    rms_error: float = 0.0
-    largest_error: float = 0.0
-    checks: int = 0
-    worst_error: float = 0.0
+    reduced: ReducedStructure  # the structure on its basis
+    rms_error: float = 0.0  # rms difference of ln|H| at the lowest damping, over all checks
+    largest_error: float = 0.0  # largest difference of ln|H| at the lowest damping, anywhere
+    checks: int = 0  # number of samples checked; 0 for what is its own reduction
+    worst_error: float = 0.0  # rms difference of ln|H| over floors and grid at the worst of them
 
     @property
     def model(self) -> ReducedModel:
@@ -178,10 +171,7 @@ def _full_log_frf(asked: _Question, target: ReductionTarget, sample: Floats) -> 
 
 
 def _snapshots(asked: _Question, target: ReductionTarget, sample: Floats) -> Singles:
-    """Weighted shapes (n, c) of the full model at one sample (p + q,), to take a basis from.
-
-    In single precision, for they are many.
-    """
+    """Weighted shapes (n, c) of the full model at one sample (p + q,), to take a basis from."""
     structure, found = asked.structure, _full(asked, target, sample)
     omega, shapes = 2.0 * np.pi * found.frequency_hz, found.shapes
     floors, driven = structure.floor_rows @ shapes, shapes.T @ found.equations.force
@@ -211,10 +201,7 @@ def _smallest(
     full: Floats,
     target: ReductionTarget,
 ) -> ReducedStructure:
-    """On the fewest shapes from `least` up that a few samples do not object to, or on all.
-
-    A few checks see half as much as many do (50 theta: 1.5 times the rms of four).
-    """
+    """On the fewest shapes from `least` up that a few samples do not object to, or on all."""
     whole = reduced_on(asked.structure, basis)
     for size in (s for s in _SIZES if least <= s < basis.shape[1]):
         errors = asked.log_frf(whole.first(size), samples, target) - full

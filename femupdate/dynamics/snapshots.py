@@ -34,24 +34,16 @@ _SEED = 11  # of combinations
 
 @dataclass(frozen=True)
 class ReductionTarget:
-    """What a reduced model must reproduce.
+    """What a reduced model must reproduce."""
 
-    Attributes:
-        lower, upper: (p,) prior box of the parameters: stiffness factors, then sizes of effects.
-        frequency_hz: (k,) grid.
-        zeta: lowest damping ratio of interest, the hardest.
-        tolerance: rms difference of ln|H| allowed, over floors, grid and unseen parameters.
-        samples: parameter samples that the basis is taken from; None for the usual number.
-        seed: of samples and checks.
-    """
-
-    lower: Floats
+    lower: Floats  # (p,) prior box of the parameters: stiffness factors, then sizes of effects
     upper: Floats
-    frequency_hz: Floats
-    zeta: float
-    tolerance: float
+    frequency_hz: Floats  # (k,) grid
+    zeta: float  # lowest damping ratio of interest, the hardest
+    tolerance: float  # rms difference of ln|H| allowed, over floors, grid and unseen parameters
+    # parameter samples that the basis is taken from; None for the usual number
     samples: int | None = None
-    seed: int = 0
+    seed: int = 0  # of samples and checks
 
     @property
     def top_hz(self) -> float:
@@ -61,19 +53,12 @@ class ReductionTarget:
 
 @dataclass(frozen=True, eq=False)
 class FeltModes:
-    """Modes as base and floors feel them, at one sample.
+    """Modes as base and floors feel them, at one sample."""
 
-    Attributes:
-        omega: (m,) circular frequencies, rad/s.
-        participation: (m,) participation factors.
-        floors: (f, m) floor shapes.
-        missed: (f,) what the modes lack of the floors' static displacement, s2.
-    """
-
-    omega: Floats
-    participation: Floats
-    floors: Floats
-    missed: Floats
+    omega: Floats  # (m,) circular frequencies, rad/s
+    participation: Floats  # (m,) participation factors
+    floors: Floats  # (f, m) floor shapes
+    missed: Floats  # (f,) what the modes lack of the floors' static displacement, s2
 
     def combinations(self, target: ReductionTarget, least: float = 1e-9) -> Floats:
         """Weighted combinations (m, c) of the modes that span their responses over the grid.

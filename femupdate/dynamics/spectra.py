@@ -20,19 +20,12 @@ _MOST = 16  # finest subdivision of a step
 
 @dataclass(frozen=True)
 class FloorSpectra:
-    """Response spectra of the floors: peak absolute acceleration of oscillators that stand there.
+    """Response spectra of floors: peak absolute acceleration of oscillators that stand there."""
 
-    Attributes:
-        frequency_hz: (k,) of the oscillators.
-        damping: their damping ratio.
-        acceleration: (f, k) statistics over the samples, m/s2.
-        base: (k,) of the ground motion itself, m/s2.
-    """
-
-    frequency_hz: Floats
-    damping: float
-    acceleration: Statistics
-    base: Floats
+    frequency_hz: Floats  # (k,) of the oscillators
+    damping: float  # their damping ratio
+    acceleration: Statistics  # (f, k) statistics over the samples, m/s2
+    base: Floats  # (k,) of the ground motion itself, m/s2
 
     def as_dict(self, floors: Sequence[str]) -> dict[str, Any]:
         """What `--json` holds."""

@@ -32,26 +32,16 @@ class Statistics:
 
 @dataclass(frozen=True)
 class HistorySummary:
-    """What is worth keeping of the histories of S samples.
+    """What is worth keeping of the histories of S samples."""
 
-    Attributes:
-        floors: names of the f floors.
-        acceleration_mean, acceleration_sd: (f, n) floor acceleration over the samples, m/s2.
-        peak_acceleration: (S, f) largest absolute floor acceleration, m/s2.
-        peak_shear: (S, s) N.
-        peak_drift: (S, s) m.
-        story_stiffness: (S, s) least-squares slope of shear against drift, N/m.
-        examples: whole histories of the first samples, for drawing.
-    """
-
-    floors: tuple[str, ...]
-    acceleration_mean: Floats
+    floors: tuple[str, ...]  # names of the f floors
+    acceleration_mean: Floats  # (f, n) floor acceleration over the samples, m/s2
     acceleration_sd: Floats
-    peak_acceleration: Floats
-    peak_shear: Floats
-    peak_drift: Floats
-    story_stiffness: Floats
-    examples: ResponseHistories
+    peak_acceleration: Floats  # (S, f) largest absolute floor acceleration, m/s2
+    peak_shear: Floats  # (S, s) N
+    peak_drift: Floats  # (S, s) m
+    story_stiffness: Floats  # (S, s) least-squares slope of shear against drift, N/m
+    examples: ResponseHistories  # whole histories of the first samples, for drawing
 
     def __len__(self) -> int:
         return len(self.peak_acceleration)
@@ -178,26 +168,18 @@ def _sd(moments: _RunningMoments) -> Floats:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Prediction against floors that were measured in the same motion.
+    """Prediction against floors that were measured in the same motion."""
 
-    Attributes:
-        floors: that were measured.
-        relative_error: (f,) rms of the best estimate less measurement over rms of the measurement.
-        correlation: (f,) of the two histories.
-        peak_ratio: (f,) peak of the best estimate over the measured peak.
-        within_band: (f,) share of the instants at which the measurement lies within 2 sd.
-        score: (f,) continuous ranked probability score over the rms of the measurement, the lower
-            the better: what bands cost that are too wide as well as too narrow.
-        peak_within: (f,) whether the measured peak lies in its 90 % interval.
-    """
-
-    floors: tuple[str, ...]
+    floors: tuple[str, ...]  # that were measured
+    # (f,) rms of the best estimate less measurement over rms of the measurement
     relative_error: Floats
-    correlation: Floats
-    peak_ratio: Floats
-    within_band: Floats
+    correlation: Floats  # (f,) of the two histories
+    peak_ratio: Floats  # (f,) peak of the best estimate over the measured peak
+    within_band: Floats  # (f,) share of the instants at which the measurement lies within 2 sd
+    # (f,) continuous ranked probability score over the rms of the measurement, the lower the
+    # better: what bands cost that are too wide as well as too narrow
     score: Floats
-    peak_within: Flags
+    peak_within: Flags  # (f,) whether the measured peak lies in its 90 % interval
 
     def as_dict(self) -> dict[str, dict[str, float]]:
         """The figures of every floor."""

@@ -48,36 +48,26 @@ _GPU_BYTES = 512 * 2**20
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What is observed of a motion.
+    """What is observed of a motion."""
 
-    Attributes:
-        shapes: (o, r) or (N, o, r) per unit coordinate.
-        rigid: (o, 2) or (N, o, 2) per unit base translation and rotation.
-    """
-
-    shapes: Tensor
-    rigid: Tensor
+    shapes: Tensor  # (o, r) or (N, o, r) per unit coordinate
+    rigid: Tensor  # (o, 2) or (N, o, 2) per unit base translation and rotation
 
 
 @dataclass(frozen=True, kw_only=True)
 class Responses:
-    """How ln|H| is made.
+    """How ln|H| is made."""
 
-    Attributes:
-        modes: kept for a response; all where None, which makes responses smooth in theta: which
-            modes are kept changes from place to place.
-        precision: of the sum over the modes; they are always solved in float64. float32 takes half
-            the time and moves a log likelihood by a few thousandths.
-        floors: whose responses are wanted; all where None.
-        seen: what an estimate makes of complex FRFs, before the logarithm is taken.
-        batch: responses at a time; default what is fastest.
-    """
-
+    # kept for a response; all where None, which makes responses smooth in theta: which modes are
+    # kept changes from place to place
     modes: int | None = None
+    # of the sum over the modes; they are always solved in float64. float32 takes half the time and
+    # moves a log likelihood by a few thousandths.
     precision: torch.dtype = torch.float64
-    floors: tuple[int, ...] | None = None
+    floors: tuple[int, ...] | None = None  # whose responses are wanted; all where None
+    # what an estimate makes of complex FRFs, before the logarithm is taken
     seen: Estimate | None = None
-    batch: int | None = None
+    batch: int | None = None  # responses at a time; default what is fastest
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,30 +21,19 @@ _DRIVEN = 0.05
 
 @dataclass(frozen=True)
 class ReducedModes:
-    """All modes of S parameter samples.
+    """All modes of S parameter samples."""
 
-    Attributes:
-        frequency_hz: (S, r).
-        vectors: (S, r, r) mass-orthonormal columns, one a mode.
-    """
-
-    frequency_hz: Floats
-    vectors: Floats
+    frequency_hz: Floats  # (S, r)
+    vectors: Floats  # (S, r, r) mass-orthonormal columns, one a mode
 
 
 @dataclass(frozen=True)
 class TrackedMode:
-    """One mode followed through the samples.
+    """One mode followed through the samples."""
 
-    Attributes:
-        frequency_hz: (S,) NaN where no mode of a sample resembles the reference.
-        vectors: (S, r) signed like the reference.
-        found: share of the samples in which the mode was found.
-    """
-
-    frequency_hz: Floats
-    vectors: Floats
-    found: float
+    frequency_hz: Floats  # (S,) NaN where no mode of a sample resembles the reference
+    vectors: Floats  # (S, r) signed like the reference
+    found: float  # share of the samples in which the mode was found
 
     @property
     def recognised(self) -> Floats:
@@ -132,19 +121,12 @@ _LEVEL = 1e-3  # of the height: nodes this near to a floor's level belong to it
 
 @dataclass(frozen=True, eq=False)
 class FullModes:
-    """The k lowest modes; mode number n is entry n - 1.
+    """The k lowest modes; mode number n is entry n - 1."""
 
-    Attributes:
-        frequency_hz: (k,).
-        shapes: (k, d) displacements of the nodes, three a node; of a stick its coordinates.
-        effective_mass: (k, 2) share of the mass that a motion along x and along y moves.
-        direction: (k,) what moves most: "X", "Y", "torsion" or "slabs".
-    """
-
-    frequency_hz: Floats
-    shapes: Floats
-    effective_mass: Floats
-    direction: tuple[str, ...]
+    frequency_hz: Floats  # (k,)
+    shapes: Floats  # (k, d) displacements of the nodes, three a node; of a stick its coordinates
+    effective_mass: Floats  # (k, 2) share of the mass that a motion along x and along y moves
+    direction: tuple[str, ...]  # (k,) what moves most: "X", "Y", "torsion" or "slabs"
 
     def direction_of(self, number: int | None) -> str:
         """What moves most in a mode; empty where it has no number."""
@@ -215,14 +197,7 @@ def _effective(operators: AffineOperators, shapes: Floats, axis: int) -> Floats:
 
 
 def _direction(shape: Floats, nodes: Floats, mass: Floats, levels: Floats) -> str:
-    """What most of the floors' kinetic energy is: of floors as rigid plates, or of their bending.
-
-    Args:
-        shape: (N, 3) displacement of the nodes.
-        nodes: (N, 3) m.
-        mass: (N,) kg.
-        levels: (f,) heights of the floors, m.
-    """
+    """What most of the floors' kinetic energy is of: floors as rigid plates, or their bending."""
     near = _LEVEL * max(float(np.ptp(nodes[:, 2])), 1e-9)
     energy = np.zeros(4)
     for level in levels:

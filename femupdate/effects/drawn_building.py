@@ -15,14 +15,10 @@ _RADIUS = 0.027  # of the ball of a sensor, over the building's size
 
 @dataclass(frozen=True, eq=False)
 class Glyph:
-    """Something to be drawn on a building.
+    """Something to be drawn on a building."""
 
-    Attributes:
-        kind: "ball", "arrow", "spring", "dashpot", "lines", "surfaces" or "sensor".
-        arguments: what the function of that name in `femupdate.report.glyphs` takes; points m.
-    """
-
-    kind: str
+    kind: str  # "ball", "arrow", "spring", "dashpot", "lines", "surfaces" or "sensor"
+    # what the function of that name in `femupdate.report.glyphs` takes; points m
     arguments: tuple[Any, ...]
 
     @classmethod
@@ -33,13 +29,9 @@ class Glyph:
 
 @dataclass(frozen=True, eq=False)
 class DrawnBuilding:
-    """Corners and centres of a building as it is drawn.
+    """Corners and centres of a building as it is drawn."""
 
-    Attributes:
-        structure: the full model of the building.
-    """
-
-    structure: Structure
+    structure: Structure  # the full model of the building
 
     @cached_property
     def nodes(self) -> Floats:

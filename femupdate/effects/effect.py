@@ -84,35 +84,23 @@ class EffectParameter:
 
 @dataclass(frozen=True, eq=False)
 class Port:
-    """A line in the structure along which a dynamic stiffness acts.
+    """A line in the structure along which a dynamic stiffness acts."""
 
-    Attributes:
-        row: (n,) displacement along it per unit of each degree of freedom.
-        rigid: (2,) displacement along it per unit base translation and rotation.
-    """
-
-    row: Array
-    rigid: Array
+    row: Array  # (n,) displacement along it per unit of each degree of freedom
+    rigid: Array  # (2,) displacement along it per unit base translation and rotation
 
 
 @dataclass(frozen=True, eq=False)
 class MassTerms:
-    """Mass of an effect.
+    """Mass of an effect."""
 
-    Attributes:
-        matrix: (n, n).
-        force: (n, 2) it times the rigid motions of the base.
-        rigid: (2, 2) it by the rigid motions on both sides.
-        above: (s, n) force of inertia of what lies above the middle of each story, per unit
-            acceleration of each degree of freedom.
-        above_rigid: (s, 2) the same per unit acceleration of the base.
-    """
-
-    matrix: Matrix
-    force: Array
-    rigid: Array
+    matrix: Matrix  # (n, n)
+    force: Array  # (n, 2) it times the rigid motions of the base
+    rigid: Array  # (2, 2) it by the rigid motions on both sides
+    # (s, n) force of inertia of what lies above the middle of each story, per unit acceleration of
+    # each degree of freedom
     above: Array
-    above_rigid: Array
+    above_rigid: Array  # (s, 2) the same per unit acceleration of the base
 
 
 class Stiffness(NamedTuple):
@@ -121,16 +109,11 @@ class Stiffness(NamedTuple):
     A share of a part that lies in series with another, such as bending beside shear, changes the
     stiffness of both together in this way: k = 1 / (a / (1 + s) + b) is k(0) + s / (1 + r s) k'(0)
     with r = b / (a + b).
-
-    Attributes:
-        story: whose factor scales the matrix; `UNSCALED` where none does.
-        matrix: (n, n) N/m, the derivative by the size where there is no effect.
-        series: r; zero where the stiffness is proportional to the size.
     """
 
-    story: int
-    matrix: Matrix
-    series: float = 0.0
+    story: int  # whose factor scales the matrix; `UNSCALED` where none does
+    matrix: Matrix  # (n, n) N/m, the derivative by the size where there is no effect
+    series: float = 0.0  # r; zero where the stiffness is proportional to the size
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,14 +122,10 @@ class SpringTerms:
 
     As a matrix a spring between the means of two floors would join every point of both, millions
     of numbers on a fine mesh. No factor scales them.
-
-    Attributes:
-        rows: (c, n) stretch per unit of each degree of freedom.
-        stiffness: (c,) N/m at unit size; negative where they push.
     """
 
-    rows: Floats
-    stiffness: Floats
+    rows: Floats  # (c, n) stretch per unit of each degree of freedom
+    stiffness: Floats  # (c,) N/m at unit size; negative where they push
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,16 +134,11 @@ class Hinges:
 
     At size s the spring of each is its unit stiffness over s, so that at zero nothing rotates, and
         K = K(theta) - s C (D + s A)^-1 C^T,   C = sum theta_i C_i,   A = sum theta_i A_i.
-
-    Attributes:
-        coupling: C_i (p, n, j), by story: forces on the structure per unit rotation.
-        inner: A_i (p, j, j), by story: moments that the stories put against the rotations.
-        spring: (j,) the diagonal of D, the springs at unit size.
     """
 
-    coupling: Array
-    inner: Array
-    spring: Array
+    coupling: Array  # C_i (p, n, j), by story: forces on the structure per unit rotation
+    inner: Array  # A_i (p, j, j), by story: moments that the stories put against the rotations
+    spring: Array  # (j,) the diagonal of D, the springs at unit size
 
     def softening(self, theta: Tensor, size: Tensor) -> Tensor:
         """Stiffness (N, n, n) that hinges of sizes (N,) take away at theta (N, p)."""
@@ -215,15 +189,10 @@ class Terms:
 
 
 class LevelChange(NamedTuple):
-    """What a structure is multiplied by where its motion is stronger or weaker.
+    """What a structure is multiplied by where its motion is stronger or weaker."""
 
-    Attributes:
-        stiffness: (N,) factor on stiffness.
-        damping: (N,) factor on the damping ratios.
-    """
-
-    stiffness: Tensor
-    damping: Tensor
+    stiffness: Tensor  # (N,) factor on stiffness
+    damping: Tensor  # (N,) factor on the damping ratios
 
 
 def _all_and_each(structure: Structure) -> tuple[str, ...]:

@@ -30,15 +30,10 @@ def effect_named(name: str) -> Effect:
 
 @dataclass(frozen=True)
 class BuildingEffects:
-    """The effects that a building file lists.
+    """The effects that a building file lists."""
 
-    Attributes:
-        placed: effects at their places.
-        values: all their parameters, one after the other.
-    """
-
-    placed: tuple[Placed, ...]
-    values: tuple[float, ...]
+    placed: tuple[Placed, ...]  # effects at their places
+    values: tuple[float, ...]  # all their parameters, one after the other
 
 
 def building_effects(building: Building) -> BuildingEffects:

@@ -32,21 +32,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class NodeMotions:
-    """Every component of every node's motion, m of them, held and tied ones too.
+    """Every component of every node's motion, m of them, held and tied ones too."""
 
-    Attributes:
-        position: (m, 3) of the node, m.
-        axis: (m,) 0 to 5, ux to rz.
-        mass: (m,) mass that moves along each translation; zero for rotations.
-        rigid: (m, 2) motion with the base, per unit translation and rotation.
-        motion: (m, n) motion per unit of each degree of freedom.
-    """
-
-    position: Floats
-    axis: Integers
-    mass: Floats
-    rigid: Floats
-    motion: csr_matrix
+    position: Floats  # (m, 3) of the node, m
+    axis: Integers  # (m,) 0 to 5, ux to rz
+    mass: Floats  # (m,) mass that moves along each translation; zero for rotations
+    rigid: Floats  # (m, 2) motion with the base, per unit translation and rotation
+    motion: csr_matrix  # (m, n) motion per unit of each degree of freedom
 
 
 @dataclass(frozen=True, eq=False)

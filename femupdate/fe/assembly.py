@@ -80,31 +80,23 @@ def summed(parts: Iterable[Entries], size: int) -> csc_matrix:
 
 @dataclass(frozen=True)
 class AffineOperators:
-    """Stiffness K(theta) = constant + sum_i theta_i terms[i] and mass of a supported structure.
+    """Stiffness K(theta) = constant + sum_i theta_i terms[i] and mass of a supported structure."""
 
-    Attributes:
-        stiffness_terms: one (n_free, n_free) matrix per parameter, N/m, N and N m.
-        stiffness_constant: (n_free, n_free) part that no parameter scales.
-        mass: (n_free, n_free) consistent mass, kg, kg m and kg m2.
-        mass_full: (6N, 6N) mass before supports.
-        free: (n_free,) indices of the independent degrees of freedom, ascending, into 6N: neither
-            held nor slaves of a rigid link.
-        dof: 6N.
-        nodes: (N, 3) coordinates, m.
-        stiffness_values: (nnz, p) values of the terms on the sparsity pattern of
-            `stiffness_constant`, which holds the entries of all terms and of the mass.
-        expansion: (6N, n_free) motion of all degrees of freedom per unit of the independent ones
-            where there are rigid links, None where all others are held.
-    """
-
+    # one (n_free, n_free) matrix per parameter, N/m, N and N m
     stiffness_terms: tuple[csc_matrix, ...]
-    stiffness_constant: csc_matrix
-    mass: csc_matrix
-    mass_full: csc_matrix
+    stiffness_constant: csc_matrix  # (n_free, n_free) part that no parameter scales
+    mass: csc_matrix  # (n_free, n_free) consistent mass, kg, kg m and kg m2
+    mass_full: csc_matrix  # (6N, 6N) mass before supports
+    # (n_free,) indices of the independent degrees of freedom, ascending, into 6N: neither held nor
+    # slaves of a rigid link
     free: Integers
-    dof: int
-    nodes: Floats
+    dof: int  # 6N
+    nodes: Floats  # (N, 3) coordinates, m
+    # (nnz, p) values of the terms on the sparsity pattern of `stiffness_constant`, which holds the
+    # entries of all terms and of the mass
     stiffness_values: csr_matrix
+    # (6N, n_free) motion of all degrees of freedom per unit of the independent ones where there are
+    # rigid links, None where all others are held
     expansion: csr_matrix | None = None
 
     @property

@@ -40,15 +40,10 @@ class Factored(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class DrivenShapes:
-    """Shapes, orthonormal in the mass, on which the structure is diagonal.
+    """Shapes, orthonormal in the mass, on which the structure is diagonal."""
 
-    Attributes:
-        frequency_hz: (r,) of each shape; a natural frequency where it has converged.
-        shapes: (n, r).
-    """
-
-    frequency_hz: Floats
-    shapes: Floats
+    frequency_hz: Floats  # (r,) of each shape; a natural frequency where it has converged
+    shapes: Floats  # (n, r)
 
 
 def driven_shapes(
@@ -142,13 +137,7 @@ def _orthonormal(fresh: Floats, basis: Floats, mass: csc_matrix) -> tuple[Floats
 def _response(
     shapes: DrivenShapes, seen: Floats, driven: Floats, top_hz: float, least: float
 ) -> Floats:
-    """ln of the magnitude (c, o, k) of the motion of rows under every force.
-
-    Args:
-        seen: (o, r) rows on the shapes.
-        driven: (r, c) forces on the shapes.
-        least: share of the largest magnitude under a force that is added to all.
-    """
+    """ln of the magnitude (c, o, k) of the motion of rows under every force."""
     omega = 2.0 * np.pi * shapes.frequency_hz
     w = 2.0 * np.pi * top_hz * np.arange(1, _POINTS + 1) / _POINTS
     flexible = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * _DAMPING * omega[:, None] * w)

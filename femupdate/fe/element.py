@@ -44,15 +44,10 @@ def rows(*shape: int, dtype: Any = np.float64) -> Any:
 
 @dataclass(frozen=True)
 class ElementMatrices:
-    """Element matrices, six degrees of freedom per node in the order of `DOF_NAMES`.
+    """Element matrices, six degrees of freedom per node in the order of `DOF_NAMES`."""
 
-    Attributes:
-        stiffness: (n, d, d) N/m, N and N m.
-        mass: (n, d, d) kg, kg m and kg m2.
-    """
-
-    stiffness: Floats
-    mass: Floats
+    stiffness: Floats  # (n, d, d) N/m, N and N m
+    mass: Floats  # (n, d, d) kg, kg m and kg m2
 
     def moved_by(self, motion: Floats) -> "ElementMatrices":
         """The matrices for other coordinates, whose unit motions are the columns of (n, d, d)."""
@@ -73,13 +68,6 @@ class Elements(ABC):
             file names another kind.
         force_names: of the r forces that `force_rows` gives.
         opensees_types: the element types of OpenSees that can stand for it, the usual one first.
-
-    Attributes:
-        nodes: (n, k) node indices, in order around a surface.
-        youngs_modulus: (n,) Pa.
-        density: (n,) kg/m3.
-        group: (n,) index of the parameter that multiplies the stiffness, `CONSTANT` for none.
-        kind: (n,) what the element is in the building, such as "wall" or "slab".
     """
 
     name: ClassVar[str]
@@ -88,10 +76,12 @@ class Elements(ABC):
     force_names: ClassVar[tuple[str, ...]] = ()
     opensees_types: ClassVar[tuple[str, ...]] = ()
 
-    nodes: Integers = rows(0, dtype=np.int64)
-    youngs_modulus: Floats = column()
-    density: Floats = column(NOT_NEGATIVE)
+    nodes: Integers = rows(0, dtype=np.int64)  # (n, k) node indices, in order around a surface
+    youngs_modulus: Floats = column()  # (n,) Pa
+    density: Floats = column(NOT_NEGATIVE)  # (n,) kg/m3
+    # (n,) index of the parameter that multiplies the stiffness, `CONSTANT` for none
     group: Integers = rows(dtype=np.int64)
+    # (n,) what the element is in the building, such as "wall" or "slab"
     kind: Strings = rows(dtype="<U24")
 
     @property

@@ -148,15 +148,10 @@ class SuperLUFactors:
 
 @dataclass(frozen=True)
 class Factorization:
-    """A factorised matrix.
+    """A factorised matrix."""
 
-    Attributes:
-        matrix: (n, n) what was factorised, real or complex.
-        factors: by one of the backends.
-    """
-
-    matrix: csc_matrix
-    factors: Factors
+    matrix: csc_matrix  # (n, n) what was factorised, real or complex
+    factors: Factors  # by one of the backends
 
     def apply(self, rhs: Floats) -> Floats:
         """Solve without looking at the residual, (n, ...) -> (n, ...)."""

@@ -26,25 +26,15 @@ _ROUNDING = 1e-6  # of the depth
 
 @dataclass(frozen=True)
 class EdgeJoint:
-    """The end of a beam at the edge of a shell in its plane.
+    """The end of a beam at the edge of a shell in its plane."""
 
-    Attributes:
-        node: of the beam's end.
-        beam: index of the beam.
-        across: (3,) unit vector along the end face, in the plane of the shell.
-        depth: of the beam along it, m.
-        centre: distance of the beam's axis from the node along it, m.
-        edge: (m,) other nodes of the shell's edge on either side of the node.
-        position: (m,) their coordinates along `across` from the node, m, ascending.
-    """
-
-    node: int
-    beam: int
-    across: Floats
-    depth: float
-    centre: float
-    edge: Integers
-    position: Floats
+    node: int  # of the beam's end
+    beam: int  # index of the beam
+    across: Floats  # (3,) unit vector along the end face, in the plane of the shell
+    depth: float  # of the beam along it, m
+    centre: float  # distance of the beam's axis from the node along it, m
+    edge: Integers  # (m,) other nodes of the shell's edge on either side of the node
+    position: Floats  # (m,) their coordinates along `across` from the node, m, ascending
 
     @property
     def face(self) -> tuple[float, float]:

@@ -167,11 +167,7 @@ class _Watch:
 
 
 def _orthonormal(vectors: Floats, mass: csc_matrix) -> tuple[Floats, Floats, Floats]:
-    """Orthonormal block in M, M times it, and what turns the block into the given vectors.
-
-    Raises:
-        LinAlgError: the vectors depend on each other.
-    """
+    """Orthonormal block in M, M times it, and what turns the block into the given vectors."""
     if vectors.shape[1] == 1:
         image = symmetric_times(mass, vectors)
         squared = float(vectors[:, 0] @ image[:, 0])

@@ -74,10 +74,7 @@ def refuse_negative(operators: AffineOperators, factorization: Factorization) ->
 
 
 def _softest(factorization: Factorization, diagonal: Floats) -> tuple[Floats, float]:
-    """Softest pattern of motion, and its stiffness where the diagonal is scaled to one.
-
-    Inverse iteration; the scaling makes displacements and rotations comparable.
-    """
+    """Softest pattern of motion, and its stiffness where the diagonal is scaled to one."""
     scale = np.sqrt(diagonal)
     pattern = np.random.default_rng(_SEED).standard_normal(len(scale))
     ratio = 1.0

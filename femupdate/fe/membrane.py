@@ -13,17 +13,11 @@ CENTRE = np.zeros((1, 2))
 
 @dataclass(frozen=True)
 class PlaneSamples:
-    """Quadrilaterals evaluated at a few points of the parent square.
+    """Quadrilaterals evaluated at a few points of the parent square."""
 
-    Attributes:
-        gradients: (n, g, 2, 4) derivatives of the shape functions along x and y, 1/m.
-        inverse: (n, g, 2, 2) inverse of the Jacobian matrix, 1/m.
-        determinant: (n, g) determinant of the Jacobian matrix, m2.
-    """
-
-    gradients: Floats
-    inverse: Floats
-    determinant: Floats
+    gradients: Floats  # (n, g, 2, 4) derivatives of the shape functions along x and y, 1/m
+    inverse: Floats  # (n, g, 2, 2) inverse of the Jacobian matrix, 1/m
+    determinant: Floats  # (n, g) determinant of the Jacobian matrix, m2
 
 
 def shape_functions(points: Floats) -> Floats:
@@ -125,10 +119,7 @@ def membrane_strain(
 def _with_internal_modes(
     plane: Floats, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
 ) -> tuple[Floats, Floats]:
-    """Stiffness (n, 16, 16) and strains (n, g, 3, 16) before condensation.
-
-    The strains are eps_x, eps_y and gamma_xy at the Gauss points.
-    """
+    """Stiffness (n, 16, 16) and strains (n, g, 3, 16) before condensation."""
     gauss, centre = sample(plane, GAUSS_POINTS), sample(plane, CENTRE)
     # Gradients of 1 - xi^2 and 1 - eta^2, (n, g, 2, 2). The Jacobian of the centre, scaled by the
     # ratio of determinants, makes their mean vanish on any quadrilateral, which is what the patch

@@ -20,17 +20,11 @@ E = TypeVar("E", bound=Elements)
 
 @dataclass(frozen=True)
 class PointMasses:
-    """Masses at nodes.
+    """Masses at nodes."""
 
-    Attributes:
-        node: (n,) node indices.
-        mass: (n,) kg, the same in x, y and z.
-        inertia: (n, 3) kg m2 about x, y and z.
-    """
-
-    node: Integers = rows(dtype=np.int64)
-    mass: Floats = rows()
-    inertia: Floats = rows(3)
+    node: Integers = rows(dtype=np.int64)  # (n,) node indices
+    mass: Floats = rows()  # (n,) kg, the same in x, y and z
+    inertia: Floats = rows(3)  # (n, 3) kg m2 about x, y and z
 
     def __len__(self) -> int:
         return len(self.node)
@@ -38,21 +32,15 @@ class PointMasses:
 
 @dataclass(frozen=True)
 class Springs:
-    """Springs between a degree of freedom and the ground, or between those of two nodes.
-
-    Attributes:
-        nodes: (n, 2) node indices; -1 in the second column means the ground.
-        direction: (n,) 0 to 5, an index into `DOF_NAMES`.
-        stiffness: (n,) N/m or N m/rad.
-        group: as for `Elements`.
-    """
+    """Springs between a degree of freedom and the ground, or between those of two nodes."""
 
     name: ClassVar[str] = "spring"
 
+    # (n, 2) node indices; -1 in the second column means the ground
     nodes: Integers = rows(2, dtype=np.int64)
-    direction: Integers = rows(dtype=np.int64)
-    stiffness: Floats = rows()
-    group: Integers = rows(dtype=np.int64)
+    direction: Integers = rows(dtype=np.int64)  # (n,) 0 to 5, an index into `DOF_NAMES`
+    stiffness: Floats = rows()  # (n,) N/m or N m/rad
+    group: Integers = rows(dtype=np.int64)  # as for `Elements`
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -65,15 +53,11 @@ class RigidLinks:
     A slave moves as u_s = u_m + r_m cross (x_s - x_m), r_s = r_m, in the directions that are tied;
     in the others it moves by itself. Slaves are eliminated, not held by stiff springs. A master may
     be another link's slave; a degree of freedom follows one master only.
-
-    Attributes:
-        master: (n,) node indices.
-        slave: (n,) node indices.
-        tied: (n, 6) which degrees of freedom of the slave follow, in the order of `DOF_NAMES`.
     """
 
-    master: Integers = rows(dtype=np.int64)
-    slave: Integers = rows(dtype=np.int64)
+    master: Integers = rows(dtype=np.int64)  # (n,) node indices
+    slave: Integers = rows(dtype=np.int64)  # (n,) node indices
+    # (n, 6) which degrees of freedom of the slave follow, in the order of `DOF_NAMES`
     tied: Flags = rows(DOF_PER_NODE, dtype=np.bool_)
 
     def __len__(self) -> int:
@@ -82,19 +66,12 @@ class RigidLinks:
 
 @dataclass(frozen=True)
 class FiniteElementModel:
-    """All that the solver needs to know.
+    """All that the solver needs to know."""
 
-    Attributes:
-        nodes: (N, 3) coordinates, m; z is up.
-        fixed: (N, 6) True where a degree of freedom is held.
-        groups: number of stiffness parameters theta.
-        elements: one block per kind; blocks without elements are dropped.
-    """
-
-    nodes: Floats
-    fixed: Flags
-    groups: int
-    elements: tuple[Elements, ...] = ()
+    nodes: Floats  # (N, 3) coordinates, m; z is up
+    fixed: Flags  # (N, 6) True where a degree of freedom is held
+    groups: int  # number of stiffness parameters theta
+    elements: tuple[Elements, ...] = ()  # one block per kind; blocks without elements are dropped
     masses: PointMasses = field(default_factory=PointMasses)
     springs: Springs = field(default_factory=Springs)
     links: RigidLinks = field(default_factory=RigidLinks)

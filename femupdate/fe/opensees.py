@@ -26,16 +26,12 @@ class OpenSeesTable:
 
 @dataclass(frozen=True)
 class OpenSeesPart:
-    """What one kind of element adds.
+    """What one kind of element adds."""
 
-    Attributes:
-        tables: by the names that the code uses.
-        code: Python that adds the elements to OpenSees when it runs inside the script's `build`.
-            It may use `ops`, `np`, `TYPES` (the element type chosen for each kind), `whole` (node
-            tags of node indices), `new("element")` (the next free tag) and `arm`.
-    """
-
-    tables: Mapping[str, OpenSeesTable]
+    tables: Mapping[str, OpenSeesTable]  # by the names that the code uses
+    # Python that adds the elements to OpenSees when it runs inside the script's `build`. It may use
+    # `ops`, `np`, `TYPES` (the element type chosen for each kind), `whole` (node tags of node
+    # indices), `new("element")` (the next free tag) and `arm`.
     code: str
 
 

@@ -28,14 +28,10 @@ _CLOSE = 1e-6  # relative; of components as close as this to the largest, the fi
 
 @dataclass(frozen=True)
 class NaturalModes:
-    """Natural modes, lowest first.
+    """Natural modes, lowest first."""
 
-    Attributes:
-        frequency_hz: (count,) Hz.
-        shapes: (n_free, count) normalised to unit modal mass; the largest component is positive.
-    """
-
-    frequency_hz: Floats
+    frequency_hz: Floats  # (count,) Hz
+    # (n_free, count) normalised to unit modal mass; the largest component is positive
     shapes: Floats
 
 
@@ -252,12 +248,7 @@ def _complete(problem: _Problem, values: Floats) -> bool:
 
 
 def _count_negative(matrix: csc_matrix, order: Integers | None) -> int | None:
-    """Number of negative eigenvalues, None where the pivots do not show it.
-
-    Args:
-        matrix: (n, n).
-        order: (n,) a good order of elimination, where one is known.
-    """
+    """Number of negative eigenvalues, None where the pivots do not show it."""
     if order is not None:
         matrix = matrix[order][:, order].tocsc()
     pivots = factorize(matrix, definite=False, ordered=order is not None).pivots()

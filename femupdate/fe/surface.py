@@ -15,15 +15,10 @@ SHELL_FORCES = ("n_x", "n_y", "n_xy", "m_x", "m_y", "m_xy")
 
 @dataclass(frozen=True, kw_only=True)
 class Surface(Elements):
-    """Flat shells of one thickness each.
+    """Flat shells of one thickness each."""
 
-    Attributes:
-        thickness: (n,) m.
-        poisson_ratio: (n,).
-    """
-
-    thickness: Floats = column()
-    poisson_ratio: Floats = column(POISSON)
+    thickness: Floats = column()  # (n,) m
+    poisson_ratio: Floats = column(POISSON)  # (n,)
 
     @property
     def section(self) -> Floats:

@@ -153,21 +153,13 @@ _REST = 1e-5  # share to which motion has decayed behind the record
 
 @dataclass(frozen=True, eq=False)
 class FineModel:
-    """What of a truth depends on neither theta nor the effects: a building's own equations.
+    """What of a truth depends on neither theta nor the effects: a building's own equations."""
 
-    Attributes:
-        building: with every sensor listed.
-        structure: the full model; a frame is meshed finer than for the updating.
-        channels: (c,) the sensors, floor by floor.
-        places: (c,) where each one is.
-        mesh_size: m; None for a shear building.
-    """
-
-    building: Building
-    structure: Structure
-    channels: tuple[FloorChannel, ...]
-    places: tuple[str, ...]
-    mesh_size: float | None
+    building: Building  # with every sensor listed
+    structure: Structure  # the full model; a frame is meshed finer than for the updating
+    channels: tuple[FloorChannel, ...]  # (c,) the sensors, floor by floor
+    places: tuple[str, ...]  # (c,) where each one is
+    mesh_size: float | None  # m; None for a shear building
 
     @property
     def direction(self) -> str:
@@ -182,24 +174,15 @@ class FineModel:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """A building at one theta, with the effects that are put into it.
+    """A building at one theta, with the effects that are put into it."""
 
-    Attributes:
-        fine: its sensors and mesh.
-        system: its response, a row for every sensor.
-        theta: (p,) stiffness factors; none where they are in the system already.
-        values: parameters of the effects.
-        frequency_hz: (m,) of the shapes that it is followed by, Hz; a natural frequency where one
-            has converged.
-        effective_mass: (m,) share of the mass that each moves in the direction of the motion.
-    """
-
-    fine: FineModel
-    system: System
-    theta: Floats
-    values: tuple[float, ...]
+    fine: FineModel  # its sensors and mesh
+    system: System  # its response, a row for every sensor
+    theta: Floats  # (p,) stiffness factors; none where they are in the system already
+    values: tuple[float, ...]  # parameters of the effects
+    # (m,) of the shapes that it is followed by, Hz; a natural frequency where one has converged
     frequency_hz: Floats
-    effective_mass: Floats
+    effective_mass: Floats  # (m,) share of the mass that each moves in the direction of the motion
 
     def respond(self, zeta: float, motion: GroundMotion) -> Floats:
         """Absolute accelerations (c, n), m/s2, under a base motion.

@@ -46,21 +46,6 @@ class Beams(Elements):
     The forces are those that the joints put on the first end and on the second, in local axes:
     tension is negative at the first and positive at the second. Inertia inside the element is left
     out of them.
-
-    Attributes:
-        area: (n,) m2.
-        shear_area_y, shear_area_z: (n,) m2, effective for shear along local y and z;
-            infinity gives the Euler-Bernoulli beam.
-        inertia_y, inertia_z: (n,) m4.
-        torsion_constant: (n,) m4.
-        poisson_ratio: (n,).
-        up: (n, 3) vector that fixes the section's orientation.
-        size: (n, 2) width along local y and depth along local z, m; None for those of rectangles
-            with the same area and inertia.
-        offset: (n, 2, 3) rigid arms from the nodes to the ends of the beam, m, in global axes;
-            None for none.
-        released: (n, 12) True where an end passes no force on, in local axes, the first end's six
-            and then the second's; None for nowhere.
     """
 
     name: ClassVar[str] = "beam"
@@ -72,16 +57,22 @@ class Beams(Elements):
     opensees_types: ClassVar[tuple[str, ...]] = ("ElasticTimoshenkoBeam",)
 
     nodes: Integers = rows(2, dtype=np.int64)
-    area: Floats = column()
+    area: Floats = column()  # (n,) m2
+    # (n,) m2, effective for shear along local y and z; infinity gives the Euler-Bernoulli beam
     shear_area_y: Floats = column(POSITIVE_OR_INFINITE)
     shear_area_z: Floats = column(POSITIVE_OR_INFINITE)
-    inertia_y: Floats = column()
+    inertia_y: Floats = column()  # (n,) m4
     inertia_z: Floats = column()
-    torsion_constant: Floats = column()
-    poisson_ratio: Floats = column(POISSON)
-    up: Floats = rows(3)
+    torsion_constant: Floats = column()  # (n,) m4
+    poisson_ratio: Floats = column(POISSON)  # (n,)
+    up: Floats = rows(3)  # (n, 3) vector that fixes the section's orientation
+    # (n, 2) width along local y and depth along local z, m; None for those of rectangles with the
+    # same area and inertia
     size: Floats | None = None
+    # (n, 2, 3) rigid arms from the nodes to the ends of the beam, m, in global axes; None for none
     offset: Floats | None = None
+    # (n, 12) True where an end passes no force on, in local axes, the first end's six and then the
+    # second's; None for nowhere
     released: Flags | None = None
 
     @property
@@ -187,11 +178,7 @@ class Beams(Elements):
         )
 
     def _local(self, points: Floats) -> tuple[Floats, ElementMatrices]:
-        """Local motion of the ends per unit global motion of the nodes, and the local matrices.
-
-        Rigid arms at the ends are part of the motion. Released ends move so that no force passes
-        them: they are condensed, and the mass follows the same shapes.
-        """
+        """Local motion of the ends per unit global motion of the nodes, and the local matrices."""
         self.check(points)
         length = self.measure(points)
         motion = repeated(self._axes(points, length), 4)

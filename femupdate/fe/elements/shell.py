@@ -35,18 +35,13 @@ _TO_CORNERS = shape_functions(np.sqrt(3.0) * CORNERS)
 
 @dataclass(frozen=True)
 class MeanPlanes:
-    """Shells projected on their mean planes.
+    """Shells projected on their mean planes."""
 
-    Attributes:
-        axes: (n, 3, 3) rows are the local x, y and z axes; x runs from the middle of the side 4-1
-            to the middle of the side 2-3.
-        plane: (n, 4, 2) projected corners, m.
-        height: (n, 4) distance of the nodes from the plane, m.
-    """
-
+    # (n, 3, 3) rows are the local x, y and z axes; x runs from the middle of the side 4-1 to the
+    # middle of the side 2-3
     axes: Floats
-    plane: Floats
-    height: Floats
+    plane: Floats  # (n, 4, 2) projected corners, m
+    height: Floats  # (n, 4) distance of the nodes from the plane, m
 
     def taken(self, chosen: Integers) -> "MeanPlanes":
         """Those of some of the shells."""
@@ -170,10 +165,7 @@ _OUT_OF_PLANE = Shells.directions(2, 3, 4)
 
 
 def _alike(coordinates: Floats, properties: tuple[Floats, ...]) -> tuple[Integers, Integers]:
-    """First element of every kind that there is, (u,), and the kind of each element, (n,).
-
-    Elements of one kind have the same sides, to ten digits, and the same properties.
-    """
+    """First element of every kind that there is, (u,), and the kind of each element, (n,)."""
     sides = (coordinates[:, 1:] - coordinates[:, :1]).reshape(-1, 9)
     grain = _SAME * np.abs(sides).max(initial=1e-300)
     exact = np.column_stack(properties).view(np.int64)
@@ -186,10 +178,7 @@ def _alike(coordinates: Floats, properties: tuple[Floats, ...]) -> tuple[Integer
 
 
 def _in_global_axes(matrices: Floats, frame: MeanPlanes) -> Floats:
-    """Symmetric matrices (n, 24, 24) of the projected corners for global motion of the nodes.
-
-    The same as with `to_local` on either side, in an eighth of the operations.
-    """
+    """Symmetric matrices (n, 24, 24) of the projected corners for global motion of the nodes."""
     size = np.abs(frame.plane).max(axis=(1, 2), initial=0.0)
     warped = np.flatnonzero(np.abs(frame.height).max(axis=1, initial=0.0) > _PLANE * size)
     arms = _rigid_arms(frame.height[warped])

@@ -109,21 +109,13 @@ class Triangles(Surface):
 
 @dataclass(frozen=True)
 class _Shape:
-    """Triangles in their own planes.
+    """Triangles in their own planes."""
 
-    Attributes:
-        axes: (n, 3, 3) rows are the local x, y and z axes.
-        plane: (n, 3, 2) corners, counter-clockwise, m.
-        area: (n,) m2.
-        length: (n, 3) of the sides 1-2, 2-3 and 3-1, m.
-        direction: (n, 3, 2) unit vectors along them.
-    """
-
-    axes: Floats
-    plane: Floats
-    area: Floats
-    length: Floats
-    direction: Floats
+    axes: Floats  # (n, 3, 3) rows are the local x, y and z axes
+    plane: Floats  # (n, 3, 2) corners, counter-clockwise, m
+    area: Floats  # (n,) m2
+    length: Floats  # (n, 3) of the sides 1-2, 2-3 and 3-1, m
+    direction: Floats  # (n, 3, 2) unit vectors along them
 
     @classmethod
     def of(cls, corners: Floats) -> "_Shape":
