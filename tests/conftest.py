@@ -26,13 +26,10 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Half of the tests to either of two processes, in their order.
+    """Files as a whole: what the tests of one share is made once, by one process."""
+    from xdist.scheduler import LoadFileScheduling
 
-    Dealt out by turns, what the tests of a file share would be made in both.
-    """
-    from xdist.scheduler import WorkStealingScheduling
-
-    return WorkStealingScheduling(config, log)
+    return LoadFileScheduling(config, log)
 
 
 class Recorded:

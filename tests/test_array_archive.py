@@ -26,11 +26,6 @@ def test_arrays_come_back(path):
         np.testing.assert_array_equal(back[name], value)
 
 
-def test_no_file(tmp_path):
-    with pytest.raises(ArchiveError, match="no archive of numpy arrays"):
-        read_arrays(tmp_path / "nowhere.npz")
-
-
 @settings(deadline=None, max_examples=150)
 @given(data=st.data())
 def test_no_damage_ends_in_a_traceback(tmp_path_factory, data):
@@ -70,10 +65,6 @@ def test_what_is_no_array_is_refused(tmp_path):
 
 
 SHAPES = {"a": "rc", "b": "c"}
-
-
-def test_shapes_that_go_together():
-    check_shapes({"a": np.ones((3, 4)), "b": np.ones(4), "more": np.array("x")}, SHAPES)
 
 
 @pytest.mark.parametrize(

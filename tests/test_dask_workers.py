@@ -4,7 +4,6 @@ import contextlib
 import math
 import multiprocessing
 import os
-import signal
 import socket
 import threading
 import time
@@ -75,23 +74,6 @@ def test_a_worker_that_comes_later_gets_work_that_was_used(processes, killer):
             if len(seen) == 3:
                 break
     assert len(seen) == 3
-
-
-def test_a_process_that_is_slow_to_come_back_is_waited_for(killer):
-    """Dask's own patience is 15 s, which imports on a busy machine outlast; here a moment."""
-    dask = pytest.importorskip("dask", reason="the extra `distributed` is not installed")
-    before = set(multiprocessing.active_children())
-    with (
-        dask.config.set({"distributed.deploy.lost-worker-timeout": "10 ms"}),
-        dask_executor("local") as workers,
-        working_on(workers),
-    ):
-        pieces = completed(abs, range(-40, 0))
-        found = [next(pieces)]
-        for one in set(multiprocessing.active_children()) - before:
-            os.kill(one.pid, signal.SIGKILL)
-        found += pieces
-    assert sorted(found) == [(k, 40 - k) for k in range(40)]
 
 
 def test_a_data_set_is_the_same_when_a_worker_is_killed(

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from femupdate import __version__, storage
+from femupdate import __version__
 from femupdate.errors import InferenceError, StudyError
 from femupdate.study import (
     LAYOUT,
@@ -192,13 +192,6 @@ def test_the_words_of_the_running_command_are_kept(recorded):
     assert recorded.artefacts()["posterior"].settings == {}
 
 
-@pytest.mark.parametrize("words", [("calibrate", "a\x1b[2J.csv"), ("calibrate", "x" * 200_000), ()])
-def test_words_that_no_terminal_shows_are_not_kept(recorded, words):
-    with made_by(words):
-        recorded.record("posterior", "posterior.nc", "calibrate", MADE_FROM)
-    assert recorded.artefacts()["posterior"].settings == {}
-
-
 @pytest.mark.parametrize(
     "changed",
     [
@@ -234,13 +227,6 @@ def test_the_study_of_a_newer_femupdate_is_refused(recorded):
         recorded.artefacts()
 
 
-def test_a_study_from_before_layouts_were_numbered(recorded):
-    content = json.loads(recorded.path(MANIFEST).read_text())
-    del content["layout"]
-    recorded.path(MANIFEST).write_text(json.dumps(content))
-    assert recorded.find("posterior", MADE_FROM) is not None
-
-
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of POSIX")
 def test_a_pipe_in_place_of_a_file(recorded):
     path = recorded.path("posterior.nc")
@@ -259,20 +245,6 @@ def test_bytes_that_are_no_text(recorded):
     recorded.path(MANIFEST).write_bytes(b"\xff\xfe\x00")
     with pytest.raises(StudyError, match="cannot be read"):
         recorded.artefacts()
-
-
-def test_a_full_disk_leaves_the_record_as_it_was(recorded, monkeypatch):
-    before = recorded.path(MANIFEST).read_bytes()
-
-    def full(*_):
-        raise OSError(28, os.strerror(28))
-
-    monkeypatch.setattr(storage.os, "replace", full)
-    with pytest.raises(StudyError, match=r"study\.json: the disk is full; free some space"):
-        recorded.record("posterior", "posterior.nc", "calibrate", {})
-    monkeypatch.undo()
-    assert recorded.path(MANIFEST).read_bytes() == before
-    assert recorded.find("posterior", MADE_FROM) is not None
 
 
 def note(**changes):
@@ -321,19 +293,6 @@ def test_a_part_that_cannot_be_made_leaves_nothing(study):
     with pytest.raises(InferenceError):
         study.cached(note(), MADE_FROM, fails)
     assert not study.folder.exists()
-
-
-def test_text_is_utf_8_whatever_the_locale(tmp_path):
-    write_text(tmp_path / "t.txt", "θ₁ 構造")
-    assert (tmp_path / "t.txt").read_bytes() == "θ₁ 構造".encode()
-
-
-def test_hash_is_sha256_of_the_content(tmp_path):
-    (tmp_path / "f").write_bytes(b"abc")
-    # The example of FIPS 180-4.
-    assert file_hash(tmp_path / "f") == (
-        "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
-    )
 
 
 @pytest.mark.parametrize(

@@ -16,14 +16,6 @@ def test_processors_that_this_process_may_use():
     assert 1 <= processor_count() <= (os.cpu_count() or 1)
 
 
-def test_systems_without_affinity(monkeypatch):
-    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
-    monkeypatch.setattr(os, "cpu_count", lambda: 6)
-    assert processor_count() == 6
-    monkeypatch.setattr(os, "cpu_count", lambda: None)
-    assert processor_count() == 1
-
-
 def test_work_comes_back_in_order():
     assert list(everywhere(abs, [-3, 1, -4, 1, -5, 9, -2])) == [3, 1, 4, 1, 5, 9, 2]
     assert list(everywhere(abs, [])) == []

@@ -1,8 +1,6 @@
 """Buildings from a user's own mesh: read back exactly, and wrong meshes told in words."""
 
 import re
-import time
-import tomllib
 
 import meshio
 import numpy as np
@@ -11,7 +9,6 @@ from femupdate.benchmarks.mesh_export import export_mesh
 
 from femupdate.building import (
     from_document,
-    import_mesh,
     load_building,
     mechanics_hash,
     mesh_building,
@@ -390,34 +387,6 @@ def test_a_file_that_is_no_mesh(tmp_path, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_long_word_in_a_mesh_takes_no_time(tmp_path):
-    """meshio warns of it in colours, for which it searches the word for half a minute."""
-    path = write(tmp_path, text=OWN.replace("own.vtu", "own.msh"))
-    text = f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n${'a.' * 20_000}\n1\n"
-    (tmp_path / "own.msh").write_text(text, encoding="utf-8")
-    started = time.process_time()
-    refused(path, r"mesh\.file: ")
-    assert time.process_time() - started < 2.0
-
-
-@pytest.mark.parametrize("packing", ["zlib", "lzma"])
-def test_packed_arrays_that_fill_the_memory_are_refused(tmp_path, monkeypatch, packing):
-    """Cell data of zeros, a thousandth of their size on disk; without a limit the file is read."""
-    path = write(tmp_path)
-    mesh = meshio.read(tmp_path / "own.vtu")
-    mesh.point_data["zeros"] = np.zeros((len(mesh.points), 20_000))
-    mesh.write(tmp_path / "own.vtu", compression=packing)
-    assert load_building(path).name == "own"
-    mesh_building(load_building(path))
-    monkeypatch.setattr("femupdate.building.mesh_reader._LARGEST_BYTES", 1_000_000)
-    refused(path, r"own\.vtu cannot be read \(its arrays unpack to more than 1 MB\)")
-
-
-def test_a_mesh_that_is_read_has_no_size(tmp_path):
-    with pytest.raises(BuildingError, match=r"mesh\.size: the mesh comes from .*refine it"):
-        mesh_building(load_building(write(tmp_path)), 0.5)
-
-
 def test_a_beam_at_a_walls_edge_is_linked_in_a_read_mesh_too(tmp_path):
     """Two walls of 2 x 3 m in squares of .5 m, and a beam of 2 m between their tops."""
     s, t = np.meshgrid(np.arange(5), np.arange(7))
@@ -432,12 +401,6 @@ def test_a_beam_at_a_walls_edge_is_linked_in_a_read_mesh_too(tmp_path):
     assert len(links) == 4
     arm = nodes[links.slave] - nodes[links.master]
     np.testing.assert_allclose(np.sort(arm[:, 2]), [-1, -1, -0.5, -0.5], atol=1e-12)
-
-
-def test_import_alone_says_the_key(tmp_path):
-    document = tomllib.loads(OWN)
-    with pytest.raises(BuildingError, match=r"^mesh\.file: there is no file"):
-        import_mesh(from_document(document))
 
 
 @pytest.mark.parametrize(
@@ -464,15 +427,6 @@ def spoiled_mesh(folder, change):
 def test_decimal_commas_are_told(tmp_path):
     path = spoiled_mesh(tmp_path, lambda text: re.sub(r"(\d)\.(\d)", r"\1,\2", text).encode())
     refused(path, r"mesh\.file: .*coordinates each \(is the comma the decimal sign\?\)")
-
-
-def test_a_mesh_in_utf_16_is_told(tmp_path):
-    refused(spoiled_mesh(tmp_path, lambda text: text.encode("utf-16")), r"mesh\.file: ")
-
-
-def test_a_mesh_without_nodes_is_told(tmp_path):
-    path = spoiled_mesh(tmp_path, lambda text: re.sub(r"(?m)^\d+, .*\n", "", text).encode())
-    refused(path, r"mesh\.file: ")
 
 
 def test_lines_of_a_mesh_in_another_order_are_told_or_read(tmp_path):

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from femupdate.building.quantities import format_quantity
 from femupdate.building.sections import rectangle_torsion_constant
-from femupdate.errors import UnitError
 from femupdate.units import parse_quantity
 
 KINDS = ("length", "area", "inertia", "mass", "stress", "density", "stiffness", "frequency")
@@ -30,11 +29,6 @@ def test_written_quantity_reads_back_exactly(value, kind):
 )
 def test_written_quantity_is_short(value, kind, text):
     assert format_quantity(value, kind) == text
-
-
-def test_a_number_alone_has_no_unit():
-    with pytest.raises(UnitError, match="with its unit"):
-        parse_quantity("2.8", "length")
 
 
 # Timoshenko and Goodier 1951, article 94, table of k1 (sides a >= b, J = k1 a b^3): the table is

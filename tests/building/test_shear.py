@@ -5,7 +5,6 @@ import pytest
 from scipy.linalg import eigh
 
 from femupdate.building import from_document, load_building, shear_operators
-from femupdate.errors import BuildingError
 
 
 def frequencies(operators, theta):
@@ -24,12 +23,6 @@ def test_uniform_shear_building(name, ratio):
         frequencies(operators, np.ones(count)), omega / (2 * np.pi), rtol=1e-12
     )
     assert not operators.masses_known
-
-
-def test_floors_of_the_benchmark():
-    operators = shear_operators(load_building("shear_4dof"))
-    assert operators.floors == ("2F", "3F", "4F", "RF")
-    assert operators.story_names == ("S1", "S2", "S3", "S4")
 
 
 def unequal():
@@ -99,8 +92,3 @@ def test_constant_damping():
     building = load_building("six_story_wall_frame")
     assert (building.damping.law, building.damping.ratio) == ("constant", 0.02)
     assert (building.prior.zeta.lower, building.prior.zeta.upper) == (0.0066, 0.06)
-
-
-def test_frame_has_no_shear_operators():
-    with pytest.raises(BuildingError, match="use mesh_building"):
-        shear_operators(load_building("six_story_wall_frame"))

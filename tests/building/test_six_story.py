@@ -60,12 +60,6 @@ def test_frequencies_without_non_structural_walls():
     np.testing.assert_allclose(frequencies(building, 0.3), TABLE[0.3][1], rtol=0.003)
 
 
-def test_frequencies_on_the_finer_mesh():
-    building = without_dead_walls(load_building("six_story_wall_frame"))
-    assert mesh_building(building, 0.15).model.dof == TABLE[0.15][0]
-    np.testing.assert_allclose(frequencies(building, 0.15), TABLE[0.15][1], rtol=0.003)
-
-
 def test_mode_directions():
     model = mesh_building(load_building("six_story_wall_frame")).model
     operators = assemble(model)

@@ -52,14 +52,6 @@ def test_build_model(femupdate, tmp_path, cabin_file, name):
     assert all(line.endswith(" ...") for line in done.err.splitlines())
 
 
-def test_build_model_in_words(femupdate, tmp_path, tower_file):
-    done = femupdate("build-model", tower_file, "--study", tmp_path)
-    assert done.code == 0
-    assert done.out.startswith("Two-story tower\n  2 degrees of freedom, 2 elements\n")
-    assert "effective mass X" in done.out
-    assert str(tmp_path / "pictures" / "model_modes.png") in done.out
-
-
 def test_simulate(femupdate, tmp_path, tower_file):
     file = tmp_path / "new" / "observation.csv"
     answer = femupdate(
@@ -82,17 +74,6 @@ def test_simulate_replaces_a_file_only_when_it_is_told_to(femupdate, tmp_path, t
     assert file.read_text() == "measured with care"
     assert femupdate(*arguments, "--band", "0.5,20", "--replace").code == 0
     assert "synthetic" in file.read_text()
-
-
-def test_simulate_takes_the_building_of_the_study(femupdate, calibrated, tmp_path):
-    file = tmp_path / "observation.csv"
-    done = femupdate(
-        *("simulate", "-o", file, "--study", calibrated, "--duration", 10, "--sampling", 50),
-        *("--band", "0.5,20"),
-    )
-    assert done.code == 0
-    assert done.out.splitlines()[0] == str(file)
-    assert "time_s,base,2F,RF" in file.read_text()
 
 
 def test_calibrate(walk, tower_observation):
@@ -172,14 +153,6 @@ def test_train(walk):
     assert Path(answer["surrogate"]).stat().st_size > 10_000
 
 
-def test_train_a_second_time(femupdate, walk, snapshot):
-    before = snapshot(walk.study)
-    again = ("train", "--samples", 400, "--epochs", 2, "--batch", 64, "--study", walk.study)
-    assert femupdate(*again, "--json").answer["trained"] is False
-    assert "A trained surrogate fits" in femupdate(*again).out
-    assert snapshot(walk.study) == before
-
-
 def test_calibrate_with_the_surrogate(walk):
     answer = walk.answers["calibrate --name=latent"]
     assert answer["likelihood"] == "latent"
@@ -207,25 +180,6 @@ def test_predict(walk):
     assert all(not_blank(Path(picture)) for picture in answer["pictures"])
 
 
-def test_predict_in_words(femupdate, walked, record, tower_observation):
-    done = femupdate(
-        *("predict", "--record", record, "--measured", tower_observation.path, "--samples", 20),
-        *("--damping", "0.04", "--study", walked),
-    )
-    assert done.code == 0
-    for words in ("damping ratio: 0.04 in all modes", "peak shear, kN", "against measured"):
-        assert words in done.out
-
-
-def test_predict_the_shipped_record(femupdate, walked):
-    """By its unit and channel as the file states them, cut to no length."""
-    shipped = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
-    answer = femupdate(
-        "predict", "--record", shipped, "--samples", 10, "--study", walked, "--json"
-    ).answer
-    assert any("90 Deg: peak 3.38 m/s², 90.0 s at 100 Hz" in note for note in answer["notes"])
-
-
 def test_render(femupdate, walk, walked):
     modes = walk.answers["render"]["modes"]
     assert sorted(mode["mode"] for mode in modes) == [1, 2]
@@ -244,13 +198,6 @@ def test_every_artefact_of_a_study_is_recorded_with_what_it_was_made_from(walk):
         assert (walk.study / artefact["file"]).exists()
         assert artefact["made_from"]["building"] == kept["reduced model"]["made_from"]["building"]
     assert kept["prediction"]["made_from"]["posterior"] == kept["posterior"]["sha256"]
-
-
-def test_a_command_run_from_another_folder(femupdate, tmp_path, monkeypatch, tower_file):
-    """Paths are taken as they are given, and the study lies in the current folder by default."""
-    monkeypatch.chdir(tmp_path)
-    assert femupdate("build-model", tower_file, "--json").answer["study"] == "study"
-    assert (tmp_path / "study" / "building.toml").exists()
 
 
 def test_more_is_said_on_stderr_alone(script, tmp_path, tower_file):

@@ -71,13 +71,6 @@ def test_nothing_heavy_is_imported_for_the_help_of_a_command_without_a_study(com
         assert option in text
 
 
-def test_the_package_runs_as_a_module():
-    done = subprocess.run(
-        [sys.executable, "-m", "femupdate", "--version"], capture_output=True, text=True, check=True
-    )
-    assert done.stdout == f"femupdate, version {version('femupdate')}\n"
-
-
 @pytest.mark.parametrize("command", WITH_STUDY)
 def test_nothing_heavy_is_imported_for_the_help_of_a_command(command):
     text, heavy = imported(command, "--help")

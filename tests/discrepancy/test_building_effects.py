@@ -69,11 +69,6 @@ def test_an_impossible_place_is_refused_in_one_sentence_with_its_key(listed, red
     assert "\n" not in str(refused.value)
 
 
-def test_unknown_keys_of_an_effect_are_refused(listed):
-    with pytest.raises(BuildingError, match=r"effects"):
-        listed({**MASS, "siez": 0.1})
-
-
 def test_a_building_with_effects_comes_back_from_its_file(listed, place, tmp_path):
     plain = listed()
     mass, tank = place("added_mass@3F", "tuned_appendage@RF")

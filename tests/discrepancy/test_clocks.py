@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.diagnose import diagnose
-from femupdate.discrepancy.score import starts
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5, 1.5]), np.array([9e3, 5e3, 4e3, 4e3])
 FLOORS = ("2F", "3F", "4F", "RF")
@@ -38,11 +37,3 @@ def test_a_channel_that_is_late_by_as_much_throughout_is_not_called_a_clock(seen
     assert found.leading is not None
     assert (found.verdict, found.leading.placed.label) == ("named", "channel_delay@RF")
     assert found.leading.size == pytest.approx(0.003, abs=4.0 * found.leading.size_sd)
-
-
-def test_only_tunings_are_looked_for_over_the_band(seen, place):
-    """Any other second parameter, such as the first delay, starts where it is neutral."""
-    problem = seen([0.0])
-    clock, appendage = place("drifting_clock@RF", "tuned_appendage@RF")
-    assert {start[1] for start in starts(problem, clock)} == {0.0}
-    assert len({start[1] for start in starts(problem, appendage)}) > 5

@@ -10,7 +10,6 @@ from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.history import (
     ResponseHistories,
     floor_histories,
-    history_batches,
     transformed_outputs,
     transformed_sensors,
 )
@@ -118,14 +117,6 @@ def test_added_mass_like_a_building_with_that_mass(stick, building_of, reduced_o
     np.testing.assert_allclose(np.abs(found.story_shear[0, 0]), np.abs(inertia), atol=1e-3 * peak)
 
 
-def test_rocking_adds_nothing_to_the_drift_that_strains(stick, place):
-    """Drift of a stiff building on a rocking base is its rotation times the story height."""
-    theta = np.full((1, 3), 1e4)
-    found = respond(system_of(stick, place("foundation_rocking@base")), theta, (1.0,))
-    drift = found.story_drift[0]
-    np.testing.assert_allclose(drift[1:], drift[:1] * [[1.0], [1.0]], atol=2e-3 * drift.max())
-
-
 def test_instruments_show_only_where_they_are_asked_for(stick, place):
     """A gain of 5 % and a delay of four samples on one channel; nothing moves differently."""
     plain = respond(system_of(stick), THETA)
@@ -149,29 +140,3 @@ def test_instruments_between_structural_effects_keep_their_sizes_apart(stick, pl
     moves = (np.abs(real) > 0.01 * np.abs(real).max()).all(axis=0)  # at rest there is no ratio
     ratio = seen[:, moves] / real[:, moves]
     np.testing.assert_allclose(np.median(ratio, axis=1), [1.0, 1.0, 1.5], rtol=1e-3)
-
-
-def test_every_sample_is_its_own(stick, place, recorder):
-    """Two samples in order, and the callback once for each where modes are complex."""
-    both = np.vstack([parameters(THETA, [0.03]), parameters(1.5 * THETA, [0.05])])
-    system, told = system_of(stick, place("story_damper@3F")), recorder()
-    found = list(history_batches(system, both, ZETA, RECORD, STEP, progress=told))
-    assert told.counts == [1, 1]
-    for one, own in zip(found, both, strict=True):
-        same(one, floor_histories(system, own[None], ZETA, RECORD, STEP))
-
-
-def test_a_system_keeps_its_frf_beside_its_histories(stick, place):
-    """The histories' transfer function is the FRF: sines swept out of the wave packets."""
-    system = system_of(stick, place("story_damper@3F"))
-    found = respond(system, THETA, (0.03,)).floor_acceleration[0]
-    spectrum, base = np.fft.rfft(found), np.fft.rfft(RECORD)
-    frequency = np.fft.rfftfreq(RECORD.size, STEP)
-    used = (np.abs(base) > 0.05 * np.abs(base).max()) & (frequency > 0.5)
-    tensors = [torch.from_numpy(np.atleast_1d(v)) for v in (THETA, ZETA, np.array([[0.03]]))]
-    exact = system.frf(*tensors, torch.from_numpy(frequency[used]))[0].numpy()
-    # The response rings on for a little after the record's end.
-    np.testing.assert_allclose(
-        spectrum[:, used] / base[used], exact, atol=0.01 * np.abs(exact).max()
-    )
-    assert system.sizes == 1

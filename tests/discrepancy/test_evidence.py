@@ -9,9 +9,8 @@ import torch
 from scipy.integrate import simpson
 from scipy.stats import norm
 
-from femupdate.discrepancy import evidence
-from femupdate.discrepancy.evidence import laplace, log_target, sampled
-from femupdate.discrepancy.fit import fit, raw_residuals
+from femupdate.discrepancy.evidence import laplace, sampled
+from femupdate.discrepancy.fit import fit
 from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
 from femupdate.inference.joint_error import joint_error
 from femupdate.inference.maxima import found_from
@@ -190,16 +189,6 @@ def test_draws_have_the_moments_of_the_posterior(case):
     np.testing.assert_array_equal(theta_of(again), theta_of(draws))
 
 
-def test_draws_keep_to_the_limits(case):
-    problem, fitted, quadrature = case
-    whole = replace(problem, error=joint_error(problem.data))
-    _, fitted = fitted_by(whole, fitted.placed, len(whole.error.parts[0].levels) - 1)
-    draws = draw(fitted, 500, seed=1)
-    assert ((theta_of(draws) >= 0.5) & (theta_of(draws) <= 2.0)).all()
-    if quadrature.size[0] == 0.0:
-        assert (sizes_of(draws) >= 0.0).all()
-
-
 def test_what_the_data_leave_open_is_drawn_from_its_prior(building_of, observe, pose):
     """Noise a thousand times the response: a factor is uniform between its limits, .5 and 2."""
     observation = observe(("RF",), GRID, frf(1.2)[None], SD, 11)
@@ -210,22 +199,3 @@ def test_what_the_data_leave_open_is_drawn_from_its_prior(building_of, observe, 
     # The sd of a uniform density is 1.5 / 12^.5; 500 effective draws know its mean to .02.
     assert theta_of(draws).mean() == pytest.approx(1.25, abs=0.08)
     assert theta_of(draws).std() == pytest.approx(1.5 / 12**0.5, rel=0.1)
-
-
-def test_many_points_are_weighed_some_at_a_time(case, monkeypatch):
-    """The residuals of a thousand points of a large frame would take a GB."""
-    problem, fitted, _ = case
-    z = fitted.z + 1e-3 * torch.rand(50, len(fitted.z), dtype=torch.float64)
-    _, together = log_target(problem, fitted)(z)
-    asked = []
-
-    def counted(of, some):
-        asked.append(len(some))
-        return raw_residuals(of, some)
-
-    monkeypatch.setattr(evidence, "_AT_ONCE", 8)
-    monkeypatch.setattr(evidence, "raw_residuals", counted)
-    _, apart = log_target(problem, fitted)(z)
-    assert sum(asked) == len(z)
-    assert max(asked) == 8
-    torch.testing.assert_close(apart, together, rtol=1e-12, atol=0.0)

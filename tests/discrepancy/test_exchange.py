@@ -10,13 +10,10 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.exchange import exchange_fits, promising
-from femupdate.discrepancy.fit import error_left, extended, fit, fit_baseline
+from femupdate.discrepancy.fit import fit, fit_baseline
 from femupdate.discrepancy.repair import repair
 from femupdate.discrepancy.residual_map import p_value
 from femupdate.discrepancy.score import candidates
-from femupdate.discrepancy.thresholds import SEARCH
-from femupdate.dynamics.reduced import ReducedStructure
-from femupdate.dynamics.system import System
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS = ("2F", "3F", "4F", "5F", "RF")
@@ -41,13 +38,6 @@ def hidden(chains, building_of, observe, pose):
 
 def exchanges(problem):
     return [one for one in candidates(problem) if one.exchange]
-
-
-def for_searching(reduced):
-    """The structure as the prior's own basis knows it: no effect can act on its shapes."""
-    basis = np.zeros((len(reduced.basis), 0))
-    model = replace(reduced.model, rotation=None)
-    return ReducedStructure(reduced.structure, model, basis)
 
 
 WRONG = {
@@ -84,52 +74,6 @@ def test_nothing_is_promised_where_the_names_are_right(hidden):
     assert promising(problem, base, []) == []
 
 
-def test_the_structure_answers_once_for_all_exchanges(hidden, monkeypatch):
-    problem, base = hidden(**WRONG["swapped_channels@2F,3F"])
-    asked = exchanges(problem)
-    assert len(asked) == 15
-    answer, rows = System.frf, []
-
-    def counted(system, theta, *others):
-        rows.append(len(theta))
-        return answer(system, theta, *others)
-
-    monkeypatch.setattr(System, "frf", counted)
-    promising(problem, base, asked[:3])
-    three = sum(rows)
-    rows.clear()
-    promising(problem, base, asked)
-    # Three of them are fitted, whichever they are; fits of at most ten steps of ten responses.
-    assert sum(rows) < three + 3 * 2 * 10 * 10
-    assert sum(rows) < 384 + 7 * 10 * 10 + 10
-
-
-def test_only_wrong_names_leave_enough_to_look_for_an_exchange_first(hidden):
-    """A basis is made about the factors as they are where these leave little."""
-    for wrong in WRONG.values():
-        problem, base = hidden(**wrong)
-        assert error_left(problem, base) > SEARCH.right
-    problem, base = hidden()
-    assert error_left(problem, base) == pytest.approx(SD, rel=0.1)
-    assert error_left(problem, base) < SEARCH.right
-
-
-def test_what_cannot_act_on_the_basis_for_searching_is_kept_as_it_was(hidden, place):
-    """A mass that the model has already goes into the fit, not into the search."""
-    masses = MASSES + np.array([0.0, 0.0, 0.3, 0.0, 0.0])
-    problem, plain = hidden(**WRONG["swapped_channels@2F,3F"], masses=masses)
-    mass = place("added_mass@4F")
-    base = fit(problem, mass, extended(problem, plain, mass, [0.3]))
-    searching = replace(problem, search=for_searching(problem.reduced))
-    found = promising(searching, base, exchanges(problem))
-    assert found[0].placed.label == "swapped_channels@2F,3F"
-    assert found[0].z[-1] == base.z[-1]
-    best = exchange_fits(searching, base, exchanges(problem))[0]
-    assert best.sizes()[0][0] == pytest.approx(0.3, abs=4.0 * best.sizes()[1][0])
-    theta, sd = best.theta()
-    assert (np.abs(theta - THETA) < 4.0 * sd).all()
-
-
 def test_the_repair_starts_anew_from_an_exchange(hidden):
     """What a basis about the wrong theta gave is not carried on."""
     problem, base = hidden(**WRONG["swapped_channels@2F,3F"])
@@ -147,14 +91,6 @@ def test_the_repair_starts_anew_from_an_exchange(hidden):
     assert done.after is not done.rounds[0].finding.fitted
     assert p_value(done.problem, done.after) > 0.001
     assert done.last.verdict == "none"
-
-
-def test_a_repair_without_an_exchange_keeps_its_problem(hidden):
-    masses = MASSES + np.array([0.0, 0.0, 0.3, 0.0, 0.0])
-    problem, base = hidden(masses=masses)
-    done = repair(problem, base, renewed=lambda *_: pytest.fail("nothing was exchanged"))
-    assert done.rounds[0].finding.placed.label == "added_mass@4F"
-    assert done.problem is problem
 
 
 def test_a_quiet_record_does_not_hide_the_second_of_two(hidden):

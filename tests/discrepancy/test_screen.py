@@ -4,9 +4,7 @@ import re
 
 import numpy as np
 import pytest
-import torch
 
-from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.screen import screen_channels
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
@@ -28,7 +26,7 @@ def screen(chains, building_of, observe, pose):
     return make
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_good_channels_are_left_alone(screen, seed):
     assert screen(ONE, seed) == ()
 
@@ -56,11 +54,6 @@ def test_a_reversed_sensor_is_told_and_not_taken_for_a_delay(screen):
     assert "reversed" in sentence
 
 
-def test_all_at_once(screen):
-    factor = np.array([[-1.0], [1.2], [1.0]]) * np.ones_like(GRID, dtype=complex)
-    assert len(screen(factor)) == 2
-
-
 def test_without_phase_only_gains_are_judged(screen):
     assert screen(np.array([[-1.0], [1.0], [1.0]]), phase=False) == ()
 
@@ -68,15 +61,6 @@ def test_without_phase_only_gains_are_judged(screen):
 def test_too_few_points_below_the_first_mode_are_not_judged(screen):
     """From 1.3 Hz on three points lie below 0.35 f1."""
     assert screen(np.array([[1.0], [1.5], [1.0]]), keep=GRID > 1.25) == ()
-
-
-def test_effects_of_the_model_do_not_stop_it(screen, building_of, observe, pose, place):
-    """A repaired model has sizes; the screen takes them as neutral."""
-    seen = observe(FLOORS, GRID, np.ones((3, GRID.size), dtype=complex), 0.01, 0)
-    problem = pose(building_of(MASSES, SPRINGS), seen)
-    system = problem.with_effects(place("tuned_appendage@RF", "added_mass@2F")).system
-    assert isinstance(screen_channels(seen, system, np.ones(3)), tuple)
-    assert torch.get_default_dtype() == torch.float32
 
 
 @pytest.mark.parametrize("factor", [1.0 / 9.80665, 100.0])
@@ -89,11 +73,3 @@ def test_a_wrong_unit_is_told_even_where_the_low_end_is_narrow(screen, factor):
 
 def test_a_small_gain_is_not_guessed_from_a_narrow_low_end(screen):
     assert screen(np.array([[1.0], [1.1], [1.0]]), keep=slice(8, None)) == ()
-
-
-def test_too_few_points_are_said_to_tell_nothing(chains, building_of, observe, pose):
-    exact = chains.Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)[:, 10:12]
-    seen = observe(FLOORS, GRID[10:12], exact, 0.05, 0, False)
-    found = diagnose(pose(building_of(MASSES, SPRINGS), seen))
-    assert found.verdict == "none"
-    assert found.sentence.startswith("The data are too few: 6 independent points for 4")

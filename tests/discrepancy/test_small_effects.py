@@ -21,13 +21,7 @@ def test_a_gain_of_three_percent_at_one_floor_is_named(chains, building_of, obse
     assert found.leading.size == pytest.approx(0.03, abs=3.0 * found.leading.size_sd)
 
 
-def test_a_building_without_it_gets_no_name(chains, building_of, observe, pose):
-    exact = chains.Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)
-    found = diagnose(pose(building_of(MASSES, SPRINGS), observe(FLOORS, GRID, exact, 0.01, 3)))
-    assert found.verdict == "none"
-
-
-@pytest.mark.parametrize("ratio", [1.33, 2.6])
+@pytest.mark.parametrize("ratio", [2.6])
 def test_a_light_appendage_is_named_wherever_it_is_tuned(chains, building_of, observe, pose, ratio):
     """3 % of the roof's mass on a spring of its own: it acts in a narrow band alone."""
     plain = chains.Chain(MASSES, SPRINGS, zeta=0.02)

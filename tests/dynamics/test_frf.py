@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 import torch
 from femupdate.benchmarks.modal_frf import complex_frf, log_frf
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
-from femupdate.dynamics.system import System, fast_batch
+from femupdate.dynamics.system import System
 
 FREQUENCY = np.linspace(0.0, 20.0, 57)
 # Equal masses m and springs theta_i 1000 m, one roof curve for all four (Katafygiotis and Lam 2002,
@@ -68,18 +66,6 @@ def test_floors_move_with_a_base_that_hardly_moves(chain, thetas, tensor):
     assert bool((log_frf(data, tensor([0.0]), ConstantDamping(), tensor([0.02] * 3)) == 0).all())
 
 
-def test_response_lags_the_base(chain, thetas, tensor):
-    """exp(+i omega t): at the first resonance H is near -i times a positive number."""
-    data = System(chain.reduced()).modal_data(tensor(thetas))
-    first = data.omega[:, 0] / (2.0 * np.pi)
-    for row in range(3):
-        found = complex_frf(
-            data[row : row + 1], first[row : row + 1], ConstantDamping(), tensor([0.01])
-        )
-        assert bool((found.imag < -3.0).all())
-        assert bool((found.real.abs() < 1.2).all())  # the base itself, and the other modes
-
-
 def test_the_four_solutions_of_the_benchmark_have_one_roof_curve(make_chain, tensor):
     equal = make_chain(np.ones(4), np.full(4, 1000.0))
     frequency = 0.02 * np.arange(1, 1025)
@@ -118,36 +104,6 @@ def test_batches_equal_one_by_one(chain, tensor, batch):
     for row in range(5):
         one = log_frf(data[row : row + 1], tensor(FREQUENCY), law, zeta[row : row + 1])
         np.testing.assert_allclose(joined[row], one[0], atol=1e-12)
-
-
-def test_the_batch_chosen_keeps_arrays_small(tall_chain, tensor):
-    """About a megabyte on a processor, whatever the precision, and never nothing at a time."""
-    system, theta = System(tall_chain.reduced()), tensor(np.ones((40, 30)))
-    data = system.modal_data(theta)
-    double, single = fast_batch(data, 1000), fast_batch(data.to("cpu", torch.float32), 1000)
-    assert double * 30 * 1000 * 8 <= 2**20 < (double + 1) * 30 * 1000 * 8
-    assert single >= 2 * double
-    assert fast_batch(data, 10**9) == 1
-    zeta = tensor([0.02] * 40)
-    parts = list(system.log_frf_batches(data, theta, zeta, tensor(np.linspace(0.1, 9.0, 1000))))
-    assert [len(part) for part in parts] == [4] * 10
-
-
-@settings(max_examples=30, deadline=None)
-@given(
-    theta=st.lists(st.floats(0.33, 3.0), min_size=4, max_size=4),
-    scale=st.floats(0.05, 20.0),
-    zeta=st.floats(0.002, 0.2),
-)
-def test_stiffness_and_frequency_scale_together(chain, theta, scale, zeta):
-    """K -> s K is a change of the time's unit: H(f sqrt(s)) of the stiff one is H(f)."""
-    grid = torch.linspace(0.1, 15.0, 40, dtype=torch.float64)
-    values = torch.tensor([theta, [scale * one for one in theta]], dtype=torch.float64)
-    data, law = System(chain.reduced()).modal_data(values), ConstantDamping()
-    ratio = torch.full((1,), zeta, dtype=torch.float64)
-    soft = log_frf(data[:1], grid, law, ratio)
-    stiff = log_frf(data[1:], grid * scale**0.5, law, ratio)
-    torch.testing.assert_close(soft, stiff, rtol=0.0, atol=1e-8)
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.mesh_export import export_mesh
 
-from femupdate.building import from_document, load_building, mesh_building, to_document
+from femupdate.building import from_document, mesh_building, to_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.members import (
     BaseRecord,
     choose_members,
     member_forces,
-    write_member_forces,
 )
 from femupdate.errors import BuildingError
 
@@ -215,18 +214,6 @@ def test_the_band_is_that_of_the_draws(table):
     assert found.sd[1].max() > 0.01 * np.abs(found.mean[1]).max()
 
 
-def test_histories_are_written_with_units(table, tmp_path):
-    found = forces(table, [1.0], 0.05, [(0, 0, 0)])
-    path = tmp_path / "forces.csv"
-    write_member_forces(found, 0.02, path)
-    lines = path.read_text(encoding="utf-8").splitlines()
-    assert lines[0].split(",")[:4] == ["time_s", "1:N_start", "1:N_start_sd", "1:Vy_start"]
-    assert lines[1].split(",")[:10] == ["s"] + ["N"] * 6 + ["N m"] * 3
-    values = np.loadtxt(lines[2:], delimiter=",")
-    assert values.shape == (1001, 25)
-    np.testing.assert_allclose(values[:, 3], found[0].mean[1], rtol=1e-5, atol=1e-2)
-
-
 @pytest.mark.parametrize(
     ("name", "words"),
     [
@@ -239,16 +226,6 @@ def test_histories_are_written_with_units(table, tmp_path):
 def test_walls_that_are_not_there(wall_frame, name, words):
     with pytest.raises(BuildingError, match=words):
         choose_members(wall_frame, [name])
-
-
-def test_a_building_without_walls(table):
-    with pytest.raises(BuildingError, match="table: it has no walls with stiffness"):
-        choose_members(table, ["X0:S1"])
-
-
-def test_a_shear_building_has_no_members():
-    with pytest.raises(BuildingError, match="a shear building has no members"):
-        choose_members(load_building("shear_4dof"), [(0, 0, 0)])
 
 
 def as_own_mesh(building, folder):

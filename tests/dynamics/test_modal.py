@@ -7,7 +7,7 @@ from femupdate.benchmarks.modal_frf import complex_frf
 from scipy.linalg import eigh
 
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.modes import ModalData, modal_sum
+from femupdate.dynamics.modes import modal_sum
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
 
@@ -47,15 +47,6 @@ def test_batches_equal_one_by_one(chain, tensor, batch):
         one = System(chain.reduced()).modal_data(theta[row : row + 1])
         np.testing.assert_allclose(data.omega[row], one.omega[0], rtol=1e-13)
         np.testing.assert_allclose(data.effect[row], one.effect[0], atol=1e-12)
-
-
-def test_rows_are_taken_and_moved_together(chain, thetas, tensor):
-    data = System(chain.reduced()).modal_data(tensor(thetas))
-    some = data[torch.tensor([2, 0])].to("cpu", torch.float32)
-    assert len(some) == 2
-    assert some.omega.dtype == some.effect.dtype == some.residual.dtype == torch.float32
-    np.testing.assert_allclose(some.omega[1], data.omega[0], rtol=1e-6)
-    assert torch.equal(data[1:].effect, data.effect[1:])
 
 
 def errors_of_leaving_out(model, theta, kept, top_hz):
@@ -135,11 +126,6 @@ def test_the_power_series_is_that_of_the_modes_left_out():
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
-def test_leaving_modes_out_needs_the_top_of_the_grid(chain, thetas, tensor):
-    with pytest.raises(ValueError, match="top_frequency_hz"):
-        System(chain.reduced()).modal_data(tensor(thetas), modes=2)
-
-
 @pytest.mark.parametrize("size", [1, 2])
 def test_the_smallest_buildings(make_chain, tensor, size):
     chain = make_chain(np.array([2.0, 1.0])[:size], np.array([700.0, 300.0])[:size])
@@ -149,12 +135,6 @@ def test_the_smallest_buildings(make_chain, tensor, size):
     found = complex_frf(data, tensor(frequency), ConstantDamping(), tensor([0.03]))
     expected = chain.frf(theta[0], frequency, chain.modal_damping(theta[0], 0.03))
     np.testing.assert_allclose(found[0], expected, rtol=1e-11)
-
-
-def test_modal_data_of_nothing_has_no_rows(chain):
-    data = System(chain.reduced()).modal_data(torch.zeros(0, 4))
-    assert isinstance(data, ModalData)
-    assert len(data) == 0
 
 
 def modal_case(seed=0):

@@ -160,16 +160,6 @@ def test_a_seed_gives_one_model_and_another_seed_another(frame, reduced):
     assert other.rms_error <= 0.02
 
 
-@pytest.mark.parametrize("samples", [1, 3, 5])
-def test_any_number_of_samples_will_do(frame, samples, recorder):
-    told = recorder()
-    result = reduce(frame, target(tolerance=1.0, samples=samples), told)
-    assert result.rms_error <= 1.0
-    total = samples + CHOOSE + result.checks
-    assert told.started == [("Reducing the model", total)]
-    assert told.counts == [1] * total
-
-
 @pytest.mark.parametrize("mesh_size", [1.5, 2.0, 4.0])
 def test_mass_and_inertia_above_each_story(small_frame, mesh_size):
     """What the drawings say of the floors, the story above and half of the story itself."""
@@ -220,13 +210,6 @@ def test_the_estimate_holds_at_theta_nobody_has_seen(frame, tolerance):
     assert result.rms_error <= result.worst_error <= result.largest_error
 
 
-def test_a_tighter_tolerance_makes_more_shapes(frame):
-    results = [reduce(frame, target(tolerance=tolerance)) for tolerance in (0.1, 0.01, 0.001)]
-    assert results[0].model.size < results[2].model.size
-    for result, tolerance in zip(results, (0.1, 0.01, 0.001), strict=True):
-        assert result.rms_error <= tolerance
-
-
 def test_responses_where_it_fails_join_the_basis(frame, recorder):
     """One sample spans too little: the checks that object give their own responses."""
     told = recorder()
@@ -265,13 +248,6 @@ def test_lumped_building_by_hand():
     energy = 100.0 * 0.1**2 + 15.0 * 0.3**2 + 60.0 * 0.7**2
     assert q @ model.stiffness(theta) @ q == pytest.approx(energy, rel=1e-12)
     assert (model.size, model.parameters) == (3, 3)
-
-
-def test_stiffness_takes_many_theta_at_once(chain, thetas):
-    model = chain.reduced()
-    many = model.stiffness(thetas.reshape(3, 1, 4))
-    assert many.shape == (3, 1, 4, 4)
-    np.testing.assert_allclose(many[1, 0], model.stiffness(thetas[1]), rtol=1e-14)
 
 
 @pytest.mark.parametrize("zeta", [0.0066, 0.03])

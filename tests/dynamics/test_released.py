@@ -148,11 +148,3 @@ def test_a_reduced_frame_that_slides_is_the_full_one_on_soft_springs(buildings):
 def test_what_a_stick_cannot_stand_on(supports, said):
     with pytest.raises(BuildingError, match=said):
         from_document(document(supports.pop("base"), **supports))
-
-
-def test_a_stick_that_rocks_needs_heights():
-    low = document("free")
-    for story in low["stories"]:
-        del story["height"]
-    with pytest.raises(BuildingError, match="height"):
-        from_document(low)

@@ -8,8 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femupdate.effects import CATALOGUE, Terms, effect_named
-from femupdate.errors import BuildingError
+from femupdate.effects import CATALOGUE, Terms
 
 EFFECTS = pytest.mark.parametrize("effect", CATALOGUE.values(), ids=list(CATALOGUE))
 
@@ -52,15 +51,6 @@ def test_places_are_unique_and_have_terms(effect, case):
 
 def test_the_frame_has_a_place_for_every_effect(frame):
     assert all(effect.places(frame.structure) for effect in CATALOGUE.values())
-
-
-def test_titles_are_unique():
-    assert len({effect.title for effect in CATALOGUE.values()}) == len(CATALOGUE)
-
-
-def test_unknown_name_lists_the_known_ones():
-    with pytest.raises(BuildingError, match="added_mass"):
-        effect_named("earthquake")
 
 
 @EFFECTS

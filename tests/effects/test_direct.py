@@ -53,10 +53,6 @@ def drift(case, story):
     return rows[story] - (rows[story - 1] if story else 0.0)
 
 
-def test_without_effects(case):
-    agree(case.frf(zeta=ZETA), case.equations.frf(case.frequency_hz, ZETA))
-
-
 def test_rayleigh_law_of_the_model(case):
     law = RayleighDamping(0.04, (1.0, 20.0))
     exact = case.equations.frf(
@@ -133,16 +129,6 @@ def test_a_damper_between_two_points_of_a_frame(frame):
     assert np.abs(np.log(np.abs(ours / by_means))).max() > 0.05
 
 
-def test_a_damper_does_not_feel_a_rigid_rotation(case):
-    """It is fixed to the floors below and above: rocking alone does not stretch it."""
-    rate = CATALOGUE["story_damper"].terms(case.structure, "2F").constants[0]
-    changed = case.equations.but(
-        ground=ground(case, 0.1, 0.5), dashpots=((drift(case, 0), 0.2 * rate),)
-    )
-    labels = ("base_sway@base", "foundation_rocking@base", "story_damper@2F")
-    agree(case.frf(*labels, sizes=[0.1, 0.5, 0.2], zeta=ZETA), changed.frf(case.frequency_hz, ZETA))
-
-
 @pytest.mark.parametrize("tuning", [0.6, 1.0, 2.5])
 def test_tuned_appendage(case, node_masses, tuning):
     for floor, name in enumerate(case.structure.floors):
@@ -192,13 +178,6 @@ def test_damping_law_rayleigh(case):
     # The ratio of the highest modes is cut to .9, at frequencies that the grid does not reach.
     ours = case.frf("damping_law@rayleigh", sizes=[1.0], zeta=ZETA)
     np.testing.assert_allclose(ours, exact, rtol=1e-5)
-
-
-def test_damping_law_proportional(case):
-    first = CATALOGUE["damping_law"].terms(case.structure, "proportional").constants[0]
-    exact = case.equations.frf(case.frequency_hz, proportional=(0.0, 2 * ZETA / first))
-    ours = case.frf("damping_law@proportional", sizes=[1.0], zeta=ZETA)
-    np.testing.assert_allclose(ours, exact, rtol=1e-3)
 
 
 def test_half_of_another_damping_law(case):

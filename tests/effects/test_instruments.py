@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from femupdate.effects import CATALOGUE
-
 
 @pytest.fixture(scope="module")
 def plain(stick):
@@ -44,17 +42,6 @@ def test_noise_adds_power_and_keeps_phase(stick, plain):
 def test_reversed_channel(stick, plain):
     plain = plain * np.array([1.0, 1.0, -1.0, 1.0])[:, None]
     np.testing.assert_allclose(stick.frf("reversed_channel@4F"), plain, rtol=1e-13)
-
-
-def test_swapped_channels(stick, plain):
-    np.testing.assert_allclose(stick.frf("swapped_channels@2F,RF"), plain[[3, 1, 2, 0]], rtol=1e-13)
-
-
-def test_two_sensors_a_floor_are_swapped_together():
-    """Rows are named by floor; a floor may have several sensors."""
-    effect = CATALOGUE["swapped_channels"]
-    rows = effect.place_rows("2F,RF", ("2F", "2F", "3F", "RF", "RF"))
-    assert rows == (0, 1, 3, 4)
 
 
 def test_instruments_act_in_order_after_the_structure(stick):

@@ -109,9 +109,3 @@ def test_what_an_estimate_shows_is_taken_before_the_logarithm(stick):
     found = system.log_frf(one(stick, [0.1]), zeta, grid, Responses(seen=PlusOne()))
     alone = stick.frf("added_mass@3F", sizes=[0.1], zeta=0.02)
     np.testing.assert_allclose(found[0], np.log(np.abs(alone + 1.0)), atol=1e-9)
-
-
-def test_the_closed_form_knows_the_heights_of_the_floors(case):
-    form = case.system("table_pitch@base").closed_form(20.0)
-    np.testing.assert_allclose(form.levels, case.equations.levels)
-    assert (form.floors, form.pitch, form.top_hz) == (case.structure.floors, (1.0,), 20.0)

@@ -52,12 +52,6 @@ def test_gravity_takes_weight_over_height_from_every_story():
     assert lost[0] > 1.3 * lost[-1] > 0.0  # not a scaling of all frequencies alike
 
 
-def test_weight_needs_heights_and_is_not_looked_for():
-    effect = CATALOGUE["p_delta"]
-    assert effect.places(tower([3.5, None, 3.0])) == ()
-    assert effect.correction
-
-
 def test_gravity_acts_on_the_floors_of_a_frame(frame):
     """Where no size is given it is there as a whole."""
     structure = frame.structure
@@ -101,12 +95,6 @@ def test_springs_between_floors_fill_no_matrix(frame, effect, place):
     assert equations_at(structure, frame.theta, [(terms, 0.5)]).stiffness.nnz == without.nnz
 
 
-def test_a_single_story_of_a_stick_has_no_brace(stick):
-    """It would be that story's factor."""
-    places = CATALOGUE["brace"].places(stick.structure)
-    assert places == ("ground-3F", "2F-4F", "3F-RF")
-
-
 @pytest.mark.parametrize("growth", [-0.15, 0.003, 0.12])
 def test_a_drifting_clock_is_the_mean_over_its_delays(stick, growth):
     """Many delays, even from the beginning to the end of the record."""
@@ -117,13 +105,6 @@ def test_a_drifting_clock_is_the_mean_over_its_delays(stick, growth):
     exact[2] *= turns
     ours = stick.frf("drifting_clock@4F", sizes=[growth, start], zeta=ZETA)
     np.testing.assert_allclose(ours, exact, rtol=1e-5, atol=1e-7)
-
-
-def test_without_growth_it_is_a_plain_delay(stick):
-    agree(
-        stick.frf("drifting_clock@3F", sizes=[0.0, 0.003], zeta=ZETA),
-        stick.frf("channel_delay@3F", sizes=[0.003], zeta=ZETA),
-    )
 
 
 def test_softening_in_a_run_is_the_mean_of_its_parts(case):

@@ -184,48 +184,6 @@ def test_frequencies_of_a_simply_supported_deep_beam(meshes):
     assert found.frequency_hz[0] == pytest.approx(min(exact), rel=1e-3)
 
 
-def test_nafems_fv5_deep_beam(meshes):
-    """10 m, 2 m x 2 m in five elements: shear and rotary inertia decide, torsion is there."""
-    area, side, count = 4.0, 2.0, 5
-    steel = {"youngs_modulus": 200e9, "poisson_ratio": 0.3, "density": 8000.0}
-    beams = meshes.beams(
-        meshes.chain(count),
-        area=area,
-        shear_area_y=area / 1.2,
-        shear_area_z=area / 1.2,
-        inertia_y=side**4 / 12,
-        inertia_z=side**4 / 12,
-        torsion_constant=side**4 / 6,  # the published torsion takes the polar moment
-        **steel,
-    )
-    points = np.linspace(0, 10, count + 1)[:, None] * [1.0, 0.0, 0.0]
-    first, last = points[:, 0] == 0, points[:, 0] == 10
-    fixed = meshes.hold(count + 1, (first, (0, 1, 2, 3)), (last, (1, 2)))
-    found = lowest_modes(assemble(meshes.model(points, fixed, beams=beams)), np.ones(1), 6)
-    target = [42.649, 42.649, 77.542, 125.00, 148.31, 148.31]
-    # Torsion and extension of five linear elements err by (pi / 20)^2 / 6 = 0.4 %, the second
-    # bending mode by 1.4 %.
-    assert found.frequency_hz == pytest.approx(target, rel=0.015)
-    assert found.frequency_hz[:4] == pytest.approx(target[:4], rel=0.005)
-
-
-def test_first_frequencies_of_an_inclined_slender_cantilever(meshes):
-    """Clamped-free Euler-Bernoulli roots 1.8751 and 4.6941, in both planes."""
-    length = 12.0
-    section = {**SECTION, "shear_area_y": np.inf, "shear_area_z": np.inf}
-    model = cantilever(meshes, length, 12, (1.0, 1.0, 2.0), (0.3, -1.0, 0.2), **section)
-    found = lowest_modes(assemble(model), np.ones(1), 4).frequency_hz
-    roots = np.array([1.87510407, 4.69409113])
-    exact = np.concatenate(
-        [
-            roots**2 * np.sqrt(E * SECTION[name] / (DENSITY * SECTION["area"])) / length**2
-            for name in ("inertia_y", "inertia_z")
-        ]
-    ) / (2 * np.pi)
-    # Rotary inertia lowers the second mode by I/A (4.69/L)^2 ~ 1e-3.
-    assert found == pytest.approx(np.sort(exact), rel=3e-3)
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

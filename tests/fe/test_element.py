@@ -8,14 +8,11 @@ import pytest
 from femupdate.errors import StructureError
 from femupdate.fe import (
     Beams,
-    Elements,
-    FiniteElementModel,
     Shells,
     Triangles,
     assemble,
     cell_types,
     element_for,
-    element_forces,
     element_kinds,
 )
 
@@ -82,12 +79,6 @@ def test_a_model_keeps_the_order_of_its_blocks_and_drops_empty_ones(model):
     assert model.element_count == len(model.faces) + len(model.lines) == len(shells) + len(beams)
 
 
-def test_triangles_repeat_their_last_node_among_the_faces():
-    block = Triangles(nodes=np.array([[0, 1, 2]]))
-    one = FiniteElementModel(np.eye(3), np.zeros((3, 6), dtype=bool), 1, (block,))
-    np.testing.assert_array_equal(one.faces, [[0, 1, 2, 2]])
-
-
 @pytest.mark.parametrize("name", [one.name for one in fields(Shells) if one.name != "nodes"])
 def test_a_property_that_is_left_out_is_named(model, name):
     shells = model.elements_of(Shells)
@@ -102,13 +93,3 @@ def test_two_blocks_of_one_kind_are_refused(model):
     double = replace(model, elements=(*model.elements, model.elements_of(Beams)))
     with pytest.raises(StructureError, match="2 blocks of beam elements; join them"):
         assemble(double)
-
-
-def test_a_kind_without_forces_says_so(model):
-    class Silent(Shells):
-        name = "membrane"
-        force_rows = Elements.force_rows
-
-    silent = Silent(**{one.name: getattr(model.elements[0], one.name) for one in fields(Shells)})
-    with pytest.raises(StructureError, match="forces inside a membrane are not available"):
-        element_forces(model, silent, np.zeros(model.dof), np.ones(2))

@@ -6,7 +6,6 @@ from scipy.linalg import eigh
 from scipy.sparse import csc_matrix, diags
 
 import femupdate.fe.lanczos as lanczos
-import femupdate.fe.solve as solve
 from femupdate.fe import PointMasses, Springs, assemble, factorize, lowest_modes
 from femupdate.fe.lanczos import block_size, largest_of_inverse, most_vectors
 
@@ -119,20 +118,6 @@ def test_repeated_modes_are_all_found(meshes, count):
     np.testing.assert_allclose(overlap, np.eye(count), atol=1e-6)
 
 
-def test_arpack_takes_over(meshes, monkeypatch):
-    """With our own method out of the way the same modes come out."""
-    s, t, quads = meshes.grid(9, 15)
-    points = meshes.stack(3 * s, 5 * t, 0.2 * s * t)
-    fixed = meshes.hold(len(s), (s == 0, range(6)))
-    shells = meshes.shells(quads, 0.1, 30e9, 0.2, 2500.0)
-    operators = assemble(meshes.model(points, fixed, shells=shells))
-    ours = lowest_modes(operators, ONE, 10)
-    monkeypatch.setattr(solve, "largest_of_inverse", lambda *_: None)
-    theirs = lowest_modes(operators, ONE, 10)
-    np.testing.assert_allclose(ours.frequency_hz, theirs.frequency_hz, rtol=1e-10)
-    np.testing.assert_allclose(ours.shapes, theirs.shapes, atol=1e-5 * np.abs(ours.shapes).max())
-
-
 def test_a_vector_that_is_not_orthogonal_to_others_is_seen():
     """A millionth of any one of a hundred old vectors shows; rounding does not."""
     rng = np.random.default_rng(2)
@@ -144,26 +129,3 @@ def test_a_vector_that_is_not_orthogonal_to_others_is_seen():
     assert not watch.overlaps(new)
     for old in range(100):
         assert watch.overlaps(new + 1e-6 * vectors[:, [old]])
-
-
-def test_blocks_take_over_where_modes_are_missed(meshes, monkeypatch):
-    """What the first try misses, wider blocks find without ARPACK."""
-    s, t, quads = meshes.grid(9, 15)
-    points = meshes.stack(3 * s, 5 * t, 0.2 * s * t)
-    fixed = meshes.hold(len(s), (s == 0, range(6)))
-    shells = meshes.shells(quads, 0.1, 30e9, 0.2, 2500.0)
-    operators = assemble(meshes.model(points, fixed, shells=shells))
-    plain = lowest_modes(operators, ONE, 10)
-    own, widths = solve.largest_of_inverse, []
-
-    def missing(apply, mass, start, count, tolerance):
-        widths.append(start.shape[1])
-        values, vectors = own(apply, mass, start, count + 1, tolerance)
-        kept = np.delete(np.arange(count + 1), 4 if start.shape[1] == 1 else count)
-        return values[kept], vectors[:, kept]
-
-    monkeypatch.setattr(solve, "largest_of_inverse", missing)
-    monkeypatch.setattr(solve, "_arpack", lambda *_: pytest.fail("ARPACK was asked"))
-    found = lowest_modes(operators, ONE, 10)
-    assert widths == [1, 4]
-    np.testing.assert_allclose(found.frequency_hz, plain.frequency_hz, rtol=1e-9)

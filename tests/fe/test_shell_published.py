@@ -11,7 +11,6 @@ from femupdate.benchmarks.solver.static_scores import (
     COOK,
     CURVED_TARGETS,
     HEMISPHERE,
-    HEMISPHERE_LIMIT,
     PINCHED,
     PLATE_TARGETS,
     SCORDELIS_LO,
@@ -31,10 +30,6 @@ def test_patch(name):
 @pytest.mark.parametrize(("count", "score"), [(2, 0.877), (4, 0.960), (8, 0.988), (16, 0.997)])
 def test_cook(count, score):
     assert membranes.cook(count) / COOK == pytest.approx(score, rel=0.01)
-
-
-def test_cook_converges_to_the_reference():
-    assert membranes.cook(32) == pytest.approx(COOK, rel=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -96,11 +91,6 @@ def test_scordelis_lo(count, score):
 @pytest.mark.parametrize(("count", "score"), [(4, 0.924), (8, 0.984), (16, 0.990)])
 def test_hemisphere_with_a_hole(count, score):
     assert surfaces.hemisphere(count) / HEMISPHERE == pytest.approx(score, rel=TWO_PER_CENT)
-
-
-def test_hemisphere_converges():
-    """The converged value is 0.0935, half a percent below the published 0.0940."""
-    assert surfaces.hemisphere(32) == pytest.approx(HEMISPHERE_LIMIT, rel=0.005)
 
 
 @pytest.mark.parametrize(("count", "score"), [(4, 0.386), (8, 0.753), (16, 0.932)])

@@ -72,20 +72,3 @@ def test_what_is_visible_is_named_and_less_is_not():
     for factor, named in ((1.1, True), (0.8, False)):
         shifted = before + np.eye(COUNT)[2] * factor * visible[2]
         assert (changes(before, shifted).probability[2] >= CHANGE.named) == named
-
-
-def test_a_change_of_everything_alike_is_told_as_such():
-    rng = np.random.default_rng(5)
-    found = changes(*states(rng, 0.004, -0.08))
-    assert found.alike > 0.9
-    assert (found.probability > CHANGE.named).all()
-    assert found.size == pytest.approx(np.full(COUNT, -0.08), abs=0.02)
-
-
-def test_a_factor_that_is_not_determined_keeps_its_prior_probability():
-    rng = np.random.default_rng(6)
-    before, after = (rng.normal(size=(4000, 2)) * [0.005, 3.0] for _ in range(2))
-    found = changes(before, after)
-    one = 1.0 - CHANGE.none**0.5
-    assert found.probability[1] == pytest.approx(one, abs=0.03)
-    assert found.visible[1] > 3.0

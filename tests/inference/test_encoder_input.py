@@ -57,16 +57,6 @@ def test_gaps_are_filled_by_straight_lines_and_told():
     assert found.notes == ("Interpolated parts of the band: 3F 12.2 %.",)
 
 
-def test_a_bent_curve_is_interpolated_between_its_own_neighbours():
-    valid = everything(("RF",))
-    valid[0, 11:13] = False
-    curve = np.sin(FREQUENCY)[None]
-    found = encoder_input(observation(("RF",), valid, curve), FLOORS)
-    ends = curve[0, [10, 13]]
-    expected = ends[0] + (ends[1] - ends[0]) * np.array([1.0, 2.0]) / 3.0
-    np.testing.assert_allclose(found.log_frf[0, 2, 11:13], expected, rtol=1e-5)
-
-
 def test_the_band_is_what_all_floors_have_in_common():
     valid = everything(FLOORS)
     valid[0, :7] = False
@@ -83,17 +73,6 @@ def test_the_band_is_what_all_floors_have_in_common():
     assert weights[0, :, last + 1 :].eq(0.0).all()
 
 
-def test_stray_points_do_not_widen_the_band():
-    valid = everything(("RF",))
-    valid[0, 20:] = False
-    valid[0, 38] = True
-    found = encoder_input(observation(("RF",), valid), FLOORS)
-    assert 40.0 * float(found.visibility.band[0, 1]) == pytest.approx(19.5, abs=1.0)
-    valid[0, 5] = False  # nor does a stray gap narrow it
-    found = encoder_input(observation(("RF",), valid), FLOORS)
-    assert float(found.visibility.band[0, 0]) == 0.0
-
-
 def test_a_floor_with_few_points_is_left_out_and_does_not_narrow_the_band():
     valid = everything(FLOORS)
     valid[1] = False
@@ -103,27 +82,6 @@ def test_a_floor_with_few_points_is_left_out_and_does_not_narrow_the_band():
     assert found.visibility.band.tolist() == [[0.0, 1.0]]
     assert found.notes == ("Floor 3F is left out: 12 % of its points can be used.",)
     assert bool((found.log_frf[0, 1] == 0).all())
-
-
-def test_a_dead_sensor_is_left_out():
-    valid = everything(FLOORS)
-    valid[0] = False
-    found = encoder_input(observation(FLOORS, valid), FLOORS)
-    assert found.visibility.floors.tolist() == [[0.0, 1.0, 1.0]]
-    assert len(found.notes) == 1
-
-
-def test_an_uncertain_estimate_is_better_than_a_straight_line():
-    """Not trusted, but with a noise that is known and not too large: seen as it is."""
-    valid = everything(("RF",))
-    valid[0, 10:20] = False
-    curve, noise = np.sin(FREQUENCY)[None], np.full((1, 41), 0.2)
-    noise[0, 10:15], noise[0, 15:20] = 0.5, 2.0
-    measured = Observation(FREQUENCY, ("RF",), curve, noise, valid)
-    found = encoder_input(measured, FLOORS).log_frf[0, 2]
-    np.testing.assert_allclose(found[10:15], curve[0, 10:15], rtol=1e-5)
-    straight = np.interp(FREQUENCY[15:20], FREQUENCY[[14, 20]], curve[0, [14, 20]])
-    np.testing.assert_allclose(found[15:20], straight, rtol=1e-5)
 
 
 def test_no_number_that_means_nothing_reaches_the_network():
@@ -145,27 +103,9 @@ def test_no_number_that_means_nothing_reaches_the_network():
     assert passed > 20
 
 
-def test_floors_that_share_no_frequency():
-    valid = everything(("2F", "3F", "RF"))
-    for row in range(3):
-        valid[row, [k for k in range(41) if k % 3 != row]] = False
-    with pytest.raises(MeasurementError, match=r"shaking\.csv: in no band .*--sensors"):
-        encoder_input(observation(FLOORS, valid), FLOORS)
-    valid = everything(("2F", "RF"))
-    valid[0, 20:] = False
-    valid[1, :21] = False
-    with pytest.raises(MeasurementError, match=r"shaking\.csv: no floor has enough valid points"):
-        encoder_input(observation(("2F", "RF"), valid), FLOORS)
-
-
 @pytest.mark.parametrize(("low", "high", "told"), [(0, 40, 0), (4, 13, 0), (6, 40, 1), (0, 10, 1)])
 def test_a_band_that_no_training_has_seen_is_told(low, high, told):
     valid = everything(("RF",))
     valid[0, :low] = valid[0, high + 1 :] = False
     notes = encoder_input(observation(("RF",), valid), FLOORS).notes
     assert sum("narrower than the surrogate was trained for" in note for note in notes) == told
-
-
-def test_nothing_valid_at_all():
-    with pytest.raises(MeasurementError, match=r"shaking\.csv: no floor has enough valid points"):
-        encoder_input(observation(FLOORS, ~everything(FLOORS)), FLOORS)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.errors import InferenceError
 from femupdate.inference.smc import TRAJECTORIES, SmcSettings, TemperedSmc
 
 LINEAR = (
@@ -95,29 +94,3 @@ def test_separate_parts_are_drawn_by_their_masses_and_not_by_their_heights(box):
     share = float((prior.to_normal(theta)[..., 0] > 0.0).double().mean())
     # 256 particles, resampled at each of a few powers: .05.
     assert share == pytest.approx(0.75, abs=0.15)
-
-
-def test_the_same_seed_gives_the_same_draws(box):
-    prior = box([0.0], [1.0])
-
-    def target(theta):
-        return -0.5 * (10.0 * (theta[:, 0] - 0.3)).square()
-
-    first, again, other = (drawn(prior, target, 20, seed, 16, 2)[0] for seed in (1, 1, 2))
-    assert torch.equal(first, again)
-    assert not torch.equal(first, other)
-
-
-def test_a_likelihood_that_is_finite_in_places_only(box):
-    """Where it is no number it is impossible; where it is nowhere one, that is said."""
-    prior = box([0.0, 0.0], [1.0, 1.0])
-
-    def target(theta):
-        return torch.log(theta[:, 0] - 0.5)  # no number below a half
-
-    theta, _ = drawn(prior, target, 1000)
-    assert float(theta[..., 0].min()) > 0.5
-    # Density proportional to theta - 1/2: mean 5/6.
-    assert float(theta[..., 0].mean()) == pytest.approx(5.0 / 6.0, abs=0.02)
-    with pytest.raises(InferenceError, match="of the 32 first parameter sets has a finite"):
-        sampler(prior, lambda theta: theta[:, 0] * torch.nan).init(128, 0, 4)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.errors import InferenceError
 from femupdate.inference.importance import draws_about_particles
 from femupdate.inference.smc import TemperedSmc
 
@@ -63,20 +62,3 @@ def test_points_without_a_number_get_no_weight(box):
     exact = -np.expm1(-2.5) / 5.0
     assert found.log_evidence == pytest.approx(np.log(exact), abs=0.05)
     assert bool((found.resampled(1000, 0).theta <= 0.5).all())
-
-
-def test_nowhere_finite(box):
-    prior = box([0.0], [1.0])
-    start = prior.sample(300, torch.Generator().manual_seed(0))
-    with pytest.raises(InferenceError, match="no draw around the particles"):
-        draws_about_particles(
-            prior, lambda theta: torch.full((len(theta),), torch.nan), start, 100, 0
-        )
-
-
-def test_same_seed_same_draws(box, linear_gaussian):
-    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*PROBLEM)
-    start = exact.draws(prior, 500, 0)
-    one, two = (draws_about_particles(prior, exact.on(prior), start, 1000, 7) for _ in range(2))
-    assert torch.equal(one.points, two.points)
-    assert torch.equal(one.resampled(100, 1).theta, two.resampled(100, 1).theta)

@@ -105,20 +105,3 @@ def test_a_ridge_ends_where_another_solution_begins() -> None:
     distance = torch.einsum("ni,ij,nj->n", offset, narrow, offset).sqrt()
     assert len(found.z) > 1
     assert float(distance.min()) > 3.0
-
-
-def test_two_points_of_one_ridge_are_followed_once() -> None:
-    misfit = _misfit(fold)
-    starts = torch.tensor([[0.2, 0.4], [0.25, 0.4]], dtype=torch.float64)
-    both = descend(misfit, starts)
-    once = along_ridges(misfit, both[[0]], both[[]], REACH)
-    twice = along_ridges(misfit, both, both[[]], REACH)
-    assert len(twice.z) == len(once.z)
-
-
-def test_a_solution_without_room_for_a_ridge_is_kept_as_it_is() -> None:
-    misfit = _misfit(fold)
-    point = _solution(misfit, (0.2, 0.4))
-    found = along_ridges(misfit, point, point[[]], torch.zeros(2, dtype=torch.float64))
-    assert torch.equal(found.z, point.z)
-    assert torch.equal(found.information, point.information)

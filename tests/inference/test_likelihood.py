@@ -5,7 +5,6 @@ import pytest
 import torch
 from scipy.stats import chi2, kstest
 
-from femupdate.dynamics.damping import RayleighDamping
 from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
@@ -106,15 +105,6 @@ def test_the_last_parameter_is_the_damping_ratio(model):
     assert float(values[0]) < float(values[1])
 
 
-@pytest.mark.parametrize("batch", [1, 2, 7])
-def test_batches_do_not_change_it(model, batch):
-    theta = damped(np.random.default_rng(0).uniform(0.4, 2.5, (7, 3)), 0.02)
-    system, measured = System(model, RayleighDamping(0.02, (1.0, 10.0))), observation(0.2)
-    whole = likelihood_by(system, measured)(theta)
-    parts = likelihood_by(system, measured, batch=batch)(theta)
-    torch.testing.assert_close(parts, whole, rtol=1e-12, atol=0.0)
-
-
 def test_complex_frfs_leave_the_same(model):
     """The way in which effects are judged, by complex FRFs in small batches."""
     theta = damped(np.random.default_rng(0).uniform(0.4, 2.5, (150, 3)))
@@ -174,13 +164,6 @@ def test_weights_by_hand():
     assert data.points == 2
 
 
-def test_the_data_find_the_truth(model):
-    """Away from it by a few percent, the likelihood falls as its curvature says."""
-    likelihood = likelihood_by(System(model), observation(1e-3))
-    for away in (1.01, 0.99):
-        assert float(likelihood(damped([TRUTH]))) > float(likelihood(damped([TRUTH * away]))) + 50.0
-
-
 @pytest.fixture(scope="module")
 def surrogate():
     """Small networks with random weights: what is checked is how they are asked."""
@@ -222,24 +205,6 @@ def test_latent_likelihood_is_the_integral_of_its_gaussians(model, surrogate):
         expected.append(np.logaddexp.reduce(parts))
     np.testing.assert_allclose(found.numpy(), expected, rtol=1e-4, atol=2e-3)
     assert not found.requires_grad
-
-
-def test_what_is_not_observed_does_not_matter_to_the_latent_likelihood(model, surrogate):
-    measured = select_floors(observation(0.2), ["2F"])
-    valid = measured.valid.copy()
-    valid[0, 100:] = False
-    spoiled = np.where(valid, measured.log_frf, 77.0)
-    noise = np.where(valid, 0.2, np.nan)
-    one = LatentLikelihood(
-        surrogate, System(model), Observation(FREQUENCY, ("2F",), spoiled, noise, valid)
-    )
-    spoiled = np.where(valid, measured.log_frf, np.nan)
-    two = LatentLikelihood(
-        surrogate, System(model), Observation(FREQUENCY, ("2F",), spoiled, noise, valid)
-    )
-    theta = tensor([TRUTH])
-    assert float(one(theta)) == float(two(theta))
-    assert np.isfinite(float(one(theta)))
 
 
 def test_an_observation_on_another_grid_is_refused(model, surrogate):

@@ -55,17 +55,6 @@ def test_maxima_have_their_masses_whatever_their_heights(box):
     assert float(left.double().mean()) == pytest.approx(0.5, abs=0.03)
 
 
-def test_nothing_where_no_draw_counts(box):
-    """Residuals that say nothing, and a likelihood that is nowhere a number."""
-    prior = box([0.0] * 2, [1.0] * 2)
-    starts = prior.sample(2, torch.Generator().manual_seed(0))
-    flat = torch.zeros_like
-    assert (
-        draws_about(prior, lambda t: t[:, 0] * torch.nan, found_from(prior, flat, starts), 500, 0)
-        is None
-    )
-
-
 def test_few_draws_count_where_a_model_serves_nowhere_else(box):
     """Weights that scatter by a factor of e^4 from place to place, whatever the proposal."""
     prior = box([0.0] * 2, [1.0] * 2)

@@ -11,8 +11,6 @@ from femupdate.inference.model_error import (
     ErrorTable,
     Harmonics,
     LearnedError,
-    error_levels,
-    finer_levels,
 )
 
 FREQUENCY = torch.linspace(0.5, 12.0, 40, dtype=torch.float64)
@@ -180,19 +178,6 @@ def test_the_likeliest_error_is_the_conditional_mean():
     np.testing.assert_allclose(found.numpy(), expected, atol=1e-9)
 
 
-def test_the_table_is_a_distribution_and_a_finer_one_weighs_as_its_row():
-    levels = error_levels(10.0, FEW)
-    # No error is as likely as any: its odds are one.
-    assert sum(np.exp(level.log_weight) for level in levels) == pytest.approx(2.0)
-    assert (levels[0].common, levels[0].own, levels[0].noise) == (0.0, 0.0, 1.0)
-    about = levels[-1]
-    finer = finer_levels(about, levels[0], FEW)
-    inner = [level for level in finer[1:] if level.noise >= 1.0]
-    assert sum(np.exp(level.log_weight) for level in inner) == pytest.approx(
-        np.exp(about.log_weight), rel=1e-9
-    )
-
-
 @settings(max_examples=20, deadline=None)
 @given(length=st.floats(0.3, 3.0))
 def test_harmonics_have_the_exponential_covariance(length):
@@ -236,15 +221,3 @@ def test_without_an_error_the_row_of_none_takes_over():
     ).double()
     p = torch.softmax(error.log_densities(noise), 1)[:, 0]
     assert float(p.quantile(0.1)) > 0.7
-
-
-def test_a_finer_table_about_no_error_adds_noise_between_its_rows():
-    error = LearnedError(weight(), FREQUENCY, table=FEW)
-    finer = error.finer(0)
-    count = len(error.levels)
-    assert finer.levels[:count] == error.levels
-    added = finer.levels[count:]
-    assert {one.common + one.own for one in added} == {0.0}
-    assert all(FEW.noise[0] < one.noise < FEW.noise[1] for one in added)
-    found = finer.log_densities(residuals()[1])
-    np.testing.assert_allclose(found[:, :count], error.log_densities(residuals()[1]), rtol=1e-12)

@@ -1,10 +1,6 @@
 """Posteriors on disk: they come back, others can read them, and wrong files are named."""
 
-import errno
-import json
-import os
 from dataclasses import fields, replace
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -121,22 +117,6 @@ def test_arviz_opens_it(posterior, tmp_path):
     assert names == list(posterior.names)
 
 
-def test_xarray_opens_it_and_finds_the_names(posterior, tmp_path):
-    save_posterior(posterior, tmp_path / "p.nc")
-    with xr.open_datatree(tmp_path / "p.nc", engine="h5netcdf") as tree:
-        theta = tree["posterior"]["theta"].sel(parameter="theta_2").values
-        np.testing.assert_array_equal(theta, posterior.theta[..., 1])
-        measured = tree["observed_data"]["log_frf"].sel(floor="RF")
-        np.testing.assert_array_equal(measured.values, posterior.observation.log_frf[1])
-        assert json.loads(tree.attrs["settings"])["particles"] == 75
-
-
-def test_samples_of_all_chains(posterior):
-    assert posterior.samples.shape == (CHAINS * DRAWS, 3)
-    np.testing.assert_array_equal(posterior.samples[DRAWS], posterior.theta[1, 0])
-    assert posterior.zeta_samples[DRAWS] == posterior.zeta[1, 0]
-
-
 def test_thinned_draws_keep_their_damping_and_come_once(posterior):
     draws = posterior.thinned(40, seed=2)
     assert draws.shape == (40, 4)
@@ -147,16 +127,6 @@ def test_thinned_draws_keep_their_damping_and_come_once(posterior):
         assert posterior.zeta_samples[row] == ratio
     np.testing.assert_array_equal(posterior.thinned(40, seed=2), draws)
     assert len(posterior.thinned(10_000, seed=0)) == CHAINS * DRAWS
-
-
-def test_some_kinds_of_parameters(posterior):
-    factors, effects = posterior.of("stiffness"), posterior.of("effect")
-    assert factors.names == ("theta_1", "theta_2")
-    np.testing.assert_array_equal(factors.samples, posterior.samples[:, :2])
-    np.testing.assert_array_equal(factors.bounds, [[0.3, 3.0], [0.2, 2.0]])
-    assert factors.of("effect").samples.shape == (CHAINS * DRAWS, 0)
-    np.testing.assert_array_equal(effects.samples[:, 0], posterior.values[..., 2].ravel())
-    np.testing.assert_array_equal(posterior.of("damping").values[..., 0], posterior.zeta)
 
 
 def test_a_posterior_of_an_earlier_version_is_refused(posterior, tmp_path):
@@ -177,18 +147,10 @@ def one_sentence(path):
     return text
 
 
-def test_a_file_that_is_not_there(tmp_path):
-    assert "there is no posterior" in one_sentence(tmp_path / "p.nc")
-
-
 @pytest.mark.parametrize("content", [b"", b"theta,zeta\n1,2\n", b"\x89HDF\r\n\x1a\n" + bytes(40)])
 def test_a_file_that_is_no_netcdf(tmp_path, content):
     (tmp_path / "p.nc").write_bytes(content)
     assert "is not a posterior of femupdate" in one_sentence(tmp_path / "p.nc")
-
-
-def test_a_folder(tmp_path):
-    one_sentence(tmp_path)
 
 
 @pytest.mark.parametrize("share", [0.01, 0.3, 0.9, 0.999])
@@ -255,20 +217,3 @@ def test_draws_that_no_sampler_has_made(posterior, tmp_path, what):
     save_posterior(spoiled(posterior, what), tmp_path / "p.nc")
     with pytest.raises(StudyError, match=r"is not a posterior of femupdate \(.*run `femupdate cal"):
         load_posterior(tmp_path / "p.nc")
-
-
-def test_a_failed_write_leaves_the_old_file(posterior, tmp_path, monkeypatch):
-    save_posterior(posterior, tmp_path / "p.nc")
-    before = (tmp_path / "p.nc").read_bytes()
-
-    def full(path, content):
-        assert isinstance(content, bytes)  # a view brings some interpreters down
-        with open(path, "wb") as file:
-            file.write(content[: len(content) // 2])
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(StudyError, match="the disk is full"):
-        save_posterior(posterior, tmp_path / "p.nc")
-    assert (tmp_path / "p.nc").read_bytes() == before
-    assert [path.name for path in tmp_path.iterdir()] == ["p.nc"]

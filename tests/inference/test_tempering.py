@@ -37,12 +37,6 @@ def test_the_increment_keeps_the_effective_size_it_promises(values, most, share)
     assert possible >= 1
 
 
-def test_the_last_step_ends_at_one_exactly():
-    gain = torch.zeros(10, dtype=torch.float64)
-    for beta in np.random.default_rng(0).random(200):
-        assert beta + next_increment(gain, 1.0 - beta, 0.8) == 1.0
-
-
 weights = st.lists(st.one_of(st.just(0.0), st.floats(1e-6, 1.0)), min_size=1, max_size=40).filter(
     lambda values: sum(values) > 0
 )
@@ -70,14 +64,3 @@ def test_resampling_is_unbiased():
     mean = np.bincount(rows.numpy(), minlength=5) / tries
     # A count of floor or ceil has a variance of at most 1/4: five standard errors.
     np.testing.assert_allclose(mean, 5.0 * weight, atol=5.0 * 0.5 / tries**0.5)
-
-
-@pytest.mark.parametrize("end", [0.0, 1.0 - 2.0**-53])
-def test_rows_of_weight_zero_never_come(monkeypatch, end):
-    """Not even where the draw is an end of its range or the weights do not quite sum to one."""
-    monkeypatch.setattr(
-        torch, "rand", lambda *_, **kinds: torch.full((1,), end, dtype=kinds["dtype"])
-    )
-    weight = torch.tensor([0.0, 0.1, 0.2, 0.3, 0.4 - 1e-13, 0.0], dtype=torch.float64)
-    rows = systematic_rows(weight, torch.Generator())
-    assert set(rows.tolist()) <= {1, 2, 3, 4}

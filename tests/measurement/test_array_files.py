@@ -115,11 +115,6 @@ def test_complex_response_functions(tmp_path):
     np.testing.assert_allclose(table.frequency_hz[[0, -1]], [0.1, 9.0])
 
 
-def test_arrays_of_another_length_are_told(tmp_path):
-    path = save(tmp_path / "l.npz", {"t": TIME, "acc": ROWS[0], "temperature": np.ones(4)})
-    assert read_measured(path).notes == ("Arrays of another length are left out: temperature.",)
-
-
 def spoiled(values, at):
     values = values.copy()
     values[at] = np.nan

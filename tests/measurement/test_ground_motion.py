@@ -37,11 +37,6 @@ def test_resampling_removes_what_the_new_step_cannot_show():
     assert high.resampled(0.02).peak < 1e-3
 
 
-def test_resampling_to_the_same_step_changes_nothing():
-    motion = GroundMotion(np.arange(20.0), 0.01)
-    assert motion.resampled(0.01) is motion
-
-
 @pytest.mark.parametrize("step", [0.0, -0.01, np.nan, np.inf, 0.01 / np.sqrt(2), 1e-9])
 def test_resampling_to_an_impossible_step(step):
     with pytest.raises(MeasurementError, match="cannot be resampled"):
@@ -65,9 +60,3 @@ def test_scaled():
 def test_what_is_no_motion(values):
     with pytest.raises(MeasurementError, match="one row of at least two"):
         GroundMotion(np.array(values), 0.01)
-
-
-@pytest.mark.parametrize("step", [0.0, -1.0, np.nan])
-def test_step_must_be_positive(step):
-    with pytest.raises(MeasurementError, match="give seconds above zero"):
-        GroundMotion(np.ones(5), step)

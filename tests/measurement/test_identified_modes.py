@@ -160,8 +160,3 @@ def test_other_commands_say_what_the_file_is(write):
         MeasurementError, match="identified modes, which calibrate, diagnose and repair explain"
     ):
         read_observation_file(write(TABLE, "modes.csv"))
-
-
-def test_mapped_column_that_is_not_there(write):
-    with pytest.raises(MeasurementError, match=r"no column 'f1' to take for frequency_hz"):
-        read(write(HEAD + "1,2,.02,1,2\n", "m.csv"), columns={"frequency_hz": "f1"})

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from femupdate.errors import MeasurementError
 from femupdate.measurement.checks import channel_findings, pair_findings
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.names import base_rank, floors_of
@@ -164,15 +163,6 @@ def test_next_command_maps_the_direction_with_most_floors(tmp_path):
     assert "check them against the building" in step.advice
 
 
-def test_next_command_of_places_that_tell_no_floor(tmp_path):
-    deck = [placed(f"Deck {k}") for k in range(4)]
-    step = next_step(tmp_path / "a.zip", [*deck, placed("Free field")], None, "gal")
-    assert step.command.endswith("a.zip --unit gal --columns base=5,RF=NUMBER")
-    step = next_step(tmp_path / "a.zip", deck, None, None)
-    assert step.command.endswith("--columns base=NUMBER,RF=NUMBER")
-    assert step.advice == "Put in which channels are base and RF: their places do not tell it."
-
-
 def test_next_command_of_a_record_takes_the_strongest_horizontal_component(tmp_path):
     record = [channel(shaken(k) * (k + 1), direction=d) for k, d in enumerate(("NS", "EW", "UD"))]
     step = next_step(tmp_path / "q.csv", record, None, None)
@@ -197,18 +187,6 @@ def test_response_functions_of_a_table(write):
     assert one.summary.startswith("2 functions of frequency")
     assert [each.response for each in one.functions] == ["2F", "RF"]
     assert one.step.command.startswith("femupdate calibrate ")
-
-
-def test_samples_without_times_are_told(write):
-    rows = "\n".join(f"{(7 * k) % 5},{k % 3}" for k in range(80))
-    with pytest.raises(MeasurementError, match="no column grows as times do"):
-        inspect_file(write(rows, "n.csv"))
-
-
-def test_nothing_is_asked_of_a_response_at_zero_frequency(write):
-    rows = "\n".join(f"{k / 4},{0 if k == 0 else 1.5}" for k in range(12))
-    (one,) = inspect_file(write("frequency_hz,RF\n" + rows, "h.csv")).functions
-    assert one.frequency_hz[0] == 0.25
 
 
 def test_functions_of_columns_that_do_not_say_their_floors(write):

@@ -85,11 +85,6 @@ def test_usual_names_of_times_in_seconds_need_no_mapping(write, name):
     np.testing.assert_allclose(read_observation_file(write(text)).time_step, 0.005)
 
 
-def test_usual_names_of_frequencies_need_no_mapping(write):
-    table = read_observation_file(write(frf_text([0.5, 1.0, 2.5], {"RF": [1, 3, 0.2]}, "freq_Hz")))
-    np.testing.assert_allclose(table.frequency_hz, [0.5, 1.0, 2.5])
-
-
 @pytest.mark.parametrize("name", ["t_ms", "time_min", "tension"])
 def test_a_name_that_may_mean_another_unit_is_not_taken_for_seconds(write, name):
     with pytest.raises(MeasurementError, match="one column must be time_s"):
@@ -114,13 +109,6 @@ def test_frf_table_of_complex_values(write):
     found = np.exp(table.log_frf + 1j * table.phase)
     np.testing.assert_allclose(found, [[1, 1, 1 + 1j], [1, -2j, -1 - 0.5j]], atol=1e-15)
     np.testing.assert_allclose(table.log_frf[1], np.log([1, 2, np.sqrt(1.25)]), atol=1e-15)
-
-
-def test_complex_and_magnitude_floors_beside_each_other(write):
-    columns = {"RF_re": [0, 0, -1], "RF_im": [3, -2, 0], "2F": [1, 2, 4]}
-    table = read_observation_file(write(frf_text([1, 2, 4], columns)))
-    np.testing.assert_allclose(np.exp(table.log_frf), [[1, 2, 4], [3, 2, 1]])
-    assert table.phase is None
 
 
 def with_row(number: int, old: str, new: str) -> str:
@@ -212,11 +200,6 @@ def test_a_column_goes_by_its_whole_name_in_any_case_or_by_its_first_word(write,
     path = write(GOOD.replace("RF,", "Roof sensor,", 1))
     data = read_observation_file(path, columns={"3F": theirs})
     np.testing.assert_allclose(data.acceleration[data.rows("3F", "x")], SAMPLES[3:4] * 9.80665)
-
-
-def test_unit_option_against_the_file(write):
-    with pytest.raises(MeasurementError, match="says gal but the unit option says g"):
-        read_observation_file(write(GOOD), unit="g")
 
 
 FREQUENCY = [1.0, 2.0, 3.0, 4.0]

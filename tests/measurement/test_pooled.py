@@ -169,11 +169,3 @@ def test_a_run_that_differs_is_named_with_floor_and_band():
     told = found.sentence()
     assert "They do not agree: b.csv differs from a.csv, c.csv at RF" in told
     assert "--second" in told
-
-
-def test_runs_without_a_common_floor_cannot_be_compared():
-    rng = np.random.default_rng(7)
-    found = agreement([run(rng, ("2F",)), run(rng, ("RF",))], FLOORS)
-    assert np.isnan(found.ratio)
-    assert found.beyond_chance == ()
-    assert "cannot be told" in found.sentence()

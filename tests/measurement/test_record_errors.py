@@ -219,17 +219,3 @@ def test_a_time_step_with_which_nothing_is_measured(write, texts, step):
     times = [f"{k * step:.12g}" for k in range(N)]
     with pytest.raises(MeasurementError, match="the time step is"):
         read_record(write(plain(rows(times=times)), "r.csv"))
-
-
-def test_damage_that_a_reader_does_not_expect(write, monkeypatch):
-    from dataclasses import replace
-
-    from femupdate.measurement import reader as registry
-
-    def fails(path):
-        raise IndexError("list index out of range")
-
-    broken = {"plain": replace(registry.readers()["plain"], read=fails)}
-    monkeypatch.setattr(registry, "readers", lambda: broken)
-    with pytest.raises(MeasurementError, match=r"bad\.txt: it is read as .* is damaged \(list"):
-        read_record(write(plain(rows()), "bad.txt"))

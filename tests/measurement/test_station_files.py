@@ -57,20 +57,6 @@ def test_station_archive_is_an_observation(shared_file):
         read_observation_file(path)
 
 
-def test_older_header_line_without_a_format(shared_file):
-    motion = read_record(shared_file("formats/cesmd_petrolia_1991_chan012.v2"))
-    assert (motion.time_step, motion.channel) == (0.02, "270 DEG, FREE FIELD")
-    np.testing.assert_allclose(motion.acceleration[:2], [-0.02824, -0.03106], **EXACT)
-    assert motion.time[np.argmax(np.abs(motion.acceleration))] == pytest.approx(4.54)
-
-
-def test_smc_says_where_its_sensor_is(shared_file):
-    (channel,) = read_measured(shared_file("formats/usgs_1103_HN2_4E_a.smc")).channels
-    assert (channel.location, channel.azimuth_deg) == ("4th floor, east core", 171.0)
-    assert channel.time_step == 0.005
-    np.testing.assert_array_equal(channel.values[:2], [-1.5289e-2, 2.1143e-2])
-
-
 def test_esm(write, texts, wave):
     path = write(texts["esm"](wave), "a.asc")
     motion = read_record(path)
@@ -269,13 +255,6 @@ def test_a_record_packed_alone(tmp_path, texts, wave):
         path.write_bytes(gzip.compress(text))
         with pytest.raises(MeasurementError, match=message):
             read_record(path)
-
-
-def test_archives_of_several_stations_are_given_one_by_one(tmp_path, texts, wave):
-    inner = packed(tmp_path / "one.zip", {"a.asc": texts["esm"](wave)})
-    path = packed(tmp_path / "all.zip", {"one.zip": inner.read_bytes()})
-    with pytest.raises(MeasurementError, match=r"other archives \(one\.zip\); unpack it and give"):
-        read_measured(path)
 
 
 def test_archive_with_a_bad_record_names_the_member(tmp_path, texts, wave):

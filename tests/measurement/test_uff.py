@@ -29,14 +29,6 @@ def test_binary_history(pyuff, shared_file):
     np.testing.assert_allclose(motion.acceleration, channel.values * 9.80665, rtol=1e-14)
 
 
-def test_microphone_is_no_acceleration(pyuff, shared_file):
-    path = shared_file("formats/Sample_UFF58b_bin.uff")
-    (channel,) = read_measured(path).channels
-    assert (channel.quantity, channel.unit, channel.values.size) == ("pressure", "Pa", 79292)
-    with pytest.raises(MeasurementError, match=r"'Mic 01' holds pressure, not acceleration"):
-        read_record(path)
-
-
 def test_functions(pyuff, shared_file):
     (h,) = read_measured(shared_file("formats/non_ascii_header.uff")).functions
     assert (h.kind, h.unit) == ("frequency response", "(1/N)*(m/s²)")
@@ -131,11 +123,6 @@ def test_damaged(pyuff, shared_file, write):
         path = write(data[:cut], "cut.uff")
         with pytest.raises(MeasurementError, match=r"cut\.uff: "):
             read_measured(path)
-
-
-def test_sets_that_are_not_read(pyuff, shared_file):
-    with pytest.raises(MeasurementError, match=r"has the sets 1858; read are 58 \(histories"):
-        read_measured(shared_file("formats/1858.uff"))
 
 
 def test_without_pyuff(write, monkeypatch):

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femupdate.errors import MeasurementError
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.names import channel_name, floor_height, parse_channel
@@ -41,26 +40,6 @@ def test_label_and_units_stand_above_the_numbers(tmp_path):
         "time_s,base,RF:1,RF:2.y,2F",
         "s,m/s2,m/s2,m/s2,m/s2",
     ]
-
-
-def test_old_file_stays_when_the_new_one_cannot_be_written(tmp_path, monkeypatch):
-    path = tmp_path / "a.csv"
-    path.write_text("old")
-
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.replace", full)
-    with pytest.raises(MeasurementError, match=r"cannot write .*the disk is full"):
-        write_observation_histories(path, sample())
-    assert path.read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
-
-
-def test_folder_that_is_a_file(tmp_path):
-    (tmp_path / "none").write_text("a file")
-    with pytest.raises(MeasurementError, match=r"cannot write .*a\.csv"):
-        write_observation_histories(tmp_path / "none" / "a.csv", sample())
 
 
 @pytest.mark.parametrize("name", ["base", "2F", "10F:west", "RF.y", "base:1.z", "3F:2"])

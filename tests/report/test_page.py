@@ -6,7 +6,6 @@ import re
 import numpy as np
 import pytest
 
-from femupdate.errors import ReportError
 from femupdate.report import page as page_module
 from femupdate.report.curves import Curve, Interval
 from femupdate.report.geometry import Geometry
@@ -19,7 +18,6 @@ from femupdate.report.page import (
     data_json,
     page_html,
     prose_html,
-    write_page,
 )
 from femupdate.report.page_charts import curve_figure, interval_figure, thinned
 from femupdate.report.page_scene import ElementField, scene_content, thinned_geometry
@@ -70,15 +68,6 @@ def test_columns_of_words_stand_to_the_left():
     rows = (("2F", "0.83 [0.63, 1.05]", "story 2", "12 %"), ("RF", "-1.2e-3", "2026-01-01", ""))
     table = Table.of(("floor", "peak", "of", "share"), rows)
     assert table.sides == ("words", "number", "words", "number")
-
-
-def test_a_page_over_the_budget_is_refused(nasty_page, tmp_path, monkeypatch):
-    monkeypatch.setattr(page_module, "BUDGET", 1000)
-    with pytest.raises(ReportError, match="more than 0 MB"):
-        write_page(nasty_page, tmp_path / "page.html")
-    with pytest.raises(ReportError, match=r"end in \.html"):
-        write_page(nasty_page, tmp_path / "page.txt")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_thinning_keeps_every_peak():

@@ -3,9 +3,7 @@
 import subprocess
 import sys
 from itertools import combinations
-from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
@@ -17,7 +15,7 @@ from femupdate.errors import ReportError
 from femupdate.inference.data import Cell
 from femupdate.measurement.observation import Observation
 from femupdate.report.curves import history_curves, response_curves, spectrum_curves
-from femupdate.report.figure import new_figure, save_figure
+from femupdate.report.figure import save_figure
 from femupdate.report.plot_curves import (
     floor_history_bands,
     floor_spectra_bands,
@@ -29,7 +27,6 @@ from femupdate.report.plot_curves import (
 from femupdate.report.plot_diagnosis import Ranked, ResidualMap, ranking, residual_map
 from femupdate.report.plot_posterior import (
     SampleSet,
-    correlation,
     most_correlated,
     posterior_pairs,
     theta_intervals,
@@ -448,12 +445,6 @@ def assert_texts_inside(figure: Figure) -> None:
         assert inside or not text.get_text(), f"{text.get_text()!r} leaves the page"
 
 
-def test_settings_of_matplotlib_are_left_alone():
-    before = dict(matplotlib.rcParams)
-    shear_drift(2, 3)
-    assert dict(matplotlib.rcParams) == before
-
-
 def test_drawing_needs_no_pyplot_and_importing_no_vtk():
     code = (
         "import sys, femupdate.report.scenes, femupdate.report.curves;"
@@ -464,41 +455,6 @@ def test_drawing_needs_no_pyplot_and_importing_no_vtk():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
     assert done.returncode == 0, done.stderr.decode()
-
-
-def test_picture_is_whole_or_absent(tmp_path, monkeypatch):
-    figure = new_figure(3.0, 2.0)
-    target = tmp_path / "figure.png"
-    target.write_bytes(b"the one before")
-
-    def fail(name, **_):
-        Path(name).write_bytes(b"half")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(figure, "savefig", fail)
-    with pytest.raises(ReportError, match=r"cannot write .*the disk is full"):
-        save_figure(figure, target)
-    assert target.read_bytes() == b"the one before"
-    assert list(tmp_path.iterdir()) == [target]
-
-
-def test_picture_may_be_interrupted(tmp_path, monkeypatch):
-    figure = new_figure(3.0, 2.0)
-    monkeypatch.setattr(
-        figure, "savefig", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt)
-    )
-    with pytest.raises(KeyboardInterrupt):
-        save_figure(figure, tmp_path / "figure.png")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_folder_that_is_a_file_and_name_that_is_no_picture(tmp_path):
-    figure = new_figure(3.0, 2.0)
-    (tmp_path / "taken").write_text("a file")
-    with pytest.raises(ReportError, match=r"cannot write .*figure\.png"):
-        save_figure(figure, tmp_path / "taken" / "figure.png")
-    with pytest.raises(ReportError, match=r"end in \.png"):
-        save_figure(figure, tmp_path / "figure.pdf")
 
 
 @pytest.mark.parametrize(
@@ -533,25 +489,6 @@ def test_strong_part_is_found():
     start, end = strong_part(TIME, fast)
     assert end - start == pytest.approx(20 / 25.0, rel=0.05), "twenty cycles"
     assert strong_part(TIME, np.zeros_like(TIME))[0] == 0.0
-
-
-def test_correlation_of_known_and_of_constant_rows():
-    x, y = RNG.normal(size=(2, 500))
-    z = 0.6 * x + 0.2 * y
-    assert correlation(x, z) == pytest.approx(np.corrcoef(x, z)[0, 1])
-    assert correlation(x, np.ones(500)) == 0.0
-
-
-def test_bands_are_where_the_numbers_are():
-    """The band of the top floor, in the first panel, is mean plus and minus two sd."""
-    none = np.zeros((2, 4000))
-    figure = floor_history_bands(history_curves(TIME, ("2F", "RF"), none, none + 0.7))
-    assert edges_of(figure.axes[1], "Predicted, mean ± 2 sd") == pytest.approx((-1.4, 1.4))
-
-
-def test_top_floor_comes_first():
-    assert titles(bands())[::2] == list(reversed(FLOORS))
-    assert titles(shear_drift(3, 2)) == ["Story 3", "Story 2", "Story 1"]
 
 
 def test_of_many_parameters_the_most_correlated_are_paired():

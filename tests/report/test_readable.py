@@ -12,14 +12,13 @@ from femupdate.measurement.observation import Observation
 from femupdate.measurement.recording import RecordedMode
 from femupdate.report import plot_repair
 from femupdate.report.curves import history_curves, response_curves
-from femupdate.report.figure import add_head, new_figure, thin_band_note
+from femupdate.report.figure import thin_band_note
 from femupdate.report.plot_curves import frf_fit, member_force_bands, strong_part
 from femupdate.report.plot_diagnosis import Ranked, ranking
 from femupdate.report.plot_measured import inspected
 from femupdate.report.plot_poles import stabilisation
 from femupdate.report.plot_posterior import SampleSet, posterior_pairs, theta_intervals
 from femupdate.report.plot_sticks import stick_mode_shapes
-from femupdate.report.scale import plus_minus
 from femupdate.workflow.identify import Identified
 
 
@@ -102,34 +101,11 @@ def test_long_names_of_parameters_do_not_run_into_one_another():
     assert min(box.y0 for box in (*below, *beside)) >= 0
 
 
-def test_titles_and_notes_stay_inside_their_figure():
-    figure = new_figure(4.0, 2.0)
-    figure.subplots()
-    add_head(figure, "Mode 9 (slabs), 26.10 Hz, 7.5 % of the mass, all factors 1", note="So " * 60)
-    figure.canvas.draw()
-    edge = figure.bbox.x1
-    assert all(text.get_window_extent().x1 < edge for text in figure.texts)
-    first, second = (text.get_window_extent() for text in figure.texts)
-    assert second.y1 <= first.y0 + 1
-
-
 def luminance(color):
     from matplotlib.colors import to_rgb
 
     linear = [(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4) for c in to_rgb(color)]
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
-
-
-def test_which_interval_is_whose_is_said_where_there_are_several():
-    draws = 1.0 + 0.3 * np.random.default_rng(0).standard_normal((2, 500, 2))
-    sets = [SampleSet("before", draws[0]), SampleSet("after", draws[1])]
-    figure = theta_intervals(["story S1", "story S2"], sets, np.array([[0.3, 3.0]] * 2))
-    assert any("order of the legend" in text.get_text() for text in figure.texts)
-
-
-def test_no_minus_stands_before_a_zero():
-    assert plus_minus(-0.0004, 0.05) == "0.000 ± 0.050"
-    assert plus_minus(-0.04, 0.05) == "-0.040 ± 0.050"
 
 
 def test_series_stay_apart_in_grey_print():

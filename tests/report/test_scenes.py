@@ -9,8 +9,6 @@ import pytest
 
 from femupdate.errors import ReportError
 from femupdate.fe import Beams, FiniteElementModel, Shells
-from femupdate.report import rendering as rendering_module
-from femupdate.report import scenes
 from femupdate.report.drawing_matplotlib import project
 from femupdate.report.geometry import Geometry, deformed, mesh_lines, outline
 from femupdate.report.rendering import Rendering, probe, rendering
@@ -40,13 +38,6 @@ def frame(stories: int = 2) -> Geometry:
 def sway(geometry: Geometry) -> np.ndarray:
     height = geometry.nodes[:, 2:3]
     return np.hstack([height**1.5, 0.1 * height * geometry.nodes[:, :1], 0.0 * height])
-
-
-@pytest.fixture
-def fresh_probe():
-    rendering.cache_clear()
-    yield
-    rendering.cache_clear()
 
 
 def panels_of(figure, count):
@@ -120,44 +111,6 @@ def test_rest_and_no_spread_can_be_drawn():
     )
     for panel in panels_of(figure, 2):
         assert len(np.unique(panel.collections[1].get_facecolors(), axis=0)) == 1
-
-
-def test_machine_that_cannot_render_draws_and_says_what_to_install(
-    tmp_path, monkeypatch, caplog, fresh_probe
-):
-    crash = "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)"
-    monkeypatch.setattr(rendering_module, "_PICTURE", crash)
-    monkeypatch.setattr(scenes.drawing_pyvista, "render", lambda *_: pytest.fail("it rendered"))
-    geometry = frame()
-    for _ in range(2):
-        figure = mode_shape_figure(geometry, sway(geometry))
-        assert len(figure.axes[0].collections) == 2
-    said = [record.getMessage() for record in caplog.records]
-    assert len(said) == 1, "said once a process"
-    assert "crashes" in said[0]
-    assert "libegl1" in said[0]
-    assert "libosmesa6" in said[0]
-
-
-def test_machine_that_can_render_does(tmp_path, monkeypatch, fresh_probe):
-    monkeypatch.setattr(rendering_module, "_PICTURE", "raise SystemExit(0)")
-    seen = []
-
-    def render(geometry, moved, values, color_map, top):
-        seen.append((color_map, top, values.max()))
-        picture = np.full((400, 300, 3), 255, dtype=np.uint8)
-        picture[100:300, 50:250] = 40
-        return picture
-
-    monkeypatch.setattr(scenes.drawing_pyvista, "render", render)
-    geometry = frame()
-    shape = 7.0 * sway(geometry)
-    largest = np.linalg.norm(shape, axis=1).max()
-    figure = mode_shape_figure(geometry, shape, shape_sd=np.full(len(shape), 0.05 * largest))
-    assert seen[0] == ("viridis", 1.0, pytest.approx(1.0))
-    assert seen[1] == ("cividis", pytest.approx(5.0), pytest.approx(5.0))
-    for panel in panels_of(figure, 2):  # cut to the ink, with a margin of 12 pixels
-        assert panel.images[0].get_array().shape == (223, 223, 3)
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,9 @@ import torch
 from femupdate.benchmarks.modal_frf import log_frf
 
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.modes import ModalData
 from femupdate.surrogate import dataset as room
 from femupdate.surrogate.dataset import (
     DatasetPlan,
-    ModalDataset,
     compute_dataset,
     log_frf_pool,
     sample_zeta,
@@ -123,36 +121,6 @@ def test_a_damaged_shard_is_not_trusted(model, prior, tmp_path, solved, damage, 
     assert same(compute_dataset(model, prior, PLAN, tmp_path), first)
     assert len(solved) == 1
     assert "0001.npz is damaged" in caplog.text
-
-
-def test_shards_of_another_plan_are_not_mixed_in(model, prior, tmp_path):
-    other = DatasetPlan(PLAN.samples, PLAN.modes, PLAN.top_frequency_hz, seed=9)
-    compute_dataset(model, prior, other, tmp_path)
-    expected = compute_dataset(model, prior, PLAN, tmp_path / "clean")
-    assert same(compute_dataset(model, prior, PLAN, tmp_path), expected)
-    fewer = DatasetPlan(PLAN.samples, 1, PLAN.top_frequency_hz, PLAN.seed)
-    assert compute_dataset(model, prior, fewer, tmp_path).modal.omega.shape == (110, 1)
-
-
-def test_the_number_of_threads_is_given_back(model, prior, tmp_path):
-    before = torch.get_num_threads()
-    compute_dataset(model, prior, PLAN, tmp_path)
-    assert torch.get_num_threads() == before
-
-
-def test_modes_are_forty_times_smaller_than_responses(tmp_path):
-    """Six floors, 28 modes: bytes a sample on disk against 1024 frequencies in float32."""
-    count = 1000
-    data = ModalDataset(
-        torch.rand(count, 6, dtype=torch.float64),
-        ModalData(torch.rand(count, 28), torch.rand(count, 6, 28), torch.rand(count, 6, 3)),
-    )
-    room._write_shard(tmp_path / "d.npz", data.theta, data.modal)
-    assert 40 * (tmp_path / "d.npz").stat().st_size < 6 * 1024 * 4 * count
-    back = room._read_shard(tmp_path / "d.npz")
-    assert torch.equal(back.theta, data.theta)
-    assert torch.equal(back.modal.omega, data.modal.omega)
-    np.testing.assert_allclose(back.modal.effect, data.modal.effect, rtol=5e-4, atol=1e-7)
 
 
 def test_pool_of_responses(model, prior, tmp_path):

@@ -65,10 +65,3 @@ def test_the_last_coordinate_is_the_damping(decoder):
     draws = decoder.damping(torch.randn(4000, 3, generator=torch.Generator().manual_seed(0)))
     counts, _ = np.histogram(draws, bins=8, range=(0.01, 0.05))
     assert abs(counts - 500).max() < 5 * 500**0.5
-
-
-def test_a_known_damping_has_no_coordinate():
-    decoder = ModalDecoder(NetworkSizes(3, 40, 2, False, 2))
-    decoder.damping_bounds.copy_(torch.tensor([0.02, 0.02]))
-    assert decoder.damping_coordinate(torch.full((5,), 0.02)).shape == (5, 0)
-    assert decoder.damping(torch.randn(5, 2)).tolist() == pytest.approx([0.02] * 5)

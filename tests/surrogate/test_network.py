@@ -5,7 +5,6 @@ import pytest
 import torch
 
 from femupdate.surrogate.network import (
-    FloorLinear,
     LatentMixture,
     Mvae,
     NetworkSizes,
@@ -56,13 +55,6 @@ def test_every_band_of_whole_points_is_exact(points):
     assert torch.equal(weights.bool(), expected)
 
 
-def test_rows_and_features():
-    two = Visibility(torch.tensor([[1.0, 0.0], [0.0, 1.0]]), torch.tensor([[0.0, 1.0], [0.1, 0.9]]))
-    assert len(two) == 2
-    assert two[1:].band.tolist() == [pytest.approx([0.1, 0.9])]
-    assert two.features().tolist()[1] == pytest.approx([0.0, 1.0, -0.8, 0.8])
-
-
 def test_only_what_is_observed_reaches_the_observation_encoder(mvae):
     x = torch.randn(1, 3, 40)
     visibility = seen([1.0, 0.0, 1.0], (10 / 39, 30 / 39))
@@ -111,14 +103,6 @@ def test_density_of_a_mixture_against_torch():
     torch.testing.assert_close(mixture.log_density(z), expected.log_prob(z))
 
 
-def test_floors_have_linear_maps_of_their_own():
-    layer = FloorLinear(3, 6, 40)
-    torch.nn.init.normal_(layer.bias)
-    x = torch.randn(4, 3, 6)
-    expected = torch.stack([x[:, k] @ layer.weight[k] + layer.bias[k] for k in range(3)], dim=1)
-    torch.testing.assert_close(layer(x), expected)
-
-
 def test_features_of_theta_by_hand():
     lower, upper = torch.tensor([0.5, 0.1]), torch.tensor([2.0, 10.0])
     theta = torch.tensor([[0.5, 10.0], [1.0, 1.0], [2.0, 0.1]])
@@ -141,19 +125,3 @@ def test_parameters_are_found_again_from_where_they_are_put(mvae):
     assert bool((beyond > mvae.upper).all())
     assert bool((beyond < 1.5 * mvae.upper).all())
     assert bool((mvae.parameters_at(torch.full((1, 3), -50.0)) > 0.3 * mvae.lower).all())
-
-
-def test_the_decoder_sees_bent_coordinates_and_the_damping(mvae):
-    z = torch.randn(4, 3)
-    features = parameter_features(mvae.parameters_at(z), mvae.lower, mvae.upper)
-    expected = mvae.decoder(torch.cat([mvae.bend(features), z[:, 2:]], dim=1))
-    torch.testing.assert_close(mvae.decode(z), expected)
-    torch.testing.assert_close(mvae.decode(z, slice(3, 9)), expected[:, :, 3:9])
-
-
-def test_untrained_blocks_pass_everything_on():
-    """The second layer of a block starts at zero: deep networks start as shallow ones."""
-    torch.manual_seed(0)
-    blocks = Mvae(SIZES).bend.blocks
-    x = torch.randn(3, 12)
-    assert torch.equal(blocks(x), x)

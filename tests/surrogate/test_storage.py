@@ -1,17 +1,13 @@
 """Trained surrogates on disk: what comes back, and files that are none."""
 
-import errno
 import json
-import os
-from pathlib import Path
 
 import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
 
-from femupdate.errors import StudyError, SurrogateError
-from femupdate.surrogate.network import Visibility
+from femupdate.errors import SurrogateError
 from femupdate.surrogate.storage import (
     Surrogate,
     SurrogateInfo,
@@ -58,34 +54,6 @@ def test_weights_come_back_within_half_precision(surrogate, path):
             torch.testing.assert_close(back[name], value, rtol=2.0**-11, atol=1e-7)
         else:
             assert torch.equal(back[name], value), name
-
-
-def test_rounding_moves_proposals_by_little_of_their_width(surrogate, path, task):
-    """And the rest, which decides where posteriors lie, not at all."""
-    theta = task.dataset.theta[:300].float()
-    x = 0.3 * torch.randn(300, 2, 64, generator=torch.Generator().manual_seed(0))
-    x += surrogate.mvae.x_mean
-    seen = Visibility(torch.ones(300, 2), torch.tensor([[0.0, 1.0]]).expand(300, 2))
-    back = load_surrogate(path).mvae
-    with torch.no_grad():
-        one, two = (m.encode_observation(x, seen) for m in (surrogate.mvae, back))
-        shift = (one.mean - two.mean) * (-0.5 * one.log_variance).exp()
-        assert float(shift.square().mean().sqrt()) < 0.02
-        torch.testing.assert_close(two.log_variance, one.log_variance, rtol=0.0, atol=0.02)
-        z = torch.nn.functional.pad(back.encode_parameters(theta), (0, 1))
-        one, two = (m.decode(z) for m in (surrogate.mvae, back))
-    assert torch.equal(one, two)
-
-
-def test_the_file_is_little_more_than_its_weights(surrogate, path):
-    count = sum(tensor.numel() for tensor in surrogate.mvae.state_dict().values())
-    assert path.stat().st_size < 4 * count
-
-
-def test_loading_leaves_the_global_generator_alone(path):
-    before = torch.random.get_rng_state()
-    load_surrogate(path)
-    assert torch.equal(torch.random.get_rng_state(), before)
 
 
 def one_sentence(path):
@@ -176,13 +144,3 @@ def rewritten(path, change):
 def test_weights_that_do_not_fit_their_header(path, change):
     rewritten(path, change)
     one_sentence(path)
-
-
-def test_a_full_disk_is_one_sentence(surrogate, tmp_path, monkeypatch):
-    def full(path, content):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(StudyError, match="the disk is full"):
-        save_surrogate(surrogate, tmp_path / "s.safetensors")
-    assert list(tmp_path.iterdir()) == []

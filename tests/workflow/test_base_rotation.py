@@ -1,14 +1,11 @@
 """A base whose rotation two vertical sensors measure: from a simulated file to a prediction."""
 
-import json
-
 import numpy as np
 import pytest
 
 from femupdate.building import from_document, save_building
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.inference.posterior import load_posterior
-from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import read_record
 from femupdate.measurement.write import write_observation_histories
 from femupdate.simulation import SimulationSettings, simulate_observation
@@ -151,23 +148,6 @@ def test_a_record_has_its_rotation_in_every_form(home):
     assert read_record(home / "alone.csv", channel="base").rotation is None
 
 
-def test_a_mapping_gives_places_to_vertical_channels(home):
-    """As of a station archive, whose channels go by numbers; a minus turns one round."""
-    data = read_observation_file(home / "both.csv")
-    names = [f"c{k}" for k in range(1, len(data.channels) + 1)]
-    rows = data.acceleration * np.where(np.arange(len(names)) == 4, -1.0, 1.0)[:, None]
-    table = np.column_stack([data.time_step * np.arange(rows.shape[1]), *rows])
-    path = home / "station.csv"
-    np.savetxt(
-        path, table, delimiter=",", header=",".join(["time_s", *names]), comments="", fmt="%.9g"
-    )
-    *_, rear, front = data.channels
-    assert (rear.name, front.name) == ("base@-1.5.z", "base@2.5.z")
-    columns = {"base": "c1", "base@-1.5.z": "-c5", "base@2.5.z": "c6"}
-    motion = read_record(path, "m/s2", columns=columns)
-    np.testing.assert_allclose(motion.rotation, read_record(home / "both.csv").rotation, atol=1e-6)
-
-
 def test_the_simulated_file_says_what_it_is_and_bad_requests_are_refused(home):
     made = simulated()
     told = made.truth.as_dict()["motion"]
@@ -195,17 +175,3 @@ def test_heights_are_asked_for_before_anything_is_written(home, tmp_path):
             study, ObservationSource(home / "both.csv"), CalibrationSettings(), str(path)
         )
     assert not study.folder.exists()
-
-
-def test_a_base_that_turns_makes_it_exact_with_listed_effects_as_without(home, tmp_path):
-    effects = [{"name": "added_mass", "place": "RF", "parameters": {"size": 0.001}}]
-    path = tmp_path / "with_effects.toml"
-    save_building(from_document(document(effects=effects)), path)
-    source, study = ObservationSource(home / "both.csv"), Study(tmp_path / "study")
-    settings = CalibrationSettings(particles=200, chains=1)
-    check_calibration(study, source, settings, str(path))
-    done = calibrate_study(study, open_study(study, str(path)), source, settings)
-    assert done.posterior.drawn.exact
-    theta = done.posterior.samples[:, :3]
-    assert np.abs((theta.mean(axis=0) - THETA) / theta.std(axis=0)).max() < 3.0
-    assert json.loads((study.folder / "posterior_summary.json").read_text())

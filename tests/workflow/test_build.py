@@ -5,10 +5,9 @@ import pytest
 
 from femupdate.building import load_building, save_building
 from femupdate.dynamics.tracking import reduced_modes
-from femupdate.errors import BuildingError, StructureError, StudyError
+from femupdate.errors import StudyError
 from femupdate.inference.parameters import damping_parameter
 from femupdate.study import Study
-from femupdate.workflow import model as model_module
 from femupdate.workflow.build import build_study
 from femupdate.workflow.model import (
     DEFAULT_BUILDING,
@@ -34,12 +33,6 @@ def test_frequencies_of_an_even_chain(tmp_path, name, stories, square):
     assert report.effective_mass[0] > 0.8
     assert report.model.reduction_error == 0.0
     assert (report.dof, report.elements, report.mass_kg) == (stories, stories, stories)
-
-
-def test_frequencies_of_an_uneven_chain(tmp_path, tower_file, tower_modes):
-    report = build_study(Study(tmp_path), str(tower_file))
-    np.testing.assert_allclose(report.frequencies_hz, tower_modes([1.0, 1.0])[0], rtol=1e-9)
-    assert report.mass_kg == pytest.approx(5000.0)
 
 
 @pytest.fixture(scope="module")
@@ -130,22 +123,6 @@ def test_pictures_show_something(cabin, recorder):
     assert not np.array_equal(seen[0], seen[1])
 
 
-def test_progress_is_told_to_the_end(cabin):
-    log = cabin[2]
-    assert [label for label, _ in log.started] == ["Reducing the model"]
-    assert sum(log.counts) == sum(total for _, total in log.started) > 3
-    assert not log.said
-
-
-def test_building_again_changes_nothing(tmp_path, tower_file):
-    study = Study(tmp_path)
-    first = build_study(study, str(tower_file))
-    kept = study.path("reduced_model.npz").read_bytes()
-    again = build_study(study, str(tower_file))
-    assert again.model.hash == first.model.hash
-    assert study.path("reduced_model.npz").read_bytes() == kept
-
-
 def test_without_a_name_a_study_keeps_its_building(tmp_path, tower_file):
     study = Study(tmp_path)
     build_study(study, str(tower_file))
@@ -165,14 +142,6 @@ def test_a_posterior_keeps_its_building(tower, snapshot, tower_file):
     assert tower.path("posterior.nc").exists()
 
 
-def test_a_study_without_posterior_takes_another_building(tmp_path, tower_file):
-    study = Study(tmp_path)
-    build_study(study, str(tower_file))
-    build_study(study, "shear_3dof")
-    assert open_study(study).building.name == "shear_3dof"
-    assert open_study(study).reduced.size == 3
-
-
 def test_another_building_under_a_name_is_refused_by_open_study(tower):
     with pytest.raises(StudyError, match="holds the building tower, not shear_4dof as asked"):
         open_study(tower, "shear_4dof")
@@ -183,14 +152,6 @@ def test_texts_noise_and_tolerance_do_not_make_another_building(tower, tmp_path,
     file = tmp_path / "renamed.toml"
     file.write_text(text + "\n[observation]\nnoise_sd = 0.1\n")
     assert open_study(tower, str(file)).building.title == "Two-story tower"
-
-
-def test_a_model_is_reduced_once(cabin_study, monkeypatch):
-    def never(*_, **__):
-        raise AssertionError("reduced again")
-
-    monkeypatch.setattr(model_module, "reduce_building", never)
-    assert open_study(cabin_study).building.name == "cabin"
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[:999], lambda data: b"", None])
@@ -218,24 +179,6 @@ def test_a_reduced_model_reads_back_equal(cabin_study, tmp_path):
     for name in ("stiffness_terms", "stiffness_constant", "excitation", "floor_shapes"):
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
     np.testing.assert_array_equal(again.node_shapes, model.node_shapes)
-
-
-def test_a_frame_that_cannot_stand_leaves_nothing(tmp_path, cabin_file):
-    text = cabin_file.read_text().replace(
-        '[[columns]]\nsection = "column"', '[[columns]]\nsection = "column"\nstories = ["low"]'
-    )
-    file = tmp_path / "floating.toml"
-    file.write_text(text)
-    study = Study(tmp_path / "study")
-    with pytest.raises((BuildingError, StructureError)):
-        build_study(study, str(file))
-    assert not study.folder.exists()
-
-
-def test_a_study_whose_building_file_is_damaged_says_so(tower):
-    tower.path("building.toml").write_text("name = ")
-    with pytest.raises(BuildingError, match=r"building\.toml: this is not valid TOML"):
-        open_study(tower)
 
 
 def test_the_damping_ratio_is_open_where_the_file_gives_a_range(tower_model):

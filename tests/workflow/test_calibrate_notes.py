@@ -11,7 +11,6 @@ from femupdate.result import Notes
 from femupdate.workflow.calibrate_draws import Fitting
 from femupdate.workflow.calibrate_notes import (
     judgement,
-    misfit_warnings,
     overstated_noise,
 )
 
@@ -82,12 +81,6 @@ def test_what_decides_comes_before_a_limit(pressed):
     first, second = judgement(pressed, Fitting(misfit=49.0, check=None))
     assert "misses the measured ln|H| by 7.0 times its noise" in first
     assert "theta_2" in second
-
-
-def test_a_posterior_not_to_be_trusted_says_so():
-    assert misfit_warnings(1.0, 1.2) == ()
-    (note,) = misfit_warnings(9.0, 1.2)
-    assert "do not trust this posterior" in note.lower()
 
 
 def test_six_notes_are_shown_and_the_rest_counted():

@@ -4,7 +4,6 @@ import re
 import shutil
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from femupdate.errors import InferenceError, StudyError
@@ -78,12 +77,6 @@ def test_the_command_prints_and_draws(states, tmp_path):
     assert picture.stat().st_size > 10_000
 
 
-def test_a_posterior_file_is_as_good_as_its_study(states):
-    file = find_state(str(states.softer.path / "posterior.nc"), Study("nowhere"))
-    found = compare_states(states.before, file).changes
-    assert np.allclose(found.size, compare_states(states.before, states.softer).changes.size)
-
-
 def test_two_posteriors_of_one_study_are_compared_by_their_names(states, tmp_path):
     study = Study(shutil.copytree(states.before.path, tmp_path / "study"))
     later = Study(study.folder, "after")
@@ -112,8 +105,3 @@ def test_other_buildings_are_refused(states, calibrated):
     other = replace(states.same, posterior=replace(posterior, parameters=renamed))
     with pytest.raises(InferenceError, match="have other stiffness factors"):
         compare_states(states.before, other)
-
-
-def test_a_study_without_a_posterior_is_named(tmp_path):
-    with pytest.raises(StudyError, match="run `femupdate calibrate` first"):
-        open_state(Study(tmp_path))

@@ -11,7 +11,6 @@ import pytest
 from matplotlib.image import imread
 
 from femupdate.building import load_building
-from femupdate.errors import FemupdateError
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.study import Study
@@ -67,21 +66,6 @@ def test_the_steps_are_told_in_order(shown):
     assert steps == [f"{k}/5" for k in range(1, 6)]
 
 
-def test_both_cases_are_there_and_all_floors_stay(shown, tower_observation):
-    report, study, _ = shown
-    assert report.truth == tower_observation.theta
-    assert report.roof_alone.posterior.observation.floors == ("RF",)
-    assert report.all_floors.posterior.observation.floors == ("2F", "RF")
-    assert study.artefacts()["posterior"].settings["sensors"] == ["2F", "RF"]
-    assert report.all_floors.posterior.settings["seed"] == 1
-
-
-def test_a_tenth_of_the_record_is_predicted(shown):
-    report, study, _ = shown
-    assert study.artefacts()["prediction"].settings["scale"] == demo._SCALE == 0.1
-    assert (report.predicted.peak_acceleration.mean < 3.0).all()
-
-
 def test_every_picture_shows_something(shown):
     report, study, _ = shown
     pictures = demo.draw_demo(study, report)
@@ -95,14 +79,3 @@ def test_the_demo_writes_the_tables_of_its_steps(shown):
     report, _, _ = shown
     names = {sheet.name for sheet in report.tables()}
     assert {"posterior", "frf_fit", "predicted_peaks", "floor_histories", "modes"} <= names
-
-
-def test_the_demo_leaves_another_building_s_posterior_alone(
-    calibrated, shipped, monkeypatch, snapshot
-):
-    before = snapshot(calibrated)
-    monkeypatch.setattr(demo, "DEFAULT_BUILDING", "shear_3dof")
-    monkeypatch.setattr(demo, "files", lambda package: shipped)
-    with pytest.raises(FemupdateError, match="holds a posterior of the building tower"):
-        demo.run_demo(Study(calibrated))
-    assert snapshot(calibrated) == before

@@ -3,7 +3,6 @@
 It is held against the cabin with all its degrees of freedom.
 """
 
-from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -12,13 +11,11 @@ import pytest
 import torch
 from scipy.linalg import eigh
 
-from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.finder_model import FinderModel, plain_structure, problem_of
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.discrepancy.near_basis import structure_near
 from femupdate.discrepancy.score import score
-from femupdate.discrepancy.search import prepared, refined, sought
-from femupdate.discrepancy.thresholds import VERDICT
+from femupdate.discrepancy.search import prepared, refined
 from femupdate.dynamics.local_basis import local_structure
 from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
@@ -118,76 +115,6 @@ def test_refined_moves_the_basis_to_where_theta_ended(cabin, observation):
     assert error(cabin, away, ended, HEAVY, mass) > 0.03
     assert (np.abs(ended - THETA) < 0.01 * THETA).all()
     assert mass[0] == pytest.approx(MASS, abs=0.01)
-
-
-def test_refined_follows_theta_out_of_the_neighbourhood(cabin, observation, monkeypatch):
-    """A basis about where the first fit stood is not the last where theta then leaves it."""
-    model, about = finder_model(cabin), []
-
-    def near(structure, building, theta, zeta, show=None, present=None, bases=None):
-        about.append(theta)
-        return structure_near(structure, building, theta, zeta)
-
-    monkeypatch.setattr("femupdate.discrepancy.search.structure_near", near)
-    here = structure_near(cabin.plain.structure, cabin.building, FAR, ZETA)
-    problem = posed(cabin.plain, cabin, observation).without_effects_on(here)
-    start = extended(problem, fit_baseline(problem)[0], HEAVY, [0.1])
-    start[:2] = torch.from_numpy(np.log(FAR))
-    stuck = fit(problem, HEAVY, start, iterations=0)
-    _, after = refined(model, problem, stuck)
-    np.testing.assert_allclose(about[0], FAR)
-    np.testing.assert_allclose(about[-1], THETA, rtol=0.02)
-    assert len(about) <= 4
-    np.testing.assert_allclose(after.theta()[0], THETA, rtol=0.01)
-
-
-def test_close_effects_are_run_off_on_a_basis_for_them(cabin, monkeypatch):
-    """And what was not close keeps its place behind them."""
-    model, served = finder_model(cabin), []
-
-    def near(structure, building, theta, zeta, show=None, present=None, bases=None):
-        reduced = structure_near(structure, building, theta, zeta, show, present)
-        served.append((present, reduced))
-        return reduced
-
-    monkeypatch.setattr("femupdate.discrepancy.search.structure_near", near)
-    monkeypatch.setattr("femupdate.discrepancy.diagnose.VERDICT", replace(VERDICT, close=0.995))
-    seen = observed(cabin, MASS, 6)
-    problem, base = prepared(model, (frf_data(seen, cabin.building.floors, believed=COMPARING),))
-    everything = diagnose(problem, base=base)
-    problem, _, found = sought(model, problem, base)
-    assert found.unobservable == everything.unobservable
-    tests = [[one.statistic for one in each.scores] for each in (found, everything)]
-    np.testing.assert_allclose(*tests)
-    assert [present is None for present, _ in served] == [True, False]
-    labels = [one[0][0].label for one in served[1][0]]
-    assert labels[0] == HEAVY[0].label
-    assert len(labels) > 1
-    assert found.leading.placed == HEAVY[0]
-    assert found.leading.size == pytest.approx(MASS, abs=4.0 * found.leading.size_sd)
-    assert problem.reduced is served[1][1]
-    assert {one.placed.label for one in found.findings} > set(labels)
-    assert error(cabin, problem.reduced, THETA, HEAVY, [MASS]) < 0.01
-
-
-@pytest.mark.parametrize("away", [(2.9, 2.9), (0.35, 0.35)])
-def test_theta_is_found_with_the_effects_that_the_building_lists(cabin, monkeypatch, away):
-    """Wherever the search without them has ended."""
-    mass = 0.6
-    seen = observed(cabin, mass, 5)
-    heavier = with_effect(cabin.building, HEAVY[0], np.array([0.9 * mass]))
-    model = finder_model(cabin, heavier)
-
-    def ended(_, rough, __):
-        z = rough.z.clone()
-        z[:2] = torch.tensor(away, dtype=torch.float64).log()
-        return replace(rough, z=z)
-
-    monkeypatch.setattr("femupdate.discrepancy.search._rightly_named", ended)
-    problem, base = prepared(model, (frf_data(seen, model.building.floors, believed=COMPARING),))
-    np.testing.assert_allclose(base.theta()[0], THETA, rtol=0.02)
-    assert base.sizes()[0][0] == pytest.approx(mass, rel=0.03)
-    assert base.chi2 < 2.0 * problem.effective
 
 
 @pytest.fixture

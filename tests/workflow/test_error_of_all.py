@@ -57,23 +57,3 @@ def test_sizes_err_by_what_the_models_of_effects_err_by_about_their_neutral_valu
     assert (moved[..., :2] == draws.values[..., :2]).all()
     assert moved[..., 2].std() == pytest.approx(0.5 * errs, rel=0.032)
     assert moved[..., 2].mean() == pytest.approx(1.5, abs=4.0 * 0.5 * errs / np.sqrt(8000))
-
-
-def test_an_effect_without_an_error_of_its_own_stays():
-    exact = SimpleNamespace(effect=SimpleNamespace(own_error=0.0, parameters=(None,)))
-    stick = SimpleNamespace(
-        building=SimpleNamespace(kind="shear"), system=SimpleNamespace(placed=(exact,))
-    )
-    assert with_own_errors(POSTERIOR, stick, 1) is POSTERIOR
-
-
-def test_factors_stay_within_their_prior():
-    lower, upper = (0.8, 1.19, -0.5), (0.801, 1.2, 0.5)
-    narrow = Draws.of([0.8, 1.2, -0.1], lower, upper)
-    moved = with_error_of_all(narrow, model("of a mesh"), 1).values
-    assert (moved >= lower).all()
-    assert (moved <= upper).all()
-
-
-def test_a_stick_has_no_members_to_err():
-    assert with_error_of_all(POSTERIOR, model(None), 1) is POSTERIOR

@@ -77,15 +77,6 @@ def test_nothing_is_found_where_nothing_is_hidden(cabin, tmp_path):
     assert _found(cabin, tmp_path / "seen.csv").verdict == "none"
 
 
-def test_a_sensor_that_is_turned_shows_in_modes(cabin, tmp_path):
-    """Of two floors either may be it: the sign of a shape is free."""
-    _identified(tmp_path / "seen.csv", cabin.finder.structure, True)
-    found = _found(cabin, tmp_path / "seen.csv")
-    assert found.verdict == "indistinguishable"
-    both = {found.leading.placed.label, *found.twins}
-    assert both == {"reversed_channel@2F", "reversed_channel@RF"}
-
-
 def test_added_mass_shows_in_a_hammer_test(cabin, tmp_path):
     _hit(tmp_path / "seen.csv", cabin.finder.structure, True)
     found = _found(cabin, tmp_path / "seen.csv")

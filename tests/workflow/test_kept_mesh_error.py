@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -45,10 +44,6 @@ def test_that_of_another_mesh_is_not_taken(kept):
     study, building = kept
     finer = building.model_copy(update={"mesh": building.mesh.model_copy(update={"size": 0.2})})
     assert kept_mesh_error(study, finer) is None
-
-
-def test_one_of_an_earlier_version_that_holds_more_is_taken():
-    assert MeshError.of({**asdict(LEARNED), "points": 0.01}) == LEARNED
 
 
 @pytest.mark.parametrize("missing", [("share_sd",), ("shape", "share", "share_sd")])
@@ -98,10 +93,6 @@ def test_the_finer_mesh_is_softer_and_what_it_leaves_open_small(cabin, cabin_bui
     asked = torch.ones((1, 2)).double(), torch.tensor([0.03]).double(), model.frequency_hz
     moved = [one.system.log_frf(*asked) for one in (coarse, model)]
     assert 0.0 < open_.square().sum(0).mean().sqrt() < (moved[1] - moved[0]).square().mean().sqrt()
-
-
-def test_a_stick_has_no_mesh(tower, tower_model):
-    assert with_finer_mesh(tower, tower_model) is tower_model
 
 
 @pytest.mark.parametrize("damage", ["no terms", "a cut header", "an error without its size"])

@@ -97,17 +97,6 @@ def test_story_stiffness_is_theta_times_the_spring(tower, tower_model, record):
     assert (report.story_stiffness.q05 < report.story_stiffness.q95).all()
 
 
-def test_twice_the_record_is_twice_the_response(tower, tower_model, record):
-    once = predicted(tower, tower_model, record)
-    twice = predicted(tower, tower_model, record, scale=2.0)
-    reverse = predicted(tower, tower_model, record, scale=-1.0)
-    mean = once.summary.acceleration_mean
-    np.testing.assert_allclose(twice.summary.acceleration_mean, 2 * mean, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(reverse.summary.acceleration_mean, -mean, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(twice.peak_acceleration.q95, 2 * once.peak_acceleration.q95)
-    np.testing.assert_allclose(twice.story_stiffness.mean, once.story_stiffness.mean)
-
-
 def test_damping_is_the_posterior_s_own_unless_one_is_given(tower, tower_model, record):
     own = predicted(tower, tower_model, record)
     zeta = load_posterior(tower.path("posterior.nc")).thinned(20, 0)[:, -1].numpy()
@@ -137,122 +126,12 @@ def test_a_law_of_its_own_takes_no_ratio(tmp_path, tower_file, tower_observation
         predicted(study, model, record, PredictionSettings(samples=20, damping=0.02))
 
 
-def test_a_fixed_ratio_gives_way_to_one_that_is_asked_for(
-    tmp_path, tower_file, tower_observation, record
-):
-    """A building without a range of zeta keeps its file's ratio, but for --damping."""
-    from femupdate.study import Study
-
-    text = tower_file.read_text().replace("[prior.zeta]\nlower = 0.01\nupper = 0.1\n", "")
-    file = tmp_path / "fixed.toml"
-    file.write_text(text)
-    study = Study(tmp_path / "study")
-    model = open_study(study, str(file))
-    settings = CalibrationSettings(particles=200, exact=True, chains=1)
-    calibrate_study(study, model, ObservationSource(tower_observation.path), settings)
-    own = predicted(study, model, record)
-    assert own.damping == "0.05 in all modes, the building file's"
-    light = predicted(study, model, record, PredictionSettings(samples=20, damping=0.01))
-    assert light.damping == "0.01 in all modes"
-    assert (light.peak_acceleration.mean > 1.05 * own.peak_acceleration.mean).all()
-
-
-GRAVITY = 9.80665
-
-
-def plain_text(wave):
-    rows = [f"{k * STEP:.2f}  {a / GRAVITY:.9f}" for k, a in enumerate(wave)]
-    return "# time (s), acceleration\n" + "\n".join(rows) + "\n"
-
-
-def peer_text(wave):
-    words = [f"{a / GRAVITY:15.7E}" for a in wave]
-    rows = ["".join(words[k : k + 5]) for k in range(0, len(words), 5)]
-    head = [
-        "PEER NGA STRONG MOTION DATABASE RECORD",
-        "Testville, 1/17/1995, Station, 90",
-        "ACCELERATION TIME SERIES IN UNITS OF G",
-        f"NPTS= {len(wave)}, DT= .0200 SEC,",
-    ]
-    return "\n".join([*head, *rows]) + "\n"
-
-
-def csmip_text(wave):
-    """Volume 1: counted columns of nine, no zero before the point."""
-    words = [f"{a / GRAVITY:.6f}".replace("0.", ".", 1).rjust(9) for a in wave]
-    rows = ["".join(words[k : k + 8]) for k in range(0, len(words), 8)]
-    channels = []
-    for number, sign in ((1, "90 Deg"), (2, "Up")):
-        channels += [
-            "Uncorrected Accelerogram Data             Processed: 07/06/19, CGS  test",
-            "Station Id. TST     35.816N, 117.598W",
-            f"Chan  {number}: {sign}",
-            "    1  100    1    3    3  100 -999    3",
-            f" {len(wave)} Accelerogram points at 50 pts/sec in units of g.       "
-            "Format: (8f9.6)  ",
-            *rows,
-            f"/&  ----------  End of Data for Station Channel   {number}  ----------",
-        ]
-    return "\n".join(channels) + "\n"
-
-
-def jma_text(wave):
-    head = [
-        "SITE CODE= 50101KOBE,135.18,34.69",
-        " LAT.=  34.6900",
-        " LON.= 135.1800",
-        " SAMPLING RATE= 50Hz",
-        " UNIT  = gal(cm/s/s)",
-        "INITIAL TIME = 1995 01 17 05 46 26",
-        " NS,EW,UD",
-    ]
-    rows = [f"{-50 * a:.4f},{100 * a:.4f},{10 * a:.4f}" for a in wave]
-    return "\n".join([*head, *rows]) + "\n"
-
-
-@pytest.mark.parametrize(
-    ("write", "options", "said"),
-    [
-        (plain_text, {"unit": "g"}, "Record motion 1:"),
-        (peer_text, {}, "Record motion 90:"),
-        (csmip_text, {"channel": "1"}, "Record motion 90 Deg:"),
-        (jma_text, {"channel": "EW"}, "Record motion EW:"),
-    ],
-)
-def test_one_motion_in_four_formats(
-    tower, tower_model, record, wave, tmp_path, write, options, said
-):
-    path = tmp_path / "motion.txt"
-    path.write_text(write(wave))
-    expected = predicted(tower, tower_model, record).summary.acceleration_mean
-    found = predicted(tower, tower_model, path, **options)
-    # The coarsest of the files has six decimals of g: 5e-6 m/s2, some times amplified.
-    np.testing.assert_allclose(found.summary.acceleration_mean, expected, atol=1e-4)
-    assert any(said in note for note in found.notes)
-
-
 def test_the_shipped_record(tower, tower_model):
     report = predicted(tower, tower_model, SHIPPED, PredictionSettings(samples=3))
     assert any("peak 3.38 m/s², 90.0 s at 100 Hz" in note for note in report.notes)
     # It holds motion up to 50 Hz, the tower's grid ends at 12 Hz.
     assert any("checked up to 12 Hz" in note for note in report.notes)
     assert report.summary.acceleration_mean.shape == (2, 9001)
-
-
-def test_nominal_masses_are_told(tmp_path, tower_file, tower_observation, record):
-    from femupdate.study import Study
-
-    file = tmp_path / "nominal.toml"
-    file.write_text(
-        tower_file.read_text().replace('kind = "shear"', 'kind = "shear"\nmasses_known = false')
-    )
-    study = Study(tmp_path / "study")
-    model = open_study(study, str(file))
-    settings = CalibrationSettings(particles=200, exact=True, chains=1)
-    calibrate_study(study, model, ObservationSource(tower_observation.path), settings)
-    assert any(
-        "masses of this building are nominal" in n for n in predicted(study, model, record).notes
-    )
 
 
 @pytest.fixture(scope="module")
@@ -275,23 +154,6 @@ def test_prediction_meets_what_was_measured(tower, tower_model, base, tower_obse
     assert (comparison.correlation > 0.999).all()
     np.testing.assert_allclose(comparison.peak_ratio, 1.0, atol=0.05)
     assert ((comparison.within_band > 0.05) & (comparison.within_band <= 1.0)).all()
-
-
-def test_measured_floors_may_be_some(tower, tower_model, base, tower_observation, tmp_path):
-    """Two sensors on the roof, averaged, and none on the second floor; scaled like the record."""
-    rows = [
-        row.split(",")
-        for row in tower_observation.path.read_text().splitlines()
-        if not row.startswith("#")
-    ]
-    kept = ["time_s,base,RF:1,RF:2", "s,m/s2,m/s2,m/s2"]
-    for time, ground, _, roof in rows[2:]:
-        kept.append(f"{time},{ground},{float(roof) * 1.5:.9g},{float(roof) * 0.5:.9g}")
-    path = tmp_path / "roof.csv"
-    path.write_text("\n".join(kept) + "\n")
-    report = predicted(tower, tower_model, base, FEW, measured=path, scale=0.5)
-    assert report.comparison.floors == ("RF",)
-    assert report.comparison.relative_error[0] < 0.04
 
 
 @pytest.mark.parametrize(
@@ -364,13 +226,6 @@ def test_floor_spectra_and_their_pictures(tower, tower_model, record):
         assert kept.dims == ("floor", "oscillator_hz")
 
 
-def test_samples_are_as_many_as_asked_for_or_there(tower, tower_model, record):
-    assert len(predicted(tower, tower_model, record, PredictionSettings(samples=7)).summary) == 7
-    assert (
-        len(predicted(tower, tower_model, record, PredictionSettings(samples=900)).summary) == 400
-    )
-
-
 def test_one_seed_one_prediction(tower, tower_model, record):
     seeds = (1, 1, 2)
     means = [
@@ -381,12 +236,6 @@ def test_one_seed_one_prediction(tower, tower_model, record):
     ]
     np.testing.assert_array_equal(means[0], means[1])
     assert not np.array_equal(means[0], means[2])
-
-
-def test_without_a_posterior(tower, tower_model, record):
-    tower.path("posterior.nc").unlink()
-    with pytest.raises(StudyError, match="run `femupdate calibrate` first"):
-        predicted(tower, tower_model, record)
 
 
 def test_a_posterior_of_another_model(tower, tmp_path, tower_file, record):

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.reader import read_measured
-from femupdate.progress import SILENT
 from femupdate.study import Study, file_hash
-from femupdate.workflow import observed
-from femupdate.workflow.calibrate import calibrate_study, check_calibration
+from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
-from femupdate.workflow.finder_data import read_given
 from femupdate.workflow.kinds import measured_of
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, readable
@@ -23,34 +19,6 @@ from femupdate.workflow.status import study_status
 @pytest.fixture
 def path(tower_observation, tmp_path):
     return shutil.copy(tower_observation.path, tmp_path / "run.csv")
-
-
-@pytest.fixture
-def reads(monkeypatch):
-    """Paths that are read, as they are."""
-    found = []
-
-    def counted(path):
-        found.append(path)
-        return read_measured(path)
-
-    monkeypatch.setattr(observed, "read_measured", counted)
-    return found
-
-
-def test_a_calibration_reads_its_file_once(path, reads, tower_file, tmp_path):
-    study, source = Study(tmp_path / "study"), readable({}, path)
-    settings = CalibrationSettings(particles=200, exact=True)
-    check_calibration(study, source, settings, str(tower_file))
-    calibrate_study(study, open_study(study, str(tower_file)), source, settings)
-    assert reads == [path]
-
-
-def test_so_does_the_search_for_what_is_missing(path, reads, calibrated):
-    study = Study(calibrated)
-    given = read_given(study, open_study(study), readable({}, path), None, SILENT)
-    assert len(given.measured.base.halves) == 2
-    assert reads == [path]
 
 
 def test_a_file_that_changes_on_the_way_changes_nothing(path, tower_model):

@@ -16,11 +16,7 @@ from femupdate.effects import structure_of
 from femupdate.errors import StudyError
 from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import Observation
-from femupdate.report import rendering
-from femupdate.report.rendering import Rendering
-from femupdate.study import Study
 from femupdate.workflow.model import open_study
-from femupdate.workflow.pictures_modes import levels_with_base
 from femupdate.workflow.render import render_study
 
 
@@ -45,11 +41,6 @@ def test_the_modes_of_a_lumped_building(tower, tower_model, tower_modes):
     # All modes of sticks fit one picture.
     assert report.pictures == (tower.path("pictures", "modes.png"),) * 2
     shown(report.pictures[0])
-
-
-def test_as_many_modes_as_asked_for(tower, tower_model):
-    assert len(render_study(tower, tower_model, modes=1, samples=5).modes) == 1
-    assert len(render_study(tower, tower_model, modes=12, samples=5).modes) == 2
 
 
 @pytest.fixture
@@ -113,27 +104,6 @@ def test_a_mode_is_drawn_by_its_number(cabin):
         render_study(study, model, wanted=(99,))
 
 
-def test_without_graphics_matplotlib_draws(cabin, monkeypatch):
-    study, model, _ = cabin
-    monkeypatch.setattr(rendering, "rendering", lambda: Rendering(False, "no libraries"))
-    report = render_study(study, model, modes=1, samples=5)
-    shown(report.pictures[0])
-
-
-def test_a_posterior_is_needed(tower, tower_model):
-    tower.path("posterior.nc").unlink()
-    with pytest.raises(StudyError, match="run `femupdate calibrate` first"):
-        render_study(tower, tower_model)
-
-
-def test_a_posterior_of_another_model_is_not_drawn(tower, tmp_path, snapshot):
-    other = open_study(Study(tmp_path / "other"), "shear_3dof")
-    before = snapshot(tower.folder)
-    with pytest.raises(StudyError, match="made from another building"):
-        render_study(tower, other)
-    assert snapshot(tower.folder) == before
-
-
 def rotation(angle):
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
@@ -171,11 +141,6 @@ def test_modes_that_the_base_does_not_drive_are_left_out(tower_model):
     assert driven_modes(second, modes, 5) == [1]
 
 
-def test_levels_of_sticks(tower_model, cabin_study):
-    np.testing.assert_allclose(levels_with_base(tower_model.building), [0, 1, 2])
-    np.testing.assert_allclose(levels_with_base(open_study(cabin_study).building), [0, 3.2, 6.0])
-
-
 def test_the_modes_that_matter_to_the_data_come_first(tower, tower_model):
     """Over all frequencies the second does; in a narrow band about the first, that one."""
     posterior = load_posterior(tower.path("posterior.nc"))
@@ -194,48 +159,6 @@ def test_the_modes_that_matter_to_the_data_come_first(tower, tower_model):
     assert any(line.startswith("  - Influence: ") for line in report.lines())
 
 
-def texts_drawn(monkeypatch):
-    """Titles and notes of the pictures that are drawn from now on."""
-    from femupdate.report import animation, plot_sticks, scenes
-    from femupdate.report.figure import add_head
-
-    said = []
-
-    def heard(figure, title, *others, note="", **further):
-        said.append((title, note, [panel.get_title(loc="left") for panel in figure.axes]))
-        add_head(figure, title, *others, note=note, **further)
-
-    for module in (animation, plot_sticks, scenes):
-        monkeypatch.setattr(module, "add_head", heard)
-    return said
-
-
-def test_a_picture_of_sticks_says_which_mode_matters_most(tower, tower_model, monkeypatch):
-    """Also where they are drawn in the order in which they were asked for."""
-    said = texts_drawn(monkeypatch)
-    first, second = render_study(tower, tower_model, wanted=(1, 2), samples=5).modes
-    ((_, note, headings),) = said
-    assert "place in influence" in note
-    assert [heading.split("\n")[-1] for heading in headings] == [
-        f"2nd, {first.influence:.3g} × noise",
-        f"1st, {second.influence:.3g} × noise",
-    ]
-
-
-def test_pictures_of_frames_say_what_matters_to_the_data(cabin, monkeypatch):
-    """Both the still picture and the one that moves."""
-    study, model, _ = cabin
-    said = texts_drawn(monkeypatch)
-    report = render_study(study, model, modes=2, samples=5, animated=True)
-    assert [mode.rank for mode in report.modes] == [1, 2]
-    notes = {title: note for title, note, _ in said}
-    assert len(notes) == 2
-    for mode, (title, note) in zip(report.modes, notes.items(), strict=True):
-        assert title.startswith(f"Mode {mode.number} ({mode.direction})")
-        assert mode.matters in note
-        assert mode.matters.startswith(("1st", "2nd")[mode.rank - 1])
-
-
 def test_modes_move(tower, tower_model):
     from PIL import Image
 
@@ -246,18 +169,3 @@ def test_modes_move(tower, tower_model):
         first = np.asarray(picture.convert("RGB"))
         picture.seek(8)
         assert (np.asarray(picture.convert("RGB")) != first).mean() > 0.001
-
-
-def test_a_mesh_moves_without_opengl(tmp_path, cabin_file):
-    from PIL import Image
-
-    from femupdate.building import load_building, mesh_building
-    from femupdate.report.animation import mode_animation
-    from femupdate.report.geometry import Geometry
-
-    geometry = Geometry.of_model(mesh_building(load_building(str(cabin_file))).model)
-    shape = np.zeros_like(geometry.nodes)
-    shape[:, 0] = geometry.nodes[:, 2]
-    path = mode_animation(geometry, shape, tmp_path / "sway.gif", renderer="matplotlib")
-    with Image.open(path) as picture:
-        assert picture.n_frames == 16

@@ -1,29 +1,22 @@
 """Tables for spreadsheets hold what was computed, one thing a row, with units."""
 
 import csv
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from femupdate.cli.main import group
 
-from femupdate.building import factor_titles, load_building
+from femupdate.building import load_building
 from femupdate.dynamics.members import CutMember, MemberForces
 from femupdate.dynamics.summary import Statistics
 from femupdate.inference.posterior import load_posterior
-from femupdate.report.scale import interval_text
 from femupdate.result import Result
-from femupdate.workflow.predict import force_curves
 from femupdate.workflow.prediction_quantities import (
-    DrawnQuantity,
-    force_scales,
     member_tables,
     quantities,
-    quantity_tables,
     tidy_table,
 )
-from femupdate.workflow.summary import effect_title
 
 
 def rows_of(path):
@@ -131,15 +124,6 @@ def test_largest_forces_of_members_have_one_unit_each(members):
     assert len(rows[0]) == len(head)
 
 
-def test_pictures_of_members_have_the_units_of_the_tables(members):
-    time = np.linspace(0.0, 10.0, 500)
-    wave = np.sin(2 * np.pi * time)
-    wall = replace(members[0], mean=members[0].mean * wave, sd=0.0 * members[0].mean * wave)
-    curves = force_curves(time, wall, force_scales(members))
-    assert [one.up for one in curves] == ["N, kN", "V, kN", "M, kN m"]
-    assert [np.ptp(one.mean) for one in curves] == pytest.approx([11.0, 64.6, 81.9], rel=0.01)
-
-
 class Members(Result):
     """Forces of members alone."""
 
@@ -171,21 +155,3 @@ def test_the_posterior_and_its_responses(calibrated, tower_observation, tower_fi
     used = [row for row in fit if row["used"] == "1"]
     ratio = [float(row["predicted_abs_h"]) / float(row["measured_abs_h"]) for row in used]
     assert np.median(np.abs(np.log(ratio))) < 0.1
-
-
-def test_titles_say_what_a_parameter_is_of():
-    from femupdate.building import load_building
-
-    assert factor_titles(load_building("shear_3dof"))["theta_2"] == "story S2"
-    title = effect_title("added_mass@3F.size")
-    assert title == "Added mass at 3F: share of the floor's mass"
-    assert effect_title("zeta") == "zeta"
-
-
-def test_figures_follow_their_spread():
-    assert interval_text(1.23456, 0.0123, 1.21, 1.2512) == "1.235 [1.210, 1.251]"
-    assert interval_text(1234.5, 10.0, 1220.0, 1250.0) == "1234 [1220, 1250]"
-    assert interval_text(0.0, 0.0, 0.0, 0.0) == "0.000 [0.000, 0.000]"
-    one = DrawnQuantity("drift", "mm", ("S1",), np.array([[1.0], [2.0]]))
-    (told,) = quantity_tables([one])
-    assert told.text().splitlines()[0].split() == ["drift,", "mm"]

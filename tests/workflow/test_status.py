@@ -115,13 +115,6 @@ def test_interrupted_work_and_inner_studies_are_named(look):
     assert report.studies == (study.path("repaired"),)
 
 
-def test_an_empty_folder_asks_for_a_building(tmp_path):
-    report = study_status(Study(tmp_path / "nothing"))
-    assert (report.building, report.holds) == (None, ())
-    assert "build-model NAME" in report.next[0][0]
-    assert not (tmp_path / "nothing").exists()
-
-
 @pytest.mark.parametrize(("name", "next_command"), [("shear_3dof", "calibrate"), (None, "exact")])
 def test_without_a_posterior_the_way_to_one_is_shown(tmp_path, tower_file, name, next_command):
     from femupdate.workflow.model import open_study

@@ -14,17 +14,13 @@ import pytest
 import torch
 from safetensors import safe_open
 
-from femupdate.building import load_building
 from femupdate.errors import SurrogateError
 from femupdate.study import Study
-from femupdate.surrogate import storage as surrogates
 from femupdate.surrogate.storage import find_surrogate, load_surrogate, require_surrogate
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.train import (
     check_samples,
-    default_settings,
-    network_sizes,
     train_study,
 )
 
@@ -106,18 +102,6 @@ def test_a_second_training_is_skipped(copy, snapshot):
     assert snapshot(copy.folder) == before
 
 
-def test_a_fresh_training_replaces_it(copy):
-    before = weights(copy.path("surrogate.safetensors"))
-    settings = TrainingSettings(epochs=1, batch=64, seed=7)
-    report = train_study(copy, open_study(copy), 200, settings, fresh=True)
-    assert report.trained
-    after = weights(report.path)
-    assert before.keys() == after.keys()
-    assert any(not np.array_equal(before[name], after[name]) for name in before)
-    assert header(report.path)["settings"]["samples"] == 200
-    assert find_surrogate(copy, open_study(copy).building) is not None
-
-
 def command(study, *options):
     script = Path(sys.executable).with_name("femupdate")
     words = ("train", "--samples", SAMPLES, "--epochs", EPOCHS, "--batch", 64, "--study", study)
@@ -173,15 +157,6 @@ def test_a_killed_training_goes_on_to_the_same_surrogate(trained, tmp_path, towe
     assert left == {path.name for path in straight.path.parent.iterdir()}
 
 
-def test_an_abandoned_data_set_is_removed_with_the_rest(copy):
-    stale = copy.path("dataset", "of-another-plan")
-    stale.mkdir(parents=True)
-    (stale / "0000.npz").write_bytes(b"old")
-    settings = TrainingSettings(epochs=1, batch=64)
-    train_study(copy, open_study(copy), 200, settings, fresh=True)
-    assert not copy.path("dataset").exists()
-
-
 def test_a_checkpoint_of_another_training_is_named(copy):
     """As left by a training with other settings that was killed."""
     copy.path("training.safetensors").write_bytes(b"not a checkpoint")
@@ -198,12 +173,6 @@ def test_samples_must_fill_a_batch(samples, batch, fits):
     else:
         with pytest.raises(SurrogateError, match="110 samples are too few for batches of 105"):
             check_samples(samples, settings)
-
-
-def test_too_few_samples_leave_no_data_set(copy):
-    with pytest.raises(SurrogateError, match="too few"):
-        train_study(copy, open_study(copy), 60, SMALL, fresh=True)
-    assert not copy.path("dataset").exists()
 
 
 def test_the_study_s_own_surrogate_is_taken_while_it_fits(copy, tower_file):
@@ -232,31 +201,3 @@ def test_what_to_do_without_a_surrogate(tower, tower_model):
         require_surrogate(spaced, tower_model.building, "my tower.toml")
     # As it can be pasted into a shell.
     assert "--study 'my study' --building 'my tower.toml'`" in str(caught.value)
-
-
-def test_a_shipped_surrogate_is_taken_by_name_and_mechanics(
-    trained, tmp_path, tower_file, monkeypatch
-):
-    shutil.copy(trained[1].path, tmp_path / "tower.safetensors")
-    monkeypatch.setattr(surrogates, "files", lambda package: tmp_path)
-    study = Study(tmp_path / "study")
-    found = find_surrogate(study, load_building(str(tower_file)))
-    assert found is not None
-    assert found[1] == tmp_path / "tower.safetensors"
-    other = tmp_path / "other.toml"
-    other.write_text(tower_file.read_text().replace(*STIFFER))
-    assert find_surrogate(study, load_building(str(other))) is None
-    other.write_text(tower_file.read_text().replace('name = "tower"', 'name = "keep"'))
-    assert find_surrogate(study, load_building(str(other))) is None
-
-
-def test_settings_follow_the_building(tower_model, tmp_path, tower_file):
-    sizes = network_sizes(tower_model)
-    assert (sizes.floors, sizes.points, sizes.parameters) == (2, 60, 2)
-    settings = default_settings(tower_model, epochs=7, seed=3, roof_share=0.9)
-    assert (settings.loss.noise_sd, settings.epochs, settings.seed) == (0.2, 7, 3)
-    assert settings.full_share == pytest.approx(0.1)
-    quiet = tmp_path / "quiet.toml"
-    quiet.write_text(tower_file.read_text() + "\n[observation]\nnoise_sd = 0.1\n")
-    model = open_study(Study(tmp_path / "study"), str(quiet))
-    assert default_settings(model).loss.noise_sd == 0.1

@@ -2,14 +2,12 @@
 
 import copy
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from femupdate.benchmarks.calibration.cases import Judged, simulate
 from femupdate.benchmarks.calibration.run import (
     CalibrationPlan,
-    calibrated,
     run_calibration,
 )
 from femupdate.benchmarks.calibration.tables import predictive_rows, scores
@@ -18,7 +16,7 @@ from femupdate.benchmarks.shear4dof.case import roof_log_frf
 from femupdate.benchmarks.shipped import benchmark_model, shipped_surrogate, surrogate_mark
 
 from femupdate.inference.diagnostics import PredictiveCheck
-from femupdate.surrogate.storage import Surrogate, load_surrogate, save_surrogate
+from femupdate.surrogate.storage import Surrogate
 
 
 @pytest.fixture(scope="module")
@@ -78,18 +76,6 @@ def test_predictive_p_values_are_told_by_their_quantiles():
     assert predictive_rows("data-space", []) == []
 
 
-@pytest.mark.slow
-def test_small_run(tmp_path):
-    plan = CalibrationPlan(cases=10, particles=300)
-    report = run_calibration(Job(tmp_path, 3), plan)
-    content = report.content()
-    # Ten cases: seven or more of the truths in the 90 % region but once in a hundred.
-    assert content["exact"]["density"]["found"][2] >= 0.7
-    assert len(content["density_levels"]) == 10
-    assert report.json.name == "calibration_shear_4dof_roof.json"
-    assert "data-space, highest density" in report.text
-
-
 def test_unknown_damping_is_integrated_over_and_a_run_goes_on(tmp_path):
     floors = ("2F", "RF")
     plan = CalibrationPlan(building="shear_3dof", floors=floors, cases=3, particles=300, beside=1)
@@ -115,17 +101,3 @@ def test_unknown_damping_is_integrated_over_and_a_run_goes_on(tmp_path):
     log.write_text("\n".join([*lines[:-1], lines[-1][:100]]))
     assert run_calibration(job, plan).text == report.text
     assert log.read_text().splitlines()[:-1] == lines[:-1]
-
-
-def test_a_calibrated_surrogate_keeps_its_figures(model, tmp_path):
-    surrogate = shipped_surrogate(model.building)
-    shown = SimpleNamespace(start=lambda *_: None, advance=lambda *_: None, say=print)
-    found = calibrated(surrogate, model, cases=3, seed=1, progress=shown)
-    assert 0.25 <= found.info.likelihood_power <= 4.0
-    assert found.info.calibration["floors"] == ["any"]
-    save_surrogate(found, tmp_path / "again.safetensors")
-    again = load_surrogate(tmp_path / "again.safetensors")
-    assert again.info == found.info
-    before, after = surrogate.mvae.state_dict(), again.mvae.state_dict()
-    # Means of ln|H|, up to 7 in size, are kept in half precision: .004 is far below the noise.
-    assert all(np.allclose(before[name], after[name], atol=4e-3) for name in before)
