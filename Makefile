@@ -12,7 +12,7 @@ check:
 	pytest -m "not slow" tests/test_*.py tests/fe tests/building tests/dynamics tests/effects
 
 test:
-	pytest -n auto --dist worksteal
+	pytest -n auto
 
 docs:
 	mkdocs build --strict

@@ -2,13 +2,12 @@
 
 import errno
 import os
-import stat
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from femupdate.errors import MeasurementError, StudyError
-from femupdate.storage import atomic_path, write_bytes
+from femupdate.storage import atomic_path
 
 
 def names(folder):
@@ -68,12 +67,6 @@ def test_a_file_that_may_not_grow(tmp_path):
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
 
 
-def test_bytes_are_written_whole(tmp_path):
-    write_bytes(tmp_path / "deep" / "f.bin", b"abc")
-    assert (tmp_path / "deep" / "f.bin").read_bytes() == b"abc"
-    assert names(tmp_path / "deep") == ["f.bin"]
-
-
 @pytest.mark.parametrize(
     "text",
     [
@@ -87,28 +80,6 @@ def test_other_libraries_report_a_full_disk_in_words(tmp_path, text):
 
     with pytest.raises(StudyError, match="the disk is full"), atomic_path(tmp_path / "f"):
         raise LibraryError(text)
-
-
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write it")
-def test_a_folder_without_permission(tmp_path):
-    tmp_path.chmod(0o500)
-    with pytest.raises(StudyError, match="Permission denied"), atomic_path(tmp_path / "f"):
-        pass
-    tmp_path.chmod(0o700)
-
-
-@pytest.mark.skipif(os.name == "nt", reason="permissions of POSIX")
-@pytest.mark.parametrize("umask", [0o022, 0o077, 0o002])
-def test_permissions_are_those_of_any_new_file(tmp_path, umask):
-    before = os.umask(umask)
-    try:
-        with atomic_path(tmp_path / "f") as temporary:
-            temporary.write_text("x")
-        (tmp_path / "plain").write_text("x")
-    finally:
-        os.umask(before)
-    modes = {stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("f", "plain")}
-    assert modes == {0o666 & ~umask}
 
 
 @pytest.mark.skipif(os.name == "nt", reason="permissions of POSIX")

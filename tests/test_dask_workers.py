@@ -2,21 +2,16 @@
 
 import contextlib
 import math
-import multiprocessing
 import os
 import socket
 import threading
 import time
 
-import numpy as np
 import pytest
 import torch
 
 from femupdate.building import load_building
-from femupdate.dynamics.local_basis import local_structure
-from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import System
-from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.errors import WorkersError
 from femupdate.inference.parameters import theta_prior
 from femupdate.surrogate import dataset as room
@@ -92,33 +87,6 @@ def test_a_data_set_is_the_same_when_a_worker_is_killed(
     assert pieces == [f"{k:04d}.npz" for k in range(15)]
 
 
-def test_a_reduction_is_the_same(processes, cabin_file):
-    """Full models: 45 of them, solved on the workers."""
-    cabin = load_building(str(cabin_file))
-    serial = reduce_building(cabin)
-    with working_on(processes):
-        shared = reduce_building(cabin)
-    assert shared.rms_error == serial.rms_error
-    np.testing.assert_array_equal(
-        shared.reduced.model.stiffness_terms, serial.reduced.model.stiffness_terms
-    )
-
-
-def test_a_basis_about_an_effect_is_the_same(processes, cabin_file):
-    """Its size comes from the static shape: a structure is sent that was used here before."""
-    target = ReductionTarget(
-        np.full(2, 1 / 3), np.full(2, 3.0), np.linspace(0.2, 30.0, 150), 0.02, 0.01, samples=16
-    )
-    brace = Placed(CATALOGUE["brace"], "ground-RF")
-    bases = []
-    for workers in ("none", processes):
-        structure = structure_of(load_building(str(cabin_file)))
-        with working_on(workers):
-            local = local_structure(structure, np.ones(2), target, present=[((brace, 0.5),)])
-        bases.append(local.basis)
-    np.testing.assert_array_equal(*bases)
-
-
 def test_what_fails_there_is_said_here(processes):
     with working_on(processes), pytest.raises(ValueError, match="math domain error"):
         list(everywhere(math.sqrt, [4.0, -1.0]))
@@ -158,21 +126,6 @@ def test_workers_that_cannot_do_the_work_are_refused(tmp_path, there):
         dask_executor(cluster.scheduler_address),
     ):
         pass
-
-
-def test_a_process_that_ends_while_it_starts(tmp_path):
-    pytest.importorskip("distributed", reason="the extra is not installed")
-    import dask
-
-    ends = preload(tmp_path, "import os", "os.kill(os.getpid(), 9)")
-    before = set(multiprocessing.active_children())
-    with (
-        dask.config.set({"distributed.worker.preload": ends}),
-        pytest.raises(WorkersError, match="local ended while it was starting; run the command"),
-        dask_executor("local"),
-    ):
-        pass
-    assert not set(multiprocessing.active_children()) - before
 
 
 def test_a_scheduler_that_is_not_there(monkeypatch):

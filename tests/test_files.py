@@ -12,12 +12,6 @@ from femupdate.measurement.record import read_record
 from femupdate.storage import read_file
 
 
-def test_content_and_head(tmp_path):
-    (tmp_path / "f").write_bytes(b"abcdef")
-    assert read_file(tmp_path / "f", 10, StudyError) == b"abcdef"
-    assert read_file(tmp_path / "f", 1, StudyError, limit=3) == b"abc"
-
-
 def test_a_file_that_is_too_large(tmp_path):
     (tmp_path / "f").write_bytes(bytes(2_000_001))
     with pytest.raises(StudyError, match=r"f has 2 MB, more than the 1 MB .*split it"):

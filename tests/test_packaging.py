@@ -56,13 +56,6 @@ def test_the_record_of_a_study_needs_nothing_heavy():
     assert loaded_after(light).isdisjoint(HEAVY)
 
 
-def test_computing_needs_no_pictures():
-    rooms = ("dynamics.reduction", "inference.posterior", "inference.smc", "surrogate.training")
-    loaded = loaded_after("\n".join(f"import femupdate.{name}" for name in rooms))
-    assert "torch" in loaded
-    assert loaded.isdisjoint({"pyvista", "vtk", "matplotlib", "xarray", "pandas", "arviz"})
-
-
 def test_the_steps_of_the_work_draw_nothing():
     steps = ("build", "calibrate", "predict", "diagnose", "repair", "train", "render")
     steps = (*(f"workflow.{name}" for name in steps), "simulation.simulate")
@@ -106,25 +99,6 @@ def test_everything_imported_is_declared():
     assert not wrong
 
 
-def test_every_package_has_an_init_file():
-    files = python_files()
-    for package in project()["tool"]["setuptools"]["packages"]:
-        assert f"{package.replace('.', '/')}/__init__.py" in files
-
-
-def test_no_name_is_used_twice():
-    """cli, models and examples must not be sub-packages of the folder femupdate as well."""
-    for package in FOLDERS.values():
-        inside = ROOT / package.replace(".", "/")
-        assert package == "femupdate" or not inside.exists()
-
-
-def test_the_version_is_one_and_the_same():
-    import femupdate
-
-    assert project()["project"]["version"] == femupdate.__version__
-
-
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     """A wheel built from a copy of what is in the repository, without the network."""
@@ -161,16 +135,6 @@ def test_the_wheel_holds_every_file_and_nothing_else(wheel):
     names = {name for name in wheel.namelist() if ".dist-info/" not in name}
     assert "femupdate/models/shear_4dof.toml" in names
     assert names == python_files() | data_files()
-
-
-def test_nothing_of_a_plain_name_reaches_the_environment(wheel):
-    tops = {name.split("/")[0] for name in wheel.namelist()}
-    assert tops == {"femupdate", next(top for top in tops if top.endswith(".dist-info"))}
-
-
-def test_the_wheel_brings_the_command(wheel):
-    (name,) = (name for name in wheel.namelist() if name.endswith("entry_points.txt"))
-    assert "femupdate = femupdate.cli.main:main" in wheel.read(name).decode()
 
 
 def test_benchmarks_are_in_a_checkout_alone(wheel, tmp_path):

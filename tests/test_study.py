@@ -1,7 +1,6 @@
 """The study folder: what is recorded, found, missed and refused."""
 
 import json
-import os
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -224,26 +223,6 @@ def test_the_study_of_a_newer_femupdate_is_refused(recorded):
     newer = {**content, "layout": LAYOUT + 1, "femupdate": "9.1", "artefacts": {"x": {"a": 1}}}
     recorded.path(MANIFEST).write_text(json.dumps(newer))
     with pytest.raises(StudyError, match=r"newer femupdate \(9\.1, this is .*update femupdate"):
-        recorded.artefacts()
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of POSIX")
-def test_a_pipe_in_place_of_a_file(recorded):
-    path = recorded.path("posterior.nc")
-    path.unlink()
-    os.mkfifo(path)
-    assert recorded.find("posterior", MADE_FROM) is None
-    with pytest.raises(StudyError, match="holds no posterior"):
-        recorded.require("posterior", "calibrate")
-    recorded.path(MANIFEST).unlink()
-    os.mkfifo(recorded.path(MANIFEST))
-    with pytest.raises(StudyError, match=r"study\.json is a pipe or a device"):
-        recorded.artefacts()
-
-
-def test_bytes_that_are_no_text(recorded):
-    recorded.path(MANIFEST).write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(StudyError, match="cannot be read"):
         recorded.artefacts()
 
 

@@ -9,7 +9,6 @@ from femupdate.building import (
     FrameBuilding,
     building_hash,
     building_text,
-    from_document,
     load_building,
     mechanics_hash,
     save_building,
@@ -79,13 +78,6 @@ def test_a_new_effect_leaves_the_text_and_its_comments(tmp_path):
     assert "# " in again.source
 
 
-def test_a_building_made_in_python_has_its_figures_with_units(tmp_path):
-    made = from_document(to_document(load_building("six_story_wall_frame")))
-    lines = save_building(made, tmp_path / "six.toml").read_text(encoding="utf-8").splitlines()
-    assert 'youngs_modulus = "24.4 kN/mm2"' in lines
-    assert load_building(tmp_path / "six.toml") == made
-
-
 def test_missing_file_lists_shipped_names_and_the_nearest():
     with pytest.raises(BuildingError) as error:
         load_building("six_story_wall_fram")
@@ -125,16 +117,6 @@ def test_what_changes_the_mechanics_hash(small_text, tmp_path, old, new, changes
     first, second = (load_building(path) for path in paths)
     assert building_hash(first) != building_hash(second)
     assert (mechanics_hash(first) != mechanics_hash(second)) == changes
-
-
-def test_fixed_constant_damping_is_mechanics(small_text, tmp_path):
-    text = small_text.replace("[prior.zeta]\nlower = 0.01\nupper = 0.05\n", "")
-    hashes = []
-    for ratio in ("0.02", "0.03"):
-        path = tmp_path / "x.toml"
-        path.write_text(text.replace("ratio = 0.02", f"ratio = {ratio}"), encoding="utf-8")
-        hashes.append(mechanics_hash(load_building(path)))
-    assert hashes[0] != hashes[1]
 
 
 def test_masses_of_a_frame_may_be_nominal(tmp_path):

@@ -156,27 +156,6 @@ def test_a_deep_column_is_stiff_along_its_depth(make_document):
     assert first[0] > 10 * first[1]  # the weak axis bends along x, where the width lies
 
 
-def test_sensor_points_are_where_the_file_says(small):
-    mesh = mesh_building(small)
-    assert mesh.direction == 0
-    for floor, level in (("2F", 3.2), ("RF", 6.0)):
-        expected = [[4.0, 0.0, level], [4.0, 5.0, level]]
-        np.testing.assert_allclose(mesh.model.nodes[mesh.floor_nodes[floor]], expected, atol=1e-12)
-
-
-def test_one_floor_may_have_points_of_its_own(small_text, tmp_path):
-    text = small_text.replace(
-        '"Q-B"]\n', '"Q-B"]\n[sensors.floors]\nRF = ["C-Q", "P-A", "B-P"]\n'
-    ).replace('direction = "x"', 'direction = "y"')
-    path = tmp_path / "own.toml"
-    path.write_text(text, encoding="utf-8")
-    mesh = mesh_building(load_building(path))
-    assert mesh.direction == 1
-    roof = mesh.model.nodes[mesh.floor_nodes["RF"]]
-    np.testing.assert_allclose(roof[:, :2], [[7, 5], [0, 0], [4, 0]], atol=1e-12)
-    assert len(mesh.floor_nodes["2F"]) == 2
-
-
 def test_wall_without_stiffness_weighs_on_both_floors(small):
     mesh = mesh_building(small)
     wall = DENSITY * 0.1 * 5.0 * np.array([3.2, 2.8])

@@ -13,8 +13,7 @@ from femupdate.building import (
     save_building,
     self_mass,
 )
-from femupdate.errors import BuildingError
-from femupdate.fe import Beams, Shells, assemble, lowest_modes, static_displacement
+from femupdate.fe import Shells, assemble, lowest_modes, static_displacement
 
 
 def meshed(document, size=None):
@@ -48,36 +47,6 @@ def test_openings_are_where_the_file_says(make_document):
         x, z = middle[:, 0] - hole["left"], middle[:, 2] - hole["bottom"]
         assert not np.any((x > 0) & (x < hole["width"]) & (z > 0) & (z < hole["height"]))
     assert np.ptp(corners[:, :, [0, 2]], axis=1).max() <= 0.5 + 1e-9
-
-
-def test_an_opening_may_be_of_one_story_only(make_document):
-    document = make_document([3.0, 3.0], ([6.0], [5.0]), 0.75)
-    hole = {"left": 1.0, "width": 2.0, "bottom": 0.0, "height": 3.0, "stories": "S2"}
-    document["walls"] = [
-        {"along": "X0", "from": "Y0", "to": "Y1", "thickness": 0.2, "openings": [hole]}
-    ]
-    mesh = meshed(document)
-    shells = mesh.model.elements_of(Shells)
-    chosen = shells.kind == "wall"
-    areas = np.bincount(shells.group[chosen], shells.measure(mesh.model.nodes)[chosen])
-    np.testing.assert_allclose(areas, [15.0, 9.0], rtol=1e-12)
-
-
-def test_a_wall_that_only_weighs_weighs_less_with_its_window(make_document):
-    plain, pierced = (
-        meshed(with_wall(make_document, holes, role="non_structural")) for holes in ([], [WINDOW])
-    )
-    lost = 2400.0 * 0.3 * 1.6 * 1.2
-    difference = plain.model.masses.mass.sum() - pierced.model.masses.mass.sum()
-    assert difference == pytest.approx(lost / 2, rel=1e-9)
-
-
-def test_openings_soften_and_lighten(make_document):
-    first = [
-        lowest_modes(assemble(meshed(with_wall(make_document, holes)).model), np.ones(1), 2)
-        for holes in ([], [{"left": 0.5, "width": 5.0, "bottom": 0.5, "height": 2.5}])
-    ]
-    assert first[1].frequency_hz[1] < 0.95 * first[0].frequency_hz[1]
 
 
 def in_plane(model):
@@ -165,23 +134,6 @@ def test_a_column_on_top_of_a_wall_is_linked(make_document):
     assert np.ptp(nodes[links.slave, 0]) == pytest.approx(0.4)  # the column's width, along x
 
 
-def test_columns_stand_off_the_grid(make_document):
-    document = make_document([3.0], ([6.0], [5.0]), 1.0)
-    document["columns"].append({"section": "column", "points": [[2.3, 1.7]]})
-    mesh = meshed(document)
-    nodes = mesh.model.nodes
-    at = np.isclose(nodes[:, 0], 2.3) & np.isclose(nodes[:, 1], 1.7)
-    column = np.unique(
-        mesh.model.elements_of(Beams).nodes[mesh.model.elements_of(Beams).kind == "column"]
-    )
-    slab = np.unique(mesh.model.elements_of(Shells).nodes)
-    assert np.isin(np.flatnonzero(at), column).all()
-    assert np.isin(np.flatnonzero(at & np.isclose(nodes[:, 2], 3.0)), slab).all()
-    bare = {**document, "slabs": [], "beams": [{"section": "beam"}]}
-    with pytest.raises(BuildingError, match=r"columns\[1\]\.points\[0\]: no slab, beam or wall"):
-        meshed(bare)
-
-
 def strip(make_document, size, **beam):
     """A cantilever floor strip: a slab 1 m wide on a beam along its middle line, held by a wall.
 
@@ -230,22 +182,6 @@ def test_hinged_beams_carry_no_end_moment(make_document):
     inertia, shear = 0.6 * 0.4**3 / 12, 5 / 6 * 0.24 * 25e9 / 2.4
     expected = 5e4 * 4.0**3 / 3 / 25e9 / inertia + 5e4 * 4.0 / shear
     np.testing.assert_allclose(moved[corner, 0], expected, rtol=1e-9)
-
-
-def test_rigid_ends_skip_the_nodes_they_pass(make_document):
-    document = make_document([4.0], ([6.0], [5.0]), 0.25)
-    document["beams"] = [
-        {"section": "beam", "along": "Y0", "rigid_ends": [0.6, 0.3]},
-        {"section": "beam", "along": "Y1"},
-    ]
-    beams = meshed(document).model.elements_of(Beams)
-    nodes = meshed(document).model.nodes
-    own = np.flatnonzero((beams.kind == "beam") & (nodes[beams.nodes[:, 0], 1] == 0.0))
-    x = nodes[beams.nodes[own], 0] + beams.offset[own, :, 0]
-    assert x.min() == pytest.approx(0.6)
-    assert x.max() == pytest.approx(5.7)
-    assert (np.diff(x, axis=1) > 0.05).all()
-    np.testing.assert_allclose(np.sort(x[:, 1])[:-1], np.sort(x[:, 0])[1:])
 
 
 def test_rigid_diaphragm_moves_as_one_body_in_plan(make_document):

@@ -16,7 +16,7 @@ from femupdate.building import (
     self_mass,
     to_document,
 )
-from femupdate.errors import BuildingError, StructureError
+from femupdate.errors import BuildingError
 from femupdate.fe import Beams, Shells, Triangles, assemble, lowest_modes
 
 NUMBERS = {"slab": "1", "wall": "2", "column": "4", "beam": "5"}
@@ -158,13 +158,6 @@ def test_triangles_and_lines_make_a_building(tmp_path):
     assert low < frequencies(mesh, 1)[0] < high
 
 
-def test_a_mesh_in_millimetres_and_above_its_base(tmp_path):
-    plain = frequencies(mesh_building(load_building(write(tmp_path))))
-    text = OWN.replace('unit = "m"', 'unit = "mm"\nbase = "12 m"')
-    path = write(tmp_path, points=(POINTS + np.array([0, 0, 12])) * 1e3, text=text)
-    np.testing.assert_allclose(frequencies(mesh_building(load_building(path))), plain, rtol=1e-9)
-
-
 def test_the_study_keeps_the_mesh_beside_the_building(tmp_path):
     building = load_building(write(tmp_path))
     again = load_building(save_building(building, tmp_path / "study" / "building.toml"))
@@ -268,12 +261,6 @@ def test_a_crossed_quadrilateral_is_named(tmp_path):
     refused(write(tmp_path, POINTS[:8], cells), r"quad 0 \(nodes 4, 5, 6, 7\) .*(flat|cross)")
 
 
-def test_an_arrow_shaped_quadrilateral_is_named(tmp_path):
-    points = np.concatenate([POINTS[:8], [[1.0, 0.5, 3.0]]])
-    cells = [("quad", np.array([[4, 5, 8, 6]])), ("line", COLUMNS[:3])]
-    refused(write(tmp_path, points, cells), r"quad 0 .* is inverted: .*a corner points inwards")
-
-
 def test_double_nodes_are_found_and_merged(tmp_path):
     points = np.concatenate([POINTS, POINTS[4:5]])
     columns = COLUMNS.copy()
@@ -306,11 +293,6 @@ def test_a_node_on_the_side_of_an_element_is_told(tmp_path):
     refused(write(tmp_path, points, cells), r"node 9 at \(2\.5, 0, 3\) m lies on the side between")
 
 
-def test_double_elements_are_told(tmp_path):
-    cells = [("triangle", np.concatenate([SLAB, SLAB[:1]])), ("line", COLUMNS)]
-    refused(write(tmp_path, cells=cells), r"triangle 4 lies on triangle 0")
-
-
 def test_cells_of_another_type_are_told(tmp_path):
     solid = np.array([[0, 1, 2, 4]])
     refused(
@@ -322,17 +304,6 @@ def test_cells_of_another_type_are_told(tmp_path):
         write(tmp_path, cells=[("triangle6", curved), ("line", COLUMNS)]),
         r"type 'triangle6'.*first-order elements \(\"triangle\"\)",
     )
-
-
-def test_a_mechanism_names_what_moves(tmp_path):
-    """Columns without a slab between them, hinged at the base."""
-    text = OWN.replace("[sensors]", '[supports]\nbase = "pinned"\n\n[sensors]')
-    text = text.replace('[[parts]]\ngroup = "1"\nthickness = "200 mm"\n\n', "")
-    cells = [("line", COLUMNS)]
-    path = write(tmp_path, POINTS[:8], cells, [np.full(4, 2)], text)
-    mesh = mesh_building(load_building(path))
-    with pytest.raises(StructureError, match=r"mechanism: node \d at \(.*\) m moves along"):
-        frequencies(mesh, 1)
 
 
 WRONG = {
@@ -411,41 +382,6 @@ def test_ends_of_shells_are_refused(tmp_path, line):
     text = OWN.replace('thickness = "200 mm"', f'thickness = "200 mm"\n{line}')
     name = line.split()[0]
     refused(write(tmp_path, text=text), rf"parts\[0\]\.{name}: it is for beams, and these cells")
-
-
-def spoiled_mesh(folder, change):
-    """The building on a mesh in Abaqus' format whose text has been changed."""
-    nodes = "\n".join(f"{n}, {x}, {y}, {z}" for n, (x, y, z) in enumerate(POINTS, 1))
-    text = ABAQUS.format(nodes=nodes, slab=rows(SLAB), columns=rows(COLUMNS, 5))
-    (folder / "own.inp").write_bytes(change(text))
-    own = OWN.replace("own.vtu", "own.inp").replace('tags = "part"\n', "")
-    own = own.replace('group = "1"', 'group = "SLAB"').replace('group = "2"', 'group = "COLUMNS"')
-    (folder / "own.toml").write_text(own, encoding="utf-8")
-    return folder / "own.toml"
-
-
-def test_decimal_commas_are_told(tmp_path):
-    path = spoiled_mesh(tmp_path, lambda text: re.sub(r"(\d)\.(\d)", r"\1,\2", text).encode())
-    refused(path, r"mesh\.file: .*coordinates each \(is the comma the decimal sign\?\)")
-
-
-def test_lines_of_a_mesh_in_another_order_are_told_or_read(tmp_path):
-    write(tmp_path)
-    good = (tmp_path / "own.vtu").read_text(encoding="utf-8").splitlines()
-    told = 0
-    for first in range(len(good) - 1):
-        lines = [*good[:first], good[first + 1], good[first], *good[first + 2 :]]
-        (tmp_path / "own.vtu").write_text("\n".join(lines), encoding="utf-8")
-        try:
-            load_building(tmp_path / "own.toml")
-        except BuildingError as error:
-            assert "mesh" in str(error)  # noqa: PT017
-            told += 1
-    assert told > 5
-
-
-def test_nodes_beyond_all_buildings_are_told(tmp_path):
-    refused(write(tmp_path, points=1e12 * np.asarray(POINTS)), "a node lies at .*no building")
 
 
 def test_a_packed_mesh_is_not_unpacked(tmp_path):

@@ -6,7 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from femupdate.building import from_document, mechanics_hash, mesh_building, stiffness_factors
+from femupdate.building import from_document, mesh_building, stiffness_factors
 from femupdate.effects.structure import require_story_factors
 from femupdate.errors import BuildingError
 from femupdate.fe import assemble
@@ -66,12 +66,6 @@ def test_a_factor_is_that_of_youngs_modulus_of_its_members(document):
     document["sections"]["column"]["material"] = "soft"
     expected = assemble(mesh_building(building(document)).model).stiffness(np.ones(2))
     assert abs(found - expected).max() < 1e-12 * abs(expected).max()
-
-
-def test_files_that_do_not_say_it_keep_their_hash(document):
-    plain = building(document)
-    assert "parameters" not in plain.model_dump(exclude_none=True)
-    assert mechanics_hash(plain) != mechanics_hash(building(document, parameters=BY_KIND))
 
 
 def test_a_wrong_division_is_refused(document):

@@ -198,9 +198,3 @@ def test_every_artefact_of_a_study_is_recorded_with_what_it_was_made_from(walk):
         assert (walk.study / artefact["file"]).exists()
         assert artefact["made_from"]["building"] == kept["reduced model"]["made_from"]["building"]
     assert kept["prediction"]["made_from"]["posterior"] == kept["posterior"]["sha256"]
-
-
-def test_more_is_said_on_stderr_alone(script, tmp_path, tower_file):
-    done = script("build-model", tower_file, "--study", tmp_path, "--json", "-v")
-    assert done.answer["building"] == "tower"
-    assert "loaded the building tower" in done.err

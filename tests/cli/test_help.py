@@ -14,8 +14,6 @@ from click.testing import CliRunner
 from femupdate.cli import bars
 from femupdate.cli.main import group
 
-from femupdate.progress import counted
-
 COMMANDS = group.list_commands(click.Context(group))
 WITH_EXAMPLES = [name for name in COMMANDS if name != "benchmark"]
 
@@ -58,24 +56,6 @@ def test_a_log_tells_the_time_that_is_left(monkeypatch):
         "  Sampling: 20 %, about 2 min left",
         "  Sampling: 40 %, about 2 min left",
         "  Sampling: 50 %, about 2 min left",
-    ]
-
-
-def test_steps_of_any_length_tell_no_time_that_is_left(monkeypatch):
-    """A quarter of the steps is no quarter of the time; what is being done is told instead."""
-    clock = iter([0.0, 1.0, 30.0, 40.0, 61.0, 100.0])
-    monkeypatch.setattr(bars.time, "monotonic", lambda: next(clock))
-    log = io.StringIO()
-    with redirect_stderr(log):
-        work = bars._Log("Looking", 4)
-        work.advance(2, "testing")
-        list(map(counted(str, work, "fitting", 2), "ab"))
-        work.advance(2, "weighing")
-        work.advance(1, "searching elsewhere")
-    assert log.getvalue().splitlines() == [
-        "  Looking: 2 of 4 steps, about 30 s so far, fitting, 1 of 2 done",
-        "  Looking: 4 of 4 steps, about 60 s so far, weighing",
-        "  Looking: 4 of 4 steps, about 2 min so far, searching elsewhere",
     ]
 
 

@@ -51,13 +51,6 @@ def test_modes_of_a_record_give_the_building(femupdate, ambient, tmp_path):
         assert abs(mean - exact) < 3.0 * sd
 
 
-def test_nothing_is_written_where_no_mode_is_found(femupdate, ambient, tmp_path):
-    modes = tmp_path / "modes.csv"
-    done = femupdate("identify", ambient[0], "-o", modes, "--columns", COLUMNS, "--band", "22,23")
-    assert "no mode comes back" in done.complaint
-    assert not list(tmp_path.iterdir())
-
-
 def test_the_missing_package_is_named(femupdate, ambient, tmp_path, monkeypatch):
     import sys
 

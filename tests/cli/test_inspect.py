@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-EXAMPLE = "six_story_white_noise.csv"
-
 
 @pytest.fixture
 def table(tmp_path):
@@ -53,9 +51,3 @@ def test_a_file_that_cannot_be_read_does_not_hide_the_others(femupdate, table, t
     assert f"Next: femupdate calibrate {table}" in done.out
     assert f"{bad}: the file is in none of the known" in femupdate("inspect", bad).complaint
     assert "no such file" in femupdate("inspect", tmp_path / "no.csv").complaint
-
-
-def test_one_picture_is_of_one_file(femupdate, table, tmp_path):
-    done = femupdate("inspect", table, table, "--picture", tmp_path / "p.png")
-    assert done.code == 2
-    assert "--picture draws one file" in done.err

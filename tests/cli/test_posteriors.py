@@ -97,16 +97,6 @@ def test_what_only_reads_a_study_writes_elsewhere(femupdate, study, snapshot, tm
     assert snapshot(study) == before
 
 
-def test_a_posterior_that_is_not_there_is_refused_with_those_that_are(femupdate, study):
-    done = femupdate("render", "--study", study, "--posterior", "ruf")
-    assert done.code == 1
-    assert "holds no ruf posterior" in done.err
-    assert "choose posterior or roof with --posterior" in done.err
-    done = femupdate("render", "--study", study, "--posterior", "../roof")
-    assert done.code == 1
-    assert "cannot be the name of a posterior" in done.err
-
-
 def test_a_workbook_holds_the_tables_as_numbers(study):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.load_workbook(

@@ -10,9 +10,3 @@ def test_build_model_exports_a_script(femupdate, tmp_path, cabin_file):
     script = (tmp_path / "opensees_model.py").read_text(encoding="utf-8")
     ast.parse(script)
     assert "'shell': 'ShellMITC4'" in script
-
-
-def test_a_shear_building_cannot_be_exported(femupdate, tmp_path, tower_file):
-    done = femupdate("build-model", tower_file, "--export", "opensees", "--study", tmp_path)
-    assert done.code == 1
-    assert "no mesh to export" in done.err

@@ -26,15 +26,6 @@ def test_an_effect_is_listed_with_its_places_and_units(femupdate):
     assert listed["swapped_channels"]["parameters"] == []
 
 
-def test_the_list_in_words(femupdate):
-    lines = femupdate("list").out.splitlines()
-    assert any(line.split()[:2] == ["six_story_wall_frame", "6"] for line in lines)
-    assert "  base_sway: base sway" in lines
-    assert "      places: The base" in lines
-    assert "      size [rad/m]: rotation per translation" in lines
-    assert any(line.split()[:1] == ["knet"] for line in lines)
-
-
 def test_examples_are_copied_and_nothing_is_replaced(femupdate, tmp_path, snapshot):
     folder = tmp_path / "mine"
     folder.mkdir()
@@ -71,9 +62,3 @@ def test_the_measured_example_comes_with_its_building_and_its_licence(femupdate,
         assert set(seen.floors) == {"3F", "RF"} <= set(building.floors)
         base = seen.acceleration[[c.floor for c in seen.channels].index("base")]
         assert abs(base).max() == pytest.approx(peak, rel=0.05)
-
-
-def test_examples_below_a_file(femupdate, tmp_path):
-    place = tmp_path / "notes"
-    place.write_text("mine")
-    assert "cannot write" in femupdate("examples", place / "here").complaint

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from femupdate.discrepancy.diagnose import Finding, unseen
+from femupdate.discrepancy.diagnose import Finding
 from femupdate.effects import CATALOGUE, Placed
 
 
@@ -79,13 +79,3 @@ def test_added_mass_is_told_in_its_own_unit_too(unit_mass, nominal, told):
 )
 def test_a_finding_is_told_with_its_unit(finding, words):
     assert in_words(*finding) == words
-
-
-def test_what_is_named_is_not_among_what_cannot_be_seen():
-    late = Placed(CATALOGUE["channel_delay"], "RF")
-    finding = Finding(late, None, None, None, None, None, -0.04, 0.001)
-    faint = ("base_sway@base", "channel_delay@RF", "drifting_clock@RF")
-    twins = ("drifting_clock@RF",)
-    assert unseen(faint, "ambiguous", (finding,), twins) == ("base_sway@base",)
-    assert unseen(faint, "named", (finding,), ()) == ("base_sway@base", "drifting_clock@RF")
-    assert unseen(faint, "unknown", (finding,), ()) == faint

@@ -9,7 +9,7 @@ import torch
 
 from femupdate.building import from_document
 from femupdate.discrepancy.fit import about, fit_baseline, settle
-from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error, modes_shown
+from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error
 from femupdate.discrepancy.mesh_scatter import left_open
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.reduced import reduced_on
@@ -144,25 +144,6 @@ def test_a_coarse_mesh_is_a_stiff_one(learned):
     assert min(learned.sd) > 0.0
 
 
-def test_how_much_modes_are_shown_is_learned(coarse, learned):
-    """At a theta of its own, against the mesh that it was learned from."""
-    theta = np.array([1.2, 0.8])
-    shown = [
-        modes_shown(one.model, theta, GRID[-1])
-        for one in (
-            corrected(near(coarse)(theta), replace(learned, share=1.0)),
-            near(structure_of(frame(1.5), 1.0))(theta),
-        )
-    ]
-    sizes = [np.linalg.norm(one.effect[:, :3], axis=0) for one in shown]
-    error = np.abs(sizes[1] / sizes[0] - 1.0).max()
-    assert 0.2 * learned.effect < error < 4.0 * learned.effect
-    alone = [one.effect[:, :3] / size for one, size in zip(shown, sizes, strict=True)]
-    alone[1] = alone[1] * np.sign((alone[0] * alone[1]).sum(axis=0))
-    left = np.sqrt(((alone[1] - alone[0]) ** 2).mean(axis=0)).max()
-    assert 0.2 * learned.shape < left < 4.0 * learned.shape
-
-
 def test_meshes_without_a_common_mode_are_refused(coarse, fine):
     with pytest.raises(
         StructureError, match=r"no mode below 0\.1 Hz .* write a smaller mesh\.size"
@@ -207,38 +188,6 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
     # The first rows are the points; those behind are errors that a model alone has none of.
     plain = np.linalg.lstsq(base.jacobian[: len(errors.T)].numpy(), errors.T, rcond=None)[0]
     assert (estimates.std(axis=0) < plain.std(axis=1)).all()
-
-
-def test_every_mode_may_be_off_by_itself(coarse, learned):
-    """The errors behind those of the members: a frequency a mode, then what floors show of each."""
-    reduced, theta, problem, base = amplitudes_at_one(coarse, learned)
-    shown = modes_shown(reduced.model, theta, 1.25 * GRID[-1])
-    own = errors_left_open(problem, learned, base)[len(learned.steps) :].numpy() * 0.1
-    modes, floors = len(shown.squared), len(reduced.model.floors)
-    assert modes >= 2
-    frequencies, parts = np.split(own.reshape(-1, floors, GRID.size), [modes])
-    parts = parts.reshape(modes, 1 + floors, floors, GRID.size)
-    # H is that of the base and one term a mode; a mode alone is moved along its own frequency, or
-    # shown a little more.
-    omega, whole = 2.0 * np.pi * GRID, frf(reduced, theta)
-    for number, squared in enumerate(shown.squared):
-        effect = shown.effect[:, number, None]
-        share = 1.0 + 4.0 * learned.left
-        terms = [
-            omega**2 / (value - omega**2 + 2j * 0.05 * np.sqrt(value) * omega)
-            for value in (squared, squared * share)
-        ]
-        expected = np.log(np.abs((whole + effect * (terms[1] - terms[0])) / whole))
-        np.testing.assert_allclose(frequencies[number], expected, atol=1e-6)
-        # All floors show more by the same hundredth; errors are along straight lines from there.
-        floor_shapes = reduced.model.floor_shapes @ shown.vectors[:, number]
-        size = np.linalg.norm(floor_shapes)
-        hundredth = 0.01 * size * (reduced.model.excitation @ shown.vectors[:, number])
-        moved = 200.0 * np.log(np.abs((whole + hundredth * terms[0]) / whole))
-        together = learned.effect * (floor_shapes / size)[:, None] * moved
-        np.testing.assert_allclose(parts[number, 0], together, atol=1e-6)
-        alone = learned.shape * np.eye(floors)[:, :, None] * moved
-        np.testing.assert_allclose(parts[number, 1:], alone, atol=1e-6)
 
 
 def test_errors_of_members_are_those_of_small_steps(coarse, learned):

@@ -12,7 +12,7 @@ from femupdate.discrepancy.score import alike, candidates, score
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 GRID, FLOORS = np.linspace(0.4, 14.0, 60), ("2F", "3F", "RF")
-TRUTH, ZETA, SD, CLEAN = np.array([0.8, 1.4, 1.1]), 0.05, 0.1, 120
+TRUTH, ZETA, SD, CLEAN = np.array([0.8, 1.4, 1.1]), 0.05, 0.1, 60
 TWO_SIDED = ("channel_gain@2F", "added_mass@3F", "channel_delay@RF")
 ONE_SIDED = ("foundation_rocking@base", "story_damper@3F")
 
@@ -49,7 +49,7 @@ def clean(chain, fitted, place):
 
 def test_statistics_of_clean_data_are_standard_normal(clean):
     statistics = clean[0][:, : len(TWO_SIDED)]
-    # Mean within 4 / sqrt(n), standard deviation within 4 / sqrt(2 n), n = 120.
+    # Mean within 4 / sqrt(n), standard deviation within 4 / sqrt(2 n), n = 60.
     assert np.abs(statistics.mean(axis=0)).max() < 4.0 / np.sqrt(CLEAN)
     assert np.abs(statistics.std(axis=0) - 1.0).max() < 4.0 / np.sqrt(2 * CLEAN)
     for column in statistics.T:

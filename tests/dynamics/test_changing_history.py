@@ -103,13 +103,6 @@ def test_its_own_equation_is_followed(system):
     assert off_linear > 1.0 / 3.0
 
 
-def test_damping_that_was_asked_for_stays(system):
-    _, base = noise(30.0)
-    found = followed(system, (0.0, 0.5), 30.0 * base, MEAN, keep_damping=True)
-    linear = floor_histories(system, [[1.0, 0.0, 0.0]], ZETA, 30.0 * base, STEP)
-    np.testing.assert_allclose(found.floor_acceleration, linear.floor_acceleration, rtol=1e-9)
-
-
 def test_without_a_known_level_the_mean_is_that_of_the_motion(system):
     _, base = noise(40.0)
     weak, strong = (followed(system, (-0.1, 0.3), k * base) for k in (0.1, 10.0))

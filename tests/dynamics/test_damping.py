@@ -1,7 +1,6 @@
 """Damping laws against their definitions."""
 
 import numpy as np
-import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,7 +8,6 @@ from hypothesis import strategies as st
 from femupdate.building import load_building
 from femupdate.dynamics.damping import (
     ConstantDamping,
-    DampingLaw,
     RayleighDamping,
     damping_law,
 )
@@ -63,8 +61,3 @@ def test_constant_damping_gives_every_mode_the_ratio_of_its_sample():
     found = ConstantDamping().ratio(omega, zeta)
     assert found.shape == omega.shape
     assert bool((found == zeta[:, None]).all())
-
-
-@pytest.mark.parametrize("law", [ConstantDamping(), RayleighDamping(0.02, (1.0, 20.0))])
-def test_both_are_damping_laws(law):
-    assert isinstance(law, DampingLaw)

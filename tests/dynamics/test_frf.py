@@ -49,23 +49,6 @@ def test_rayleigh_damping_against_a_direct_solution(chain, thetas, tensor):
         np.testing.assert_allclose(found[row], expected, rtol=1e-10, atol=1e-10)
 
 
-def test_every_sample_has_its_own_damping(chain, thetas, tensor):
-    zeta = [0.01, 0.05, 0.002]
-    data = System(chain.reduced()).modal_data(tensor(thetas))
-    found = log_frf(data, tensor(FREQUENCY), ConstantDamping(), tensor(zeta))
-    for row, theta in enumerate(thetas):
-        expected = chain.frf(theta, FREQUENCY, chain.modal_damping(theta, zeta[row]))
-        np.testing.assert_allclose(found[row], np.log(np.abs(expected)), atol=1e-9)
-
-
-def test_floors_move_with_a_base_that_hardly_moves(chain, thetas, tensor):
-    """|H(0)| = 1: absolute floor acceleration over base acceleration."""
-    data = System(chain.reduced()).modal_data(tensor(thetas))
-    found = complex_frf(data, tensor([0.0]), ConstantDamping(), tensor([0.02] * 3))
-    assert bool((found == 1.0).all())
-    assert bool((log_frf(data, tensor([0.0]), ConstantDamping(), tensor([0.02] * 3)) == 0).all())
-
-
 def test_the_four_solutions_of_the_benchmark_have_one_roof_curve(make_chain, tensor):
     equal = make_chain(np.ones(4), np.full(4, 1000.0))
     frequency = 0.02 * np.arange(1, 1025)

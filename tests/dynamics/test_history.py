@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
@@ -16,7 +14,6 @@ from femupdate.dynamics.history import (
 )
 from femupdate.dynamics.recurrence import interpolate_record, step_matrices
 from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.summary import story_stiffness
 from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError, StructureError
 
@@ -198,30 +195,6 @@ def test_chain_against_the_frequency_domain():
             np.testing.assert_allclose(value, exact, atol=0.01 * np.abs(exact).max())
 
 
-def test_undamped_shear_building_carries_its_springs_forces():
-    record = np.random.default_rng(4).normal(size=700)
-    found = floor_histories(shear_building(MASS, SPRING), THETA, 0.0, record, 0.01)
-    springs = (THETA * SPRING)[:, :, None]
-    scale = np.abs(found.story_shear).max()
-    np.testing.assert_allclose(found.story_shear, springs * found.story_drift, atol=1e-9 * scale)
-    np.testing.assert_allclose(
-        story_stiffness(found.story_shear, found.story_drift), springs[..., 0], rtol=1e-8
-    )
-
-
-def test_slow_base_motion_meets_the_static_limit():
-    t = np.arange(4000) * 0.01
-    record = 0.3 * np.sin(np.pi * t / 40.0) ** 4
-    found = floor_histories(shear_building(MASS, SPRING), THETA, 0.05, record, 0.01)
-    static = -np.triu(np.ones((4, 4))) @ MASS
-    # The base moves about fifty times slower than the building sways.
-    np.testing.assert_allclose(
-        found.floor_acceleration, np.broadcast_to(record, (3, 4, 4000)), atol=3e-3
-    )
-    drift = static[:, None] / (THETA[1] * SPRING)[:, None] * record
-    np.testing.assert_allclose(found.story_drift[1], drift, atol=5e-3 * np.abs(drift).max())
-
-
 def test_batches_and_single_samples_agree(recorder):
     rng = np.random.default_rng(8)
     theta, zeta = rng.uniform(0.4, 2.5, (7, 4)), rng.uniform(0.0, 0.1, 7)
@@ -238,29 +211,6 @@ def test_batches_and_single_samples_agree(recorder):
     scale = 1e-11 * np.abs(whole.story_shear).max()
     np.testing.assert_allclose(parts.story_shear, whole.story_shear, atol=scale)
     np.testing.assert_allclose(one.story_shear[0], whole.story_shear[4], atol=scale)
-
-
-@settings(max_examples=20, deadline=None)
-@given(
-    st.lists(st.floats(0.34, 3.0), min_size=4, max_size=4),
-    st.floats(0.0, 0.1),
-    st.floats(-5.0, 5.0),
-    st.integers(1, 80),
-)
-def test_response_is_linear_and_knows_no_absolute_time(theta, zeta, factor, delay):
-    first, second = np.random.default_rng(delay).normal(size=(2, 300))
-    first[:40] = 0.0  # longer than the interpolation reaches back before the motion starts
-    model = shear_building(MASS, SPRING)
-
-    def respond(record):
-        return floor_histories(model, [theta], zeta, record, 0.01).floor_acceleration[0]
-
-    alone = respond(first)
-    together = respond(first + factor * second)
-    scale = 1e-9 * (1.0 + np.abs(together).max())
-    np.testing.assert_allclose(together, alone + factor * respond(second), atol=scale)
-    late = respond(np.concatenate([np.zeros(delay), first]))
-    np.testing.assert_allclose(late[:, delay:], alone, atol=scale)
 
 
 @pytest.mark.parametrize("factor", [2, 5, 8])

@@ -182,38 +182,6 @@ def test_walls_and_columns_share_the_story_shear(wall_frame, story):
     assert -shares[0] > 0.25 * above
 
 
-def test_with_columns_means_those_at_its_ends_as_well(wall_frame):
-    wall, left, right = forces(
-        wall_frame, [0.7, 1.3], 0.05, ["Y0:X0-X1:S1", (0.0, 0.0, 0.2), (4.0, 0.0, 0.2)]
-    )
-    assert wall.member.forces[3:] == ("N_with_columns", "V_with_columns", "M_with_columns")
-    normal, shear, moment, all_normal, all_shear, all_moment = wall.mean
-    np.testing.assert_allclose(
-        all_shear, shear - left.mean[1] - right.mean[1], atol=1e-6 * np.abs(shear).max()
-    )
-    np.testing.assert_allclose(
-        all_normal, normal - left.mean[0] - right.mean[0], atol=1e-6 * np.abs(all_normal).max()
-    )
-    # N of a column at 2 m from the middle; its moment about y, local z of the column is y.
-    couple = 2.0 * (right.mean[0] - left.mean[0]) * -1.0
-    own = all_moment - moment + couple
-    assert np.abs(own).max() < 0.05 * np.abs(all_moment).max()
-
-
-def test_the_band_is_that_of_the_draws(table):
-    draws = np.array([[0.6], [1.0], [1.9]])
-    t = np.linspace(0.0, 4.0, 201)
-    motion = BaseRecord(np.sin(9.0 * t) * np.sin(np.pi * t / 4.0), 0.02)
-    (found,) = forces(table, draws, 0.05, [(0, 0, 0.5)], motion)
-    each = [forces(table, one, 0.05, [(0, 0, 0.5)], motion)[0] for one in draws]
-    histories = np.stack([one.mean for one in each])
-    np.testing.assert_allclose(found.mean, histories.mean(axis=0), atol=1e-6 * MASS)
-    np.testing.assert_allclose(found.sd, histories.std(axis=0, ddof=1), atol=1e-6 * MASS)
-    peaks = np.abs(histories).max(axis=2)
-    np.testing.assert_allclose(found.peak.mean, peaks.mean(axis=0), atol=1e-6 * MASS)
-    assert found.sd[1].max() > 0.01 * np.abs(found.mean[1]).max()
-
-
 @pytest.mark.parametrize(
     ("name", "words"),
     [
@@ -257,16 +225,6 @@ def test_a_wall_of_a_read_mesh_goes_by_its_group(tmp_path):
         choose_members(own, ["walls:S2"])
 
 
-def test_legs_of_a_core_want_groups_of_their_own(tmp_path):
-    frame = cantilever("y")
-    across = {"along": "Y1", "from": "X0", "to": "X1", "thickness": WALL["thickness"]}
-    document = to_document(frame)
-    document["walls"] = [*document["walls"], across]
-    own = as_own_mesh(from_document(document), tmp_path)
-    with pytest.raises(BuildingError, match=r"the wall wall:S1 is not straight in plan"):
-        choose_members(own, ["wall:S1"])
-
-
 def with_effect(building, name, place, **parameters):
     entry = {"name": name, "place": place, "parameters": parameters}
     return from_document(to_document(building) | {"effects": [entry]})
@@ -276,14 +234,6 @@ def test_columns_carry_the_inertia_of_an_added_mass(table):
     heavier = with_effect(table, "added_mass", table.floors[0], size=0.1)
     (found,) = forces(heavier, [0.8, 0.25], 0.05, [(0, 0, 0.5)])
     assert found.named(found.peak.mean)["Vy_start"] == pytest.approx(1.25 * MASS / 4, rel=0.01)
-
-
-def test_a_pitching_base_adds_the_inertia_of_its_turn(table):
-    """The slab at height h goes forward with the base by 1 + h s, s the turn per metre."""
-    pitching = with_effect(table, "table_pitch", "base", size=0.1)
-    (found,) = forces(pitching, [0.8, 0.1], 0.05, [(0, 0, 0.5)])
-    wanted = (1.0 + 0.1 * HEIGHT) * MASS / 4
-    assert found.named(found.peak.mean)["Vy_start"] == pytest.approx(wanted, rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -124,30 +124,6 @@ def test_against_direct_integration_of_the_full_model(direction):
         np.testing.assert_allclose(ours / size, wanted / size, atol=0.02)
 
 
-def test_with_damping_against_direct_integration():
-    """Stiffness-proportional damping has one ratio a mode; the first mode's fits one mode alone."""
-    structure = turned_frame("y")
-    operators = structure.operators
-    found = solved(structure, (), 60.0)
-    omega, zeta = 2 * np.pi * found.frequency_hz[0], 0.05
-    damping = 2 * zeta / omega * operators.stiffness(THETA)
-    step, fine = 0.01, 4
-    t = step / fine * np.arange(400 * fine)
-    # At the first mode's own frequency, where it is all that answers.
-    record = np.sin(omega * t) * np.minimum(t / 2.0, 1.0)
-    u = newmark(
-        operators.stiffness(THETA),
-        damping,
-        operators.mass,
-        -record[:, None] * operators.inertia(1),
-        step / fine,
-    )
-    rows = rows_of(operators, structure.mesh.floor_nodes["RF"], 1)
-    wanted = rows @ u[:, ::fine]
-    ours = displacements(found, rows, zeta, record[::fine], step)
-    np.testing.assert_allclose(ours, wanted, atol=0.02 * np.abs(wanted).max())
-
-
 def test_with_effects_against_direct_integration_of_their_equations():
     """Undamped forces of a column beside a brace, an added mass and P-Delta."""
     listed = {"added_mass": ("RF", 0.4), "brace": ("ground-RF", 0.3), "p_delta": ("all", None)}
@@ -173,27 +149,6 @@ def test_with_effects_against_direct_integration_of_their_equations():
     for ours, exact in zip(np.split(found.mean, 4), np.split(wanted, 4), strict=True):
         # Newmark's own period error.
         np.testing.assert_allclose(ours, exact, atol=0.02 * np.abs(exact).max())
-
-
-def test_a_slow_motion_is_followed_statically(frame):
-    """Under a ground acceleration that hardly changes all modes respond statically."""
-    operators, mesh = frame.operators, frame.mesh
-    column = int(np.flatnonzero(mesh.model.elements_of(Beams).kind == "column")[1])
-    ends = beam_end_rows(mesh.model, operators, THETA, column)
-    found = solved(frame, (ends,), 6.0)
-    t = np.linspace(0.0, 20.0, 2001)
-    record = np.sin(np.pi * t / 20.0) ** 2
-    rows = np.concatenate([rows_of(operators, mesh.floor_nodes["RF"], 0), ends])
-    ours = displacements(found, rows, 0.05, record, 0.01)
-    load = operators.mass_full @ operators.rigid_translation(0)
-    static = rows @ static_displacement(operators, THETA, load)[operators.free]
-    below = 2 * np.pi * found.frequency_hz[found.frequency_hz < 6.0]
-    driven = found.shapes[:, : len(below)].T @ frame.rigid_force[:, 0]
-    modal = rows @ found.shapes[:, : len(below)] @ (driven / below**2)
-    # The modes below the top alone would not do: neither for the roof nor for the column.
-    assert modal[0] != pytest.approx(static[0], rel=0.01)
-    for one, wanted in zip(ours, static, strict=True):
-        np.testing.assert_allclose(one, -wanted * record, atol=2e-3 * np.abs(wanted) + 1e-6)
 
 
 def test_beam_end_forces_balance_and_follow_hand_formulas(frame):

@@ -76,13 +76,6 @@ def test_frames_and_sticks_with_effects_are_those_of_equations_by_hand(case):
     np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-8 * np.abs(exact).max())
 
 
-def test_the_error_of_the_horizontal_base_sensor_is_none_of_the_rotation(case):
-    frequency = torch.from_numpy(case.frequency_hz)
-    plain = turned(case.system(), *known(case.theta), frequency)
-    gained = turned(case.system("base_gain@base"), *known(case.theta, (0.1,)), frequency)
-    assert torch.equal(plain, gained)
-
-
 class Both:
     """Translation, and so much rotation with it."""
 

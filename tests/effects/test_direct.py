@@ -91,15 +91,6 @@ def test_table_pitch(case, size):
     )
 
 
-def test_pitch_of_a_table_under_a_base_that_rocks(case):
-    changed = case.equations.but(pitch=0.05, ground=ground(case, 0.1, 0.2))
-    labels = ("table_pitch@base", "base_sway@base", "foundation_rocking@base")
-    agree(
-        case.frf(*labels, sizes=[0.05, 0.1, 0.2], zeta=ZETA),
-        changed.frf(case.frequency_hz, ZETA),
-    )
-
-
 def test_story_damper(case):
     for story, name in enumerate(case.structure.floors):
         rate = CATALOGUE["story_damper"].terms(case.structure, name).constants[0]
@@ -178,14 +169,6 @@ def test_damping_law_rayleigh(case):
     # The ratio of the highest modes is cut to .9, at frequencies that the grid does not reach.
     ours = case.frf("damping_law@rayleigh", sizes=[1.0], zeta=ZETA)
     np.testing.assert_allclose(ours, exact, rtol=1e-5)
-
-
-def test_half_of_another_damping_law(case):
-    first = CATALOGUE["damping_law"].terms(case.structure, "proportional").constants[0]
-    exact = case.equations.frf(
-        case.frequency_hz, lambda omega: np.clip(ZETA * (0.5 + 0.5 * omega / first), 0.0, 0.9)
-    )
-    agree(case.frf("damping_law@proportional", sizes=[0.5], zeta=ZETA), exact)
 
 
 def softened(model, kind, groups, factor, bending):

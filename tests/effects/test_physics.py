@@ -78,22 +78,6 @@ def test_sway_and_rocking_share_the_first_mode_with_the_drift():
     np.testing.assert_allclose(frf(single(), effects)[0], one_mass(softer, ZETA), rtol=1e-10)
 
 
-def test_pitch_drives_in_proportion_to_height():
-    """The mass sees the base acceleration (1 + p h): poles stay, |H| is scaled."""
-    np.testing.assert_allclose(
-        frf(single(), [("table_pitch", "base", [0.05])])[0],
-        (1.0 + 0.05 * HEIGHT) * one_mass(OMEGA, ZETA),
-        rtol=1e-10,
-    )
-
-
-def test_damper_adds_its_ratio():
-    """In a building of one mode the size is the damping ratio that the dashpot adds."""
-    np.testing.assert_allclose(
-        frf(single(), [("story_damper", "RF", [0.07])])[0], one_mass(OMEGA, ZETA + 0.07), rtol=1e-10
-    )
-
-
 def test_added_mass_is_a_heavier_building():
     document = single()
     document["stories"][0]["mass"] = 1.3 * MASS
@@ -202,37 +186,6 @@ def test_rigid_motions_of_a_free_frame_cost_no_energy(frame):
     shapes[6 * base + 2, 1] = middle - nodes[base, 0]
     shapes[6 * base + 4, 1] = 1.0
     np.testing.assert_allclose(K @ shapes, 0.0, atol=1e-8 * abs(K).max())
-
-
-def test_masses_on_a_rigid_diaphragm(frame_document, frame_of, node_masses):
-    """What is tied to the diaphragm's centre brings its arm along."""
-    from dataclasses import replace
-
-    tied = copy.deepcopy(frame_document)
-    tied["slabs"][0]["diaphragm"] = "rigid"
-    structure = structure_of(from_document(tied))
-    model = structure.mesh.model
-    assert structure.operators.expansion is not None
-    added = CATALOGUE["added_mass"].terms(structure, "RF").mass
-    own = np.where(np.isclose(model.nodes[:, 2], structure.levels[-1]), node_masses(model), 0.0)
-    node = np.flatnonzero(own)
-    masses = model.masses
-    heavier = replace(
-        masses,
-        node=np.append(masses.node, node),
-        mass=np.append(masses.mass, 0.3 * own[node]),
-        inertia=np.concatenate([masses.inertia, np.zeros((len(node), 3))]),
-    )
-    from femupdate.fe import assemble
-
-    exact = assemble(replace(model, masses=heavier)).mass.toarray()
-    ours = (structure.mass + 0.3 * added.matrix).toarray()
-    np.testing.assert_allclose(ours, exact, atol=1e-9 * np.abs(exact).max())
-    unit = structure.rigid_shapes[:, 0]
-    assert unit @ added.force[:, 0] == pytest.approx(own.sum())
-    for effect in CATALOGUE.values():
-        for place in effect.places(structure):
-            effect.terms(structure, place)
 
 
 def test_walls_of_triangles_count_too(frame):

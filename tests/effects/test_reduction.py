@@ -264,18 +264,3 @@ def test_local_basis_of_any_frame_holds_its_response_with_any_effect(frame_docum
     sizes = np.array(sizes)
     error = log_frf(local, placed, sizes, theta) - log_frf(full, placed, sizes, theta)
     assert np.sqrt((error**2).mean()) < 0.015  # as of the frame above
-
-
-def test_a_question_that_changes_nothing_adds_nothing_but_the_static_shape(structure, target):
-    """Modes that are orthonormal to an eigensolver's tolerance alone hide no new direction."""
-    modes = modes_below(structure.operators, HERE, TOP * GRID[-1])
-    count = modes.shapes.shape[1]
-    near = 1e-9 * np.random.default_rng(4).standard_normal((count, count))
-    same = equations_at(structure, HERE)
-    loose = replace(modes, shapes=modes.shapes @ (np.eye(count) + near))
-    shapes = nearby_shapes(same, structure.floor_rows, KnownModes.of(same, loose), target)
-    static = np.linalg.solve(same.stiffness.toarray(), same.force[:, 0])
-    span = np.column_stack([modes.shapes, static])
-    scale = np.linalg.norm(span, axis=0)
-    left = shapes - (span / scale) @ np.linalg.lstsq(span / scale, shapes)[0]
-    assert np.abs(left).max() < 1e-6 * np.abs(shapes).max()

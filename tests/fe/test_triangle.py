@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from femupdate.errors import StructureError
 from femupdate.fe import Triangles, assemble, lowest_modes, static_displacement
 
 ONE = np.ones(1)
@@ -148,19 +147,3 @@ def test_cantilever_plate_vibrates_as_nafems_says(meshes):
     found = lowest_modes(assemble(model), ONE, 4).frequency_hz
     # 2 %: the four-node shells of other programs are within 3 % at 8 x 8.
     np.testing.assert_allclose(found, [0.421, 1.029, 2.582, 3.306], rtol=0.02)
-
-
-def test_mass_is_complete(meshes):
-    points, shells = plate(meshes, 3, 0.2, True)
-    heavy = triangles(shells.nodes, 0.2, density=2400.0)
-    operators = assemble(
-        meshes.model(points, np.zeros((len(points), 6), dtype=bool), triangles=heavy)
-    )
-    motion = operators.rigid_translation(1)
-    assert motion @ operators.mass_full @ motion == pytest.approx(2400 * 0.2, rel=1e-12)
-
-
-def test_a_flat_triangle_is_named():
-    nodes = np.array([[0.0, 0, 0], [1, 1, 1], [2, 2, 2]])
-    with pytest.raises(StructureError, match=r"triangle 0 \(nodes 0, 1, 2\) has no area"):
-        triangles([[0, 1, 2]], 0.1).matrices(nodes)

@@ -73,17 +73,6 @@ def test_the_band_is_what_all_floors_have_in_common():
     assert weights[0, :, last + 1 :].eq(0.0).all()
 
 
-def test_a_floor_with_few_points_is_left_out_and_does_not_narrow_the_band():
-    valid = everything(FLOORS)
-    valid[1] = False
-    valid[1, 18:23] = True
-    found = encoder_input(observation(FLOORS, valid), FLOORS)
-    assert found.visibility.floors.tolist() == [[1.0, 0.0, 1.0]]
-    assert found.visibility.band.tolist() == [[0.0, 1.0]]
-    assert found.notes == ("Floor 3F is left out: 12 % of its points can be used.",)
-    assert bool((found.log_frf[0, 1] == 0).all())
-
-
 def test_no_number_that_means_nothing_reaches_the_network():
     """NaN where nothing was estimated, wild values where the noise is unknown or beyond use."""
     rng = np.random.default_rng(0)

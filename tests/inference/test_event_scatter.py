@@ -61,20 +61,3 @@ def test_intervals_of_the_next_event_hold_it(true):
         held.append(low <= true * rng.standard_normal() <= high)
     # The prior is about .05: below it intervals are wide, above a little narrow (.8 at .15).
     assert 0.84 <= np.mean(held) <= 1.0
-
-
-def test_runs_that_say_nothing_leave_the_default():
-    found = learned_scatter(
-        np.zeros((3, 2)), np.column_stack([[0.01] * 3, [np.inf] * 3]), (1, 50), 1
-    )
-    np.testing.assert_array_equal(found.sd[..., 1], DEFAULT.damping)
-    np.testing.assert_array_equal(found.shift[..., 1], 0.0)
-    assert "3 runs stiffness scatters by" in found.sentence()
-
-
-def test_many_events_tell_the_scatter_by_themselves():
-    """Two hundred events: an sd to 5 %."""
-    rng = np.random.default_rng(3)
-    seen = 0.12 * rng.standard_normal(200)
-    tau, weight = sd_density(seen, np.full(200, 0.01), 0.05)
-    assert tau @ weight == pytest.approx(seen.std(), rel=0.03)

@@ -132,20 +132,6 @@ def test_residuals_are_those_written_by_hand(system, lumped, exact):
     assert freedom == (2.0, 2.0, 6.0)
 
 
-def test_figures_of_several_files_are_checked_apart(system, exact):
-    modes = identified(*exact)
-    data = [
-        at_its_word(mode_data(modes, system, ModalErrors(), source=name))
-        for name in ("one.csv", "two.csv")
-    ]
-    assert list(checked(likelihood_of(data, system, FACTORS + zeta()))) == [
-        "frequencies of one.csv",
-        "shapes of one.csv",
-        "frequencies of two.csv",
-        "shapes of two.csv",
-    ]
-
-
 def test_pairing_holds_where_modes_have_moved_past_each_other(system, exact):
     """Measured mode 2 below where the model has its mode 1: the shapes decide."""
     frequency, shape = exact

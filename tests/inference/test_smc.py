@@ -8,7 +8,6 @@ import pytest
 import torch
 from scipy.stats import kstest, norm
 
-from femupdate.errors import InferenceError
 from femupdate.inference.smc import SmcSettings, TemperedSmc
 from femupdate.inference.tempering import Points
 
@@ -117,13 +116,6 @@ def test_points_without_a_number_are_counted_and_never_rewarded(box, wrong):
     # The integral of exp(-3 x) (.8 - x) over x from 0 to .8.
     exact = 0.8 / 3.0 + np.expm1(-2.4) / 9.0
     assert result.log_evidence == pytest.approx(np.log(exact), abs=0.2)
-
-
-@pytest.mark.parametrize("value", [-torch.inf, torch.nan, torch.inf])
-def test_a_likelihood_that_is_nowhere_finite(box, value):
-    sampler = TemperedSmc(box([0.0], [1.0]), lambda theta: torch.full((len(theta),), value))
-    with pytest.raises(InferenceError, match=r"none of the 100 .* has a finite likelihood"):
-        sampler.run(100, 0)
 
 
 @pytest.mark.parametrize("settings", [SmcSettings(), WALK], ids=["both", "walk"])

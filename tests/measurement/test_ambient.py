@@ -104,12 +104,6 @@ def test_modes_are_read_again_as_they_were_written(tmp_path):
         np.testing.assert_allclose(again.shape_sd[k], mode.shape_sd, rtol=1e-5)
 
 
-def test_one_sensor_gives_frequencies():
-    found = identify_modes(record(400.0, 4)[2:], STEP, ("RF",))
-    assert [mode.frequency_hz for mode in found.modes] == pytest.approx(chain()[0], rel=0.02)
-    assert all(mode.shape_sd is None for mode in found.modes)
-
-
 @pytest.mark.parametrize(
     ("seconds", "band", "words"),
     [
@@ -122,12 +116,3 @@ def test_one_sensor_gives_frequencies():
 def test_what_a_record_cannot_show_is_said(seconds, band, words):
     with pytest.raises(MeasurementError, match=words):
         identify_modes(record(seconds, 5), STEP, FLOORS, band)
-
-
-def test_a_measured_frame_has_the_modes_of_its_response(shared_file):
-    """Peaks of H1 at 3.7, 11.2 and 16.6 Hz, told in the data's README."""
-    rows = np.genfromtxt(
-        shared_file("data/mini_flexible_northridge.csv"), delimiter=",", skip_header=3
-    )
-    found = identify_modes(rows[:, 2:].T, 1.0 / 120.0, FLOORS, (2.0, 25.0))
-    assert [mode.frequency_hz for mode in found.modes] == pytest.approx([3.7, 11.2, 16.6], rel=0.02)

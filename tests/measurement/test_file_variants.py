@@ -8,7 +8,6 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement.inspection import inspect_file
 from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.modes import identified_modes
-from femupdate.measurement.quantity import plain_unit
 from femupdate.measurement.reader import read_measured
 
 TIME = np.arange(64) * 0.01
@@ -82,7 +81,6 @@ def cosmos(tmp_path, channel, announced, rows, azimuth=-999, code="", real=()):
 
 
 COLUMN = "   64 acceleration pts, approx    1 secs, units=cm/sec2(04),Format=(1E15.6)"
-SPACED = "64 acceleration pts, approx 1 secs, units=cm/s^2 (4),Format=(8F10.5)"
 DIRECTIONS = {
     "code alone": ("Sta Chan   ?:Other   (Rcrdr Chan  ?) Location:", 0, "BMR.BNZ.AK.--", None, ""),
     "words": ("Sta Cha:  1: 340 deg (Rcrdr Chan  1) Location: Roof", 0, "", 340.0, "Roof"),
@@ -99,14 +97,6 @@ def test_cosmos_directions(tmp_path, channel, number, code, azimuth, place):
     (found,) = read_measured(cosmos(tmp_path, channel, COLUMN, rows, number, code)).channels
     assert (found.azimuth_deg, found.location, found.vertical) == (azimuth, place, azimuth is None)
     np.testing.assert_allclose(found.values, WAVE, rtol=1e-6)
-
-
-def test_cosmos_of_one_unit_without_a_comma(tmp_path):
-    announced = "  64 acceleration pts, approx   1 secs, units=g.     (02)Format=(8f10.5)"
-    rows = [f"{row}     " for row in in_columns(WAVE)]
-    (found,) = read_measured(cosmos(tmp_path, "Sta Chan  1: 90 deg", announced, rows)).channels
-    np.testing.assert_array_equal(found.values, WAVE)
-    assert plain_unit(found.unit) == "g"
 
 
 @pytest.mark.parametrize("called", ["acceleration pts", "raw accel.   pts"])
@@ -138,13 +128,6 @@ def smc(tmp_path, rate):
 def test_smc_of_pairs_as_they_were_digitised_is_refused(tmp_path):
     with pytest.raises(MeasurementError, match="raw pairs of times and values"):
         read_measured(smc(tmp_path, 1.7e38))
-
-
-def test_smc_without_azimuth_and_comment(tmp_path):
-    (found,) = read_measured(smc(tmp_path, 100.0)).channels
-    assert (found.direction, found.azimuth_deg) == ("", None)
-    assert found.location == "San Francisco, 1295 Shafter, F"
-    np.testing.assert_allclose(found.values, WAVE, atol=5e-6)
 
 
 RESULT = """\
@@ -281,8 +264,3 @@ def test_tables_of_loggers(tmp_path, head, mark):
     name = next(key for key, value in LOGGERS.items() if value[0] is head)
     expected = factor[name] * np.stack([many / 1e3, many / 500])
     np.testing.assert_allclose(data.acceleration, expected, rtol=1e-4, atol=1e-9)
-
-
-def test_accents_of_western_europe_are_no_japanese(tmp_path):
-    path = written(tmp_path, ["time_s,Süd (m/s²)", "0.00,1", "0.01,2"])
-    assert read_measured(path).table.names == ("time_s", "Süd")

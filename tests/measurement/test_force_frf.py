@@ -6,7 +6,7 @@ import pytest
 from femupdate.errors import MeasurementError
 from femupdate.measurement.frf_table import in_band
 from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import Reading, kind_in, read_observation_file
+from femupdate.measurement.kinds import Reading, kind_in
 from femupdate.measurement.quantity import force_unit
 from femupdate.measurement.reader import read_measured
 
@@ -104,20 +104,6 @@ ROWS = "1,2,3\n2,2,3\n3,2,3\n"
 def test_wrong_tables(write, head, how, message):
     with pytest.raises(MeasurementError, match=message):
         read(write(f"frequency_hz,{head}\n{ROWS}", "force.csv"), **how)
-
-
-def test_negative_amplitude(write):
-    path = write("frequency_hz,2F/RF (m/N)\n1,2\n2,-2\n3,2\n", "force.csv")
-    with pytest.raises(MeasurementError, match=r"line 3, column '2F/RF': \|H\| is -"):
-        read(path)
-
-
-def test_other_commands_say_what_the_file_is(write):
-    path = write(f"frequency_hz,2F/RF (m/N),RF/RF (m/N)\n{ROWS}", "force.csv")
-    with pytest.raises(
-        MeasurementError, match="responses to a force, which calibrate, diagnose and repair explain"
-    ):
-        read_observation_file(path)
 
 
 def test_base_frfs_as_complex_text(write):

@@ -5,7 +5,7 @@ import pytest
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import Reading, kind_in, read_observation_file
+from femupdate.measurement.kinds import Reading, kind_in
 from femupdate.measurement.modes import in_phase, mac, mode_findings, phase_collinearity
 from femupdate.measurement.reader import read_measured
 from femupdate.measurement.recording import RecordedMode
@@ -50,17 +50,6 @@ def test_complex_shapes_are_turned_to_be_real(write, cell):
     np.testing.assert_allclose(modes.shape[:, 1] / modes.shape[:, 0], [2.0, -2.0], rtol=1e-12)
     np.testing.assert_allclose(np.abs(modes.shape[0]), [5.0, 10.0], rtol=1e-12)
     assert modes.notes == ()
-
-
-def test_parts_of_a_shape_and_sensors_of_a_floor(write):
-    text = (
-        "mode,frequency_hz,2F_re,2F_im,RF:1,RF:2,RF:1_sd,RF:2_sd,RF.y,base\n1,2,1,0,2,4,.3,.4,9,0\n"
-    )
-    modes = read(write(text, "m.csv"))
-    np.testing.assert_allclose(modes.shape, [[1.0, 3.0]])
-    np.testing.assert_allclose(modes.shape_sd, [[np.nan, 0.25]])
-    other = read(write(text, "m.csv"), direction="y")
-    assert (other.floors, other.shape.tolist()) == (("RF",), [[9.0]])
 
 
 def test_a_shape_out_of_phase_is_told(write):
@@ -153,10 +142,3 @@ HEAD = "mode,frequency_hz,damping,2F,RF\n"
 def test_wrong_tables(write, text, message):
     with pytest.raises(MeasurementError, match=message):
         read(write(text, "m.csv"))
-
-
-def test_other_commands_say_what_the_file_is(write):
-    with pytest.raises(
-        MeasurementError, match="identified modes, which calibrate, diagnose and repair explain"
-    ):
-        read_observation_file(write(TABLE, "modes.csv"))

@@ -5,19 +5,14 @@ import os
 import numpy as np
 import pytest
 import torch
-from femupdate.benchmarks.modal_frf import log_frf
 
-from femupdate.dynamics.damping import ConstantDamping
 from femupdate.surrogate import dataset as room
 from femupdate.surrogate.dataset import (
     DatasetPlan,
     compute_dataset,
-    log_frf_pool,
-    sample_zeta,
 )
 
 PLAN = DatasetPlan(samples=110, modes=2, top_frequency_hz=12.8, seed=3)
-FREQUENCY = torch.linspace(0.1, 12.8, 100)
 
 
 @pytest.fixture(autouse=True)
@@ -121,27 +116,3 @@ def test_a_damaged_shard_is_not_trusted(model, prior, tmp_path, solved, damage, 
     assert same(compute_dataset(model, prior, PLAN, tmp_path), first)
     assert len(solved) == 1
     assert "0001.npz is damaged" in caplog.text
-
-
-def test_pool_of_responses(model, prior, tmp_path):
-    """Half precision of modes and of responses together, against all in double."""
-    data = compute_dataset(model, prior, PLAN, tmp_path)
-    zeta = torch.linspace(0.02, 0.05, 110)
-    pool = log_frf_pool(data, FREQUENCY, model, zeta)
-    exact = log_frf(
-        model.modal_data(data.theta), FREQUENCY.double(), ConstantDamping(), zeta.double()
-    )
-    assert pool.dtype == torch.float16
-    assert pool.shape == exact.shape
-    error = pool - exact
-    # A noise of .2 is what they are trained against; antiresonances magnify a mode's rounding.
-    assert float(error.square().mean().sqrt()) < 2e-3
-    assert float(error.abs().max()) < 0.05
-
-
-def test_damping_is_drawn_between_its_bounds():
-    drawn = sample_zeta(2000, (0.01, 0.05), torch.Generator().manual_seed(0))
-    assert 0.01 <= float(drawn.min()) < 0.0101
-    assert 0.0499 < float(drawn.max()) <= 0.05
-    assert float(drawn.mean()) == pytest.approx(0.03, abs=1e-3)
-    assert sample_zeta(3, (0.02, 0.02), torch.Generator()).tolist() == pytest.approx([0.02] * 3)

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
@@ -65,19 +63,6 @@ def test_a_mixture_in_two_dimensions_against_quadrature():
     assert float(found) == pytest.approx(np.log(value), abs=1e-5)
 
 
-@settings(max_examples=100, deadline=None)
-@given(
-    st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3),
-    st.lists(st.floats(0.0, 1e6), min_size=3, max_size=3),
-    st.lists(st.floats(1e-8, 1.0), min_size=3, max_size=3),
-    st.lists(st.floats(-6.0, 6.0), min_size=3, max_size=3),
-)
-def test_it_is_finite_for_every_theta(mean_x, information, variance, mean_theta):
-    observed = one_component(mean_x, np.diag(information))
-    found = LatentQuadratics(observed, tensor(np.diag(variance)))(torch.tensor([mean_theta]))
-    assert bool(torch.isfinite(found).all())
-
-
 def test_a_coordinate_that_theta_says_nothing_of_is_integrated_out():
     """The marginal Gaussian of the other coordinate alone must give the same differences."""
     information = np.array([[50.0, 20.0], [20.0, 30.0]])
@@ -89,19 +74,3 @@ def test_a_coordinate_that_theta_says_nothing_of_is_integrated_out():
     found = LatentQuadratics(both, tensor(np.diag([1e-9, 1.0])))(means).double().numpy()
     expected = norm.logpdf(places, mean, sd) - norm.logpdf(places)
     np.testing.assert_allclose(found - found[0], expected - expected[0], atol=2e-4)
-
-
-def test_far_from_the_data_precision_is_kept():
-    """A hundred thousand inverse variances times squares of a few: single precision suffices."""
-    information = np.diag([1e5, 4e5])
-    observed = one_component([1.2, -0.8], information)
-    means = np.array([[1.201, -0.8], [1.21, -0.79], [0.2, 1.5]])
-    found = LatentQuadratics(observed, tensor(1e-9 * np.eye(2)))(torch.tensor(means).float())
-    offset = means - np.array([1.2, -0.8])
-    # D adds a few ten thousandths to the variances.
-    widened = np.linalg.inv(np.linalg.inv(information) + 1e-9 * np.eye(2))
-    expected = -0.5 * np.einsum("ni,ij,nj->n", offset, widened, offset)
-    expected += offset @ np.array([1.2, -0.8])
-    values = found.double().numpy()
-    # Seven digits of a million in the last row.
-    np.testing.assert_allclose(values - values[0], expected - expected[0], rtol=1e-6, atol=0.05)

@@ -34,15 +34,6 @@ def seen(floors, band=(0.0, 1.0)):
     return Visibility(torch.tensor([floors]), torch.tensor([band]))
 
 
-def test_points_that_count_by_hand():
-    visibility = Visibility(
-        torch.tensor([[1.0, 0.0], [0.0, 1.0]]), torch.tensor([[0.0, 1.0], [0.25, 0.5]])
-    )
-    weights = visibility.weights(5)
-    assert weights[0].tolist() == [[1.0] * 5, [0.0] * 5]
-    assert weights[1].tolist() == [[0.0] * 5, [0.0, 1.0, 1.0, 0.0, 0.0]]
-
-
 @pytest.mark.parametrize("points", [2, 64, 1024])
 def test_every_band_of_whole_points_is_exact(points):
     """Shares of the grid in single precision still say which points are inside."""
@@ -76,16 +67,6 @@ def test_the_observation_encoder_is_told_what_is_observed(mvae):
     three = mvae.encode_observation(x, seen([1.0, 1.0, 1.0], (0.0, 0.5)))
     assert not torch.equal(one.mean, two.mean)
     assert not torch.equal(one.mean, three.mean)
-
-
-def test_parameters_are_put_by_their_root():
-    networks = Mvae(SIZES)
-    networks.lower.copy_(torch.tensor([0.25, 1.0]))
-    networks.upper.copy_(torch.tensor([4.0, 9.0]))
-    theta = torch.tensor([[0.25, 9.0], [25.0 / 16.0, 4.0]])
-    edge = 3.0**0.5
-    expected = torch.tensor([[-edge, edge], [0.0, 0.0]])
-    torch.testing.assert_close(networks.encode_parameters(theta), expected)
 
 
 def test_density_of_a_mixture_against_torch():

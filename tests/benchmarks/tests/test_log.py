@@ -1,16 +1,12 @@
 """Parts of a benchmark on disk: read back as they were, and made again where they are not whole."""
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 import pytest
-from femupdate.benchmarks.log import ResumableLog, restored
-from typing_extensions import TypeAliasType
+from femupdate.benchmarks.log import ResumableLog
 
 from femupdate.arrays import Floats
-
-Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -67,13 +63,6 @@ def test_parts_come_back_as_they_were(path):
     same(log.get_or_make("second", Part, refuse), SECOND)
 
 
-def test_arrays_come_back_where_their_name_is_an_alias():
-    """NDArray of numpy 2.5 is one."""
-    alias = TypeAliasType("alias", np.ndarray[object, np.dtype[Scalar]], type_params=(Scalar,))
-    found = restored(alias[np.float64], [1.0, 2.0])
-    assert isinstance(found, np.ndarray)
-
-
 def test_half_a_line_and_another_plan_are_made_again(path):
     path.write_text(path.read_text()[:-40])
     log = ResumableLog(path, ["a plan", np.nan])
@@ -81,12 +70,3 @@ def test_half_a_line_and_another_plan_are_made_again(path):
     assert log.get_or_make("second", Part, lambda: SECOND) is SECOND
     assert len(path.read_text().splitlines()) == 3
     assert ResumableLog(path, "another plan").get("first", Part) is None
-
-
-def test_a_part_takes_the_place_of_one_with_its_key(path):
-    ResumableLog(path, ["a plan", np.nan]).add("first", SECOND)
-    log = ResumableLog(path, ["a plan", np.nan])
-    same(log.get("first", Part), SECOND)
-    log.add("first", FIRST)
-    log.add("first", SECOND)
-    same(ResumableLog(path, ["a plan", np.nan]).get("first", Part), SECOND)

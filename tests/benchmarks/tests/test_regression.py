@@ -41,11 +41,6 @@ def test_what_changes_a_stick_changes_its_response(name):
     assert np.abs(stick_frf(np.ones(4), (Change(name, 2, 0.1),), frequency) / clean - 1).max() > 0.1
 
 
-def test_equal_records_break_nothing():
-    figures = {"same": {"verdict": "named"}, "posterior": {"theta_1": [1.0, 0.1]}}
-    assert broken(kept(**figures), kept(**figures)) == []
-
-
 @pytest.mark.parametrize(
     ("kind", "before", "within", "beyond"),
     [

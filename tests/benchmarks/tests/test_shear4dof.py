@@ -12,7 +12,7 @@ from femupdate.benchmarks.shear4dof.case import (
 )
 from femupdate.benchmarks.shipped import benchmark_model
 
-# Long runs of another sampler over the exact likelihood (tests/inference/test_benchmark.py).
+# Long runs of another sampler over the exact likelihood.
 WEIGHT = [0.337, 0.132, 0.346, 0.185]
 SD = [
     [0.0071, 0.0058, 0.0045, 0.0067],

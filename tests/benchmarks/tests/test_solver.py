@@ -9,7 +9,6 @@ from femupdate.benchmarks.solver.run import solver_report
 from femupdate.benchmarks.solver.score import ElementTest, Peer
 from femupdate.benchmarks.solver.tower import tower
 
-from femupdate.errors import StructureError
 from femupdate.fe import assemble, lowest_modes
 
 
@@ -85,8 +84,3 @@ def test_without_opensees_ours_runs_alone(monkeypatch):
     assert row.ratio is None
     assert len(row.ours.frequencies_hz) == speed.MODES
     assert row.ours.cpu_seconds > 0.0
-
-
-def test_an_unknown_size_is_refused():
-    with pytest.raises(StructureError, match="no size 'huge'; choose from small, medium, large"):
-        speed.compare_speed(["huge"])
