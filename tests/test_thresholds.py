@@ -6,7 +6,6 @@ from pickle import dumps, loads
 import pytest
 
 from femupdate.discrepancy import thresholds as finder
-from femupdate.inference import thresholds as sampler
 from femupdate.inference.event_scatter import DEFAULT
 from femupdate.inference.model_error import MODEL_ERROR
 from femupdate.measurement import thresholds as data
@@ -23,7 +22,7 @@ def tables(module) -> list:
     return [one for one in found if not isinstance(one, type)]
 
 
-MODULES = (data, sampler, finder)
+MODULES = (data, finder)
 GROUPS = (*SETTINGS, *(one for module in MODULES for one in tables(module)))
 
 

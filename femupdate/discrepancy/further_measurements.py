@@ -16,10 +16,9 @@ from torch import Tensor
 from femupdate.arrays import Flags
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.thresholds import FIT, FOLLOW
-from femupdate.inference.data import Data
+from femupdate.inference.data import WILD, Data
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood
-from femupdate.inference.thresholds import JUDGED
 from femupdate.linear import least_squares
 
 PHASE = "the phase of the floors measured"
@@ -133,7 +132,7 @@ def _expected(
         for _ in range(FOLLOW.rounds):
             missed = kept(moved(predicted(other, z[None]), there))[0]
             # As among the residuals, one point where an anti-resonance is off must not decide.
-            rest = missed.clamp(-JUDGED.wild, JUDGED.wild)
+            rest = missed.clamp(-WILD, WILD)
             left = torch.cat([rest, prior @ (other.z - z)])
             least = min(least, 0.5 * float(left @ left))
             better = z + least_squares(matrix, left)

@@ -2,7 +2,7 @@
 
 With flat priors, two independent normal posteriors of ln theta say of the change delta that the
 difference d of their means is normal about delta, with the sum S of their covariances. Each factor
-has changed or not; a change is normal about zero with the deviation `CHANGE.scale` (spike and slab,
+has changed or not; a change is normal about zero with the deviation `SCALE` (spike and slab,
 George and McCulloch 1993, JASA 88, 881). The evidence of every set of changed factors is then
 known in closed form, and so is the probability of each. One more hypothesis is a change of all
 factors alike, as temperature, level of motion or a wrong mass bring about.
@@ -16,7 +16,10 @@ from itertools import combinations
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.inference.thresholds import CHANGE
+
+SCALE = 0.2  # prior standard deviation of a change in ln: damage of a tenth to a third
+NONE = 0.5  # probability that nothing changed, before the data
+NAMED = 0.95  # probability from which a factor counts as changed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,13 +88,13 @@ def _covariance(draws: Floats) -> Floats:
 
 def _single(count: int) -> float:
     """Prior probability of a change of one of `count` factors."""
-    return 1.0 - CHANGE.none ** (1.0 / count)
+    return 1.0 - NONE ** (1.0 / count)
 
 
 def _hypotheses(count: int) -> Iterator[_Hypothesis]:
     """Nothing first, then every set of factors, all alike last."""
     one = _single(count)
-    most = count if count <= CHANGE.all_sets else 3
+    most = count if count <= 10 else 3
     for size in range(most + 1):
         prior = size * math.log(one) + (count - size) * math.log1p(-one)
         for chosen in combinations(range(count), size):
@@ -104,8 +107,8 @@ def _fit(design: Floats, precision: Floats, shift: Floats) -> tuple[float, Float
     """Log evidence over that of no change; mean and variance (p,) of the change."""
     inner = design.T @ precision @ design
     pull = design.T @ precision @ shift
-    inverse = np.linalg.inv(inner + np.eye(design.shape[1]) / CHANGE.scale**2)
-    determinant = np.linalg.slogdet(np.eye(design.shape[1]) + CHANGE.scale**2 * inner)[1]
+    inverse = np.linalg.inv(inner + np.eye(design.shape[1]) / SCALE**2)
+    determinant = np.linalg.slogdet(np.eye(design.shape[1]) + SCALE**2 * inner)[1]
     evidence = 0.5 * float(pull @ inverse @ pull - determinant)
     spread = np.einsum("pk,kl,pl->p", design, inverse, design)
     return evidence, design @ (inverse @ pull), spread
@@ -115,6 +118,6 @@ def _visible(precision: Floats) -> Floats:
     """Smallest changes (p,) that are named, where no other factor changes."""
     own = precision.diagonal()
     one = _single(len(own))
-    needed = math.log(CHANGE.named / (1.0 - CHANGE.named)) + math.log((1.0 - one) / one)
-    square = (2.0 * needed + np.log1p(CHANGE.scale**2 * own)) * (own + 1.0 / CHANGE.scale**2)
+    needed = math.log(NAMED / (1.0 - NAMED)) + math.log((1.0 - one) / one)
+    square = (2.0 * needed + np.log1p(SCALE**2 * own)) * (own + 1.0 / SCALE**2)
     return np.asarray(np.sqrt(square.clip(0.0)) / own)

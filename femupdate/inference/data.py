@@ -10,6 +10,8 @@ from femupdate.dynamics.system import System
 from femupdate.effects.effect import Effect, Placed
 from femupdate.inference.model_error import LearnedError
 
+WILD = 8.0  # sd of error and noise beyond which a residual counts no more
+
 
 @dataclass(frozen=True)
 class Cell:

@@ -10,8 +10,12 @@ from scipy.special import chdtrc, ndtri
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.inference.modes import separate_modes
-from femupdate.inference.thresholds import IDENTIFIABILITY
 from femupdate.units import percent
+
+# Shares of the prior's standard deviation left: from which a combination counts as not determined,
+# and a parameter as before.
+_UNDETERMINED, _AS_BEFORE = 0.5, 0.85
+_MOST_TOLD, _MOST_NAMES = 3, 6  # combinations that are told, parameters in one
 
 
 def r_hat(draws: ArrayLike) -> Floats | None:
@@ -166,24 +170,20 @@ class Identifiability:
     @property
     def undetermined(self) -> int:
         """How many combinations have kept more than half of their prior standard deviation."""
-        return sum(part.kept > IDENTIFIABILITY.undetermined for part in self.combinations)
+        return sum(part.kept > _UNDETERMINED for part in self.combinations)
 
     def sentences(self) -> tuple[str, ...]:
         """What an engineer should know; nothing where all is determined."""
         told = [*self._about_modes()]
         told.extend(self._about_left_alone())
-        loose = [part for part in self.among_others if part.kept > IDENTIFIABILITY.undetermined]
+        loose = [part for part in self.among_others if part.kept > _UNDETERMINED]
         if loose:
             listed = "; ".join(
                 f"{self.describe(part)} "
                 f"({percent(part.kept)} of the prior's standard deviation left)"
-                for part in loose[: IDENTIFIABILITY.most_told]
+                for part in loose[:_MOST_TOLD]
             )
-            more = (
-                f"; and {len(loose) - IDENTIFIABILITY.most_told} more"
-                if len(loose) > IDENTIFIABILITY.most_told
-                else ""
-            )
+            more = f"; and {len(loose) - _MOST_TOLD} more" if len(loose) > _MOST_TOLD else ""
             told.append(f"The data hardly determine {listed}{more}.")
         return tuple(told)
 
@@ -197,12 +197,8 @@ class Identifiability:
     def describe(self, part: Combination) -> str:
         """Words for a combination, such as "theta_4 up with theta_5 down"."""
         order = np.argsort(-np.abs(part.weight))
-        named = [
-            k
-            for k in order
-            if abs(part.weight[k]) >= IDENTIFIABILITY.named * abs(part.weight[order[0]])
-        ]
-        shown = named[: IDENTIFIABILITY.most_names]
+        named = [k for k in order if abs(part.weight[k]) >= 0.35 * abs(part.weight[order[0]])]
+        shown = named[:_MOST_NAMES]
         up, down = (
             " and ".join(self.names[k] for k in shown if sign * part.weight[k] > 0)
             for sign in (1.0, -1.0)
@@ -214,13 +210,9 @@ class Identifiability:
 
     def _about_left_alone(self) -> list[str]:
         kept = {name: self.kept(name) for name in self.left_alone}
-        nothing = ", ".join(
-            name for name, share in kept.items() if share >= IDENTIFIABILITY.as_before
-        )
+        nothing = ", ".join(name for name, share in kept.items() if share >= _AS_BEFORE)
         little = ", ".join(
-            f"{name} ({percent(share)})"
-            for name, share in kept.items()
-            if share < IDENTIFIABILITY.as_before
+            f"{name} ({percent(share)})" for name, share in kept.items() if share < _AS_BEFORE
         )
         told = []
         if nothing:
@@ -241,7 +233,7 @@ class Identifiability:
         listed = "; ".join(
             f"{percent(mode.weight)} near "
             + ", ".join(f"{self.names[k]} {mode.mean[k]:.3g}" for k in shown)
-            for mode in self.modes[: IDENTIFIABILITY.most_names]
+            for mode in self.modes[:_MOST_NAMES]
         )
         if len(shown) < len(self.names):
             listed += " (the others differ less)"
@@ -253,12 +245,12 @@ class Identifiability:
 
     def _telling(self) -> list[int]:
         """The parameters that tell the modes apart: all of a few, else those that differ most."""
-        if len(self.names) <= IDENTIFIABILITY.all_told:
+        if len(self.names) <= 10:
             return list(range(len(self.names)))
         means = np.stack([mode.mean for mode in self.modes])
         inside = np.mean([mode.sd for mode in self.modes], axis=0)
         apart = np.ptp(means, axis=0) / np.maximum(inside, 1e-300)
-        return sorted(np.argsort(-apart)[: IDENTIFIABILITY.most_names].tolist())
+        return sorted(np.argsort(-apart)[:_MOST_NAMES].tolist())
 
 
 def identifiability(
@@ -325,8 +317,6 @@ def _combinations(covariance: Floats, chosen: Integers) -> tuple[Combination, ..
 
 def _left_alone(combinations: Sequence[Combination]) -> Flags:
     """Parameters (p,) that lie outside of all determined combinations."""
-    determined = [
-        part.weight**2 for part in combinations if part.kept <= IDENTIFIABILITY.undetermined
-    ]
+    determined = [part.weight**2 for part in combinations if part.kept <= _UNDETERMINED]
     size = len(combinations)
-    return np.asarray(np.sum(determined or [np.zeros(size)], axis=0) < IDENTIFIABILITY.left_alone)
+    return np.asarray(np.sum(determined or [np.zeros(size)], axis=0) < 0.1)

@@ -8,7 +8,6 @@ from torch import Tensor
 
 from femupdate.arrays import Flags, Floats
 from femupdate.errors import MeasurementError
-from femupdate.inference.thresholds import DECODER
 from femupdate.measurement.observation import Observation
 from femupdate.surrogate.network import EARLIEST_END, LATEST_START, Visibility
 from femupdate.units import percent
@@ -79,7 +78,7 @@ def _choose_floors(
     used, notes = [], []
     for name in (name for name in floors if name in observation.floors):
         share = usable[observation.floors.index(name), first : last + 1].mean()
-        if share >= DECODER.least_share:
+        if share >= 0.5:
             used.append(name)
         else:
             notes.append(f"Floor {name} is left out: {percent(share)} of its points can be used.")
@@ -101,7 +100,7 @@ def _usable(observation: Observation) -> Flags:
     low, high = np.flatnonzero(observation.valid.any(axis=0))[[0, -1]]
     span = np.zeros(observation.frequency_hz.size, dtype=bool)
     span[low : high + 1] = True
-    uncertain = finite & (noise > 0.0) & (noise <= DECODER.worst_noise) & span
+    uncertain = finite & (noise > 0.0) & (noise <= 0.7) & span
     return np.asarray(observation.valid | uncertain)
 
 

@@ -12,7 +12,6 @@ from femupdate.arrays import Floats
 from femupdate.inference.frf_data import LEARNING, frf_data
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.model_error import ErrorLevel, LearnedError
-from femupdate.inference.thresholds import LEARNED_ERROR
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.units import percent
@@ -64,7 +63,7 @@ class ErrorDraws:
         size = self.amplitude.size
         noise = float(np.median(self.amplitude.levels[..., 3]))
         wide = f" The noise is taken as {noise:.1f} times the stated one." if noise > 1.0 else ""
-        if self.amplitude.present < 0.5 or size < LEARNED_ERROR.worth_saying:
+        if self.amplitude.present < 0.5 or size < 0.01:
             return f"No error of the model shows beside the noise.{wide}"
         turn = ""
         if self.phase is not None and self.phase.present >= 0.5:
@@ -139,7 +138,7 @@ def draw_errors(
     """
     amplitude, turned = spawn(seed, 2)
     flat = parameters.flatten(0, 1)
-    flat = flat[:: max(1, len(flat) // LEARNED_ERROR.tried)]
+    flat = flat[:: max(1, len(flat) // 200)]
     error, shape, base = likelihood.error.parts[0], tuple(parameters.shape[:2]), likelihood.base
     assert base is not None
     residuals = likelihood.error.apart(likelihood.raw(flat))[0]

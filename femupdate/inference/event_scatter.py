@@ -16,13 +16,13 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
-from femupdate.inference.thresholds import EVENT
 from femupdate.seeds import Seed
 from femupdate.thresholds import entry
 from femupdate.units import percent
 
 # Evenly in ln tau.
-_GRID = np.geomspace(EVENT.least_scatter, EVENT.most_scatter, EVENT.scatters)
+# A third to three times of the default are nothing unusual (one standard deviation).
+_GRID = np.geomspace(0.05, 20.0, 241)
 QUANTITIES = ("stiffness", "damping")
 
 
@@ -122,7 +122,7 @@ def sd_density(estimates: Floats, errors: Floats, default: float) -> tuple[Float
     spread = errors**2 + tau[:, None] ** 2
     squares = ((estimates - mean[:, None]) ** 2 / spread).sum(axis=1)
     log = 0.5 * np.log(variance) - 0.5 * np.log(spread).sum(axis=1) - 0.5 * squares
-    log -= 0.5 * (np.log(tau / default) / EVENT.prior_sd) ** 2
+    log -= 0.5 * np.log(tau / default) ** 2
     weight = np.exp(log - log.max())
     return tau, weight / weight.sum()
 

@@ -15,15 +15,17 @@ from torch import Tensor
 from femupdate.errors import InferenceError
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.tempering import (
+    EDGE,
     LogLikelihood,
     SamplerRun,
     effective_sample_size,
     next_increment,
     systematic_rows,
 )
-from femupdate.inference.thresholds import DRAWS
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import Seed, spawn, torch_generator
+
+DISTINCT = 25  # draws that a Gaussian needs, for every coordinate and its weight
 
 LogTarget = Callable[[Tensor], tuple[Tensor, Tensor]]
 """Log prior density (n,) and log likelihood (n,) of points (n, d); minus infinity for impossible
@@ -238,7 +240,7 @@ def students(
 def students_of(points: Tensor, generator: torch.Generator) -> StudentMixture:
     """Students fitted to points (n, d), fewer where few of them are distinct."""
     distinct = len(torch.unique(points[:, 0]))
-    most = max(1, distinct // (DRAWS.distinct * (points.shape[1] + 1)))
+    most = max(1, distinct // (DISTINCT * (points.shape[1] + 1)))
     fitted = fit_mixture(points, min(12, most), generator, iterations=100)
     return StudentMixture(fitted.widened(1.2), 8)
 
@@ -399,7 +401,7 @@ def draws_about_particles(
         InferenceError: no draw has a finite likelihood.
     """
     fitting, drawing = spawn(seed, 2)
-    xi = prior.to_normal(particles).clamp(-DRAWS.edge, DRAWS.edge)
+    xi = prior.to_normal(particles).clamp(-EDGE, EDGE)
     proposal = students_of(xi, torch_generator(fitting, xi.device))
     return importance_sample(
         prior, log_likelihood, proposal, count, drawing, least_round=len(particles)

@@ -14,7 +14,6 @@ from femupdate.inference.encoder_input import encoder_input
 from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, frf_data, log_responses
 from femupdate.inference.latent_search import Control, LatentQuadratics, find_latent
 from femupdate.inference.maxima import Settled
-from femupdate.inference.thresholds import DECODER
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.seeds import torch_generator
 from femupdate.surrogate.gauss_newton import LatentData
@@ -158,7 +157,7 @@ def latent_data(
 def usual_misfit(observation: Observation) -> float:
     """What 199 in 200 observations stay below: the chi-square's quantile, a valid point."""
     free = max(1.0, int(observation.valid.sum()) * independent_share(observation))
-    return float(chdtri(free, 1.0 - DECODER.usual) / free)
+    return float(chdtri(free, 1.0 - 0.995) / free)
 
 
 def _with_decoder_error(data: LatentData, mvae: Mvae) -> LatentData:

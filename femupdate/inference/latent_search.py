@@ -23,7 +23,6 @@ import torch
 from scipy.interpolate import CubicSpline
 from torch import Tensor
 
-from femupdate.inference.thresholds import LATENT_SEARCH, RIDGE
 from femupdate.surrogate.gauss_newton import (
     Descent,
     DescentSettings,
@@ -36,6 +35,11 @@ from femupdate.surrogate.gauss_newton import (
     nats_of,
 )
 from femupdate.surrogate.network import LatentMixture, Mvae
+
+_RESPONSE_STEP = 1e-4  # of z, of finite differences; posteriors are some hundredths wide
+_PROPOSAL_DRAWS, _PRIOR_DRAWS = 24, 4096  # of the observation encoder and of the prior
+_SHORTEST, _LONGEST = 2e-3, 0.15  # steps along a ridge, of z
+_CHANGE = 1.2  # nats, above which a step is halved; below a quarter of it steps grow
 
 
 @dataclass(frozen=True)
@@ -105,11 +109,9 @@ class LatentQuadratics:
         return torch.logsumexp(self._level[:, None] + slope - 0.5 * squares, dim=0)
 
 
-_WITH_RESPONSES = DescentSettings(
-    LATENT_SEARCH.response_steps, LATENT_SEARCH.small_gain, LATENT_SEARCH.most_damping
-)
-_BY_DECODER = Kept(LATENT_SEARCH.decoder_nats, LATENT_SEARCH.decoder_most)
-_BY_RESPONSES = Kept(LATENT_SEARCH.response_nats, LATENT_SEARCH.response_most)
+_WITH_RESPONSES = DescentSettings(iterations=8, small_gain=0.02, most_damping=100.0)
+# A decoder's misfit may be wrong by some nats.
+_BY_DECODER, _BY_RESPONSES = Kept(nats=30.0, count=24), Kept(nats=14.0, count=16)
 
 
 @dataclass(frozen=True)
@@ -191,7 +193,7 @@ def _own_misfit(mvae: Mvae, control: Control, near: Tensor) -> tuple[Residuals, 
 
     if control.settle is None:
         return Misfit(
-            lambda z: control.respond(*parameters(z)), control.data, LATENT_SEARCH.response_step
+            lambda z: control.respond(*parameters(z)), control.data, _RESPONSE_STEP
         ), reached
 
     def joined(z: Tensor) -> Tensor:
@@ -202,14 +204,14 @@ def _own_misfit(mvae: Mvae, control: Control, near: Tensor) -> tuple[Residuals, 
     places = mvae.encode_parameters(maxima[:, :-1])
     turned = mvae.decoder.damping_coordinate(maxima[:, -1])
     starts = torch.cat([places, turned], dim=1)
-    return Residuals(lambda z: residuals(joined(z)), LATENT_SEARCH.response_step), starts
+    return Residuals(lambda z: residuals(joined(z)), _RESPONSE_STEP), starts
 
 
 def _decoder_misfit(mvae: Mvae, data: LatentData) -> Misfit:
     """The decoder's, on the observed frequencies alone."""
     points = (data.weight > 0).any(0).nonzero()[:, 0]
     seen = LatentData(data.log_frf[:, points], data.weight[:, points])
-    return Misfit(lambda z: mvae.decode(z, points), seen, LATENT_SEARCH.decoder_step)
+    return Misfit(lambda z: mvae.decode(z, points), seen, 1e-3)
 
 
 def _starts(
@@ -218,24 +220,22 @@ def _starts(
     """Means and draws of the proposal, and the best of many draws from the prior, (s, z)."""
     component = torch.multinomial(
         proposal.log_weight[0].exp().cpu(),
-        LATENT_SEARCH.proposal_draws,
+        _PROPOSAL_DRAWS,
         replacement=True,
         generator=generator,
     )
-    noise = torch.randn(LATENT_SEARCH.proposal_draws, proposal.mean.shape[-1], generator=generator)
+    noise = torch.randn(_PROPOSAL_DRAWS, proposal.mean.shape[-1], generator=generator)
     sd = (0.5 * proposal.log_variance[0, component]).exp()
     drawn = proposal.mean[0, component] + sd * noise.to(sd)
-    unit = torch.rand(LATENT_SEARCH.prior_draws, mvae.sizes.parameters, generator=generator).to(
-        mvae.lower
-    )
+    unit = torch.rand(_PRIOR_DRAWS, mvae.sizes.parameters, generator=generator).to(mvae.lower)
     mean = mvae.encode_parameters(mvae.lower + (mvae.upper - mvae.lower) * unit)
-    free = torch.randn(LATENT_SEARCH.prior_draws, int(mvae.sizes.free_damping), generator=generator)
+    free = torch.randn(_PRIOR_DRAWS, int(mvae.sizes.free_damping), generator=generator)
     prior = torch.cat([mean, free.to(mean)], dim=1)
-    chosen = slice(0, None, LATENT_SEARCH.coarse)
+    chosen = slice(0, None, 8)
     target, weight = data.log_frf[:, chosen], data.weight[:, chosen]
     misfits = [weight * (target - mvae.decode(z, chosen)) ** 2 for z in prior.split(256)]
     nats = torch.cat([misfit.sum((1, 2)) for misfit in misfits])
-    best = prior[nats.topk(LATENT_SEARCH.followed, largest=False).indices]
+    best = prior[nats.topk(24, largest=False).indices]
     return torch.cat([proposal.mean[0], drawn, best])
 
 
@@ -251,7 +251,7 @@ def _arrived(descent: Descent) -> Descent:
     The others are at the edge of what can be asked, well beyond the prior's box: expanded from
     there, what they say of the inside is not to be trusted where something better is at hand.
     """
-    rows = torch.nonzero(_expansion(descent)[1] < LATENT_SEARCH.little)[:, 0].tolist()
+    rows = torch.nonzero(_expansion(descent)[1] < 1.0)[:, 0].tolist()
     return descent[rows] if rows else descent
 
 
@@ -318,14 +318,14 @@ def bent(misfit: Residuals, points: Descent, reach: Tensor) -> Tensor:
     """
     mass = points.log_mass
     found = torch.zeros(len(points.z), dtype=torch.bool)
-    for row in torch.nonzero(mass > mass.amax() - RIDGE.light)[:, 0].tolist():
+    for row in torch.nonzero(mass > mass.amax() - 6.0)[:, 0].tolist():
         axis, sd = _widest(points[[row]])
-        away = min(RIDGE.tried * sd, RIDGE.furthest)
+        away = min(2.0 * sd, 0.3)
         for offset in (-away * axis, away * axis):
             tried = points.z[row : row + 1] + offset
             if bool((tried.abs() < reach).all()):
                 rise = float(nats_of(misfit(tried), tried)[0] - points.nats[row])
-                found[row] |= abs(rise - 0.5 * (away / sd) ** 2) > RIDGE.tolerance
+                found[row] |= abs(rise - 0.5 * (away / sd) ** 2) > 0.5
     return found
 
 
@@ -344,7 +344,7 @@ def along_ridges(misfit: Residuals, points: Descent, solutions: Descent, reach: 
     for row in range(len(points.z)):
         if not _belongs(kept, points.z[row : row + 1])[0]:
             ridge = _followed(misfit, points[[row]], kept, reach)
-            short = len(ridge.z) < RIDGE.fewest
+            short = len(ridge.z) < 3
             kept = _joined(kept, points[[row]] if short else _kernels(ridge))
     return kept
 
@@ -353,7 +353,7 @@ def _followed(misfit: Residuals, point: Descent, solutions: Descent, reach: Tens
     """The ridge to both sides of a point."""
     axis, sd = _widest(point)
     best = min([float(point.nats[0]), *solutions.nats.tolist()])
-    step = min(RIDGE.first * sd, RIDGE.longest)
+    step = min(0.5 * sd, _LONGEST)
     sides = [
         _side(misfit, point, (sign * axis, step), best, solutions, reach) for sign in (-1.0, 1.0)
     ]
@@ -376,14 +376,14 @@ def _side(
     """
     found: list[tuple[Tensor, Tensor, Tensor]] = []
     here, nats, (direction, step) = point.z, float(point.nats[0]), start
-    for _ in range(RIDGE.steps):
+    for _ in range(40):
         ahead = here + step * direction
         if bool((ahead.abs() > reach).any()):
             break
         ahead, there, information = _pulled_back(misfit, ahead, direction)
         change = abs(float(there) - nats)
-        if change > RIDGE.change and step > RIDGE.shortest:
-            step = max(0.5 * step, RIDGE.shortest)
+        if change > _CHANGE and step > _SHORTEST:
+            step = max(0.5 * step, _SHORTEST)
             continue
         if _belongs(solutions, ahead)[0]:
             break
@@ -391,10 +391,10 @@ def _side(
         moved = (ahead - here)[0]
         here, nats, direction = ahead, float(there), moved / moved.norm()
         best = min(best, nats)
-        if nats > best + RIDGE.fallen:
+        if nats > best + 8.0:
             break
-        if change < 0.25 * RIDGE.change:
-            step = min(1.5 * step, RIDGE.longest)
+        if change < 0.25 * _CHANGE:
+            step = min(1.5 * step, _LONGEST)
     if not found:
         empty = point.z.new_zeros(0)
         return point.z[:0], empty, point.information[:0]
@@ -411,7 +411,7 @@ def _pulled_back(misfit: Residuals, z: Tensor, direction: Tensor) -> tuple[Tenso
     jacobian = misfit.derivative(z, residual)[0]
     information = jacobian.T @ jacobian
     stiff = across @ (information + identity) @ across + along
-    for _ in range(RIDGE.pull_backs):
+    for _ in range(2):
         slope = across @ (jacobian.T @ residual[0] - z[0])
         z = z + across @ torch.linalg.solve(stiff, slope)
         residual = misfit(z)
@@ -431,13 +431,13 @@ def _kernels(ridge: _Ridge) -> Descent:
     curve = CubicSpline(place, ridge.z.numpy())
     height = CubicSpline(place, ridge.nats.numpy())
     ups_and_downs = float(np.abs(np.diff(ridge.nats)).sum())
-    count = min(int(np.ceil(RIDGE.kernels * ups_and_downs)) + 1, RIDGE.most_kernels)
+    count = min(int(np.ceil(2.0 * ups_and_downs)) + 1, 128)
     spacing = place[-1] / count
     middles = spacing * (np.arange(count) + 0.5)
     tangent = curve(middles, 1)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     nearest = np.abs(place[:, None] - middles).argmin(axis=0)
-    sd = min(RIDGE.kernel_width * spacing, 1.0)
+    sd = min(0.7 * spacing, 1.0)
     information = _with_tangent(ridge.information[nearest], torch.from_numpy(tangent), sd)
     # The mass of a Gaussian is that of its stretch of the ridge.
     nats = torch.from_numpy(height(middles)) + np.log(np.sqrt(2.0 * np.pi) * sd / spacing)
@@ -459,7 +459,7 @@ def _belongs(solutions: Descent, z: Tensor) -> Tensor:
     identity = torch.eye(z.shape[1]).to(z)
     offset = z[:, None] - solutions.z
     squares = torch.einsum("nci,cij,ncj->nc", offset, solutions.information + identity, offset)
-    return (squares < RIDGE.near**2).any(dim=1)
+    return (squares < 4.0**2).any(dim=1)
 
 
 def _joined(*parts: Descent) -> Descent:

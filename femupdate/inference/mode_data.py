@@ -11,7 +11,7 @@ from femupdate.dynamics.closed_form import observed, split_sizes
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Effect, Placed
 from femupdate.errors import InferenceError
-from femupdate.inference.data import Cell, Remains
+from femupdate.inference.data import WILD, Cell, Remains
 from femupdate.inference.modal_terms import (
     ModalErrors,
     ModalTerms,
@@ -22,7 +22,6 @@ from femupdate.inference.modal_terms import (
     shown_modes,
 )
 from femupdate.inference.model_error import NOISE_ALONE, ErrorTable, LearnedError
-from femupdate.inference.thresholds import JUDGED
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.units import percent
 
@@ -54,7 +53,7 @@ class ModeData:
     terms: ModalTerms
     source: str = ""
     table: ErrorTable = NOISE_ALONE
-    wild: float = JUDGED.wild
+    wild: float = WILD
 
     @property
     def at_once(self) -> int:

@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from femupdate.inference.thresholds import LEARNED_ERROR
 from femupdate.thresholds import entry
 
 
@@ -69,9 +68,9 @@ COARSE_ERROR = ErrorTable(sizes=(0.03, 0.1, 0.3), lengths=(1 / 30, 1 / 8), harmo
 NOISE_ALONE = ErrorTable(
     sizes=(),
     lengths=(1.0,),
-    noise=LEARNED_ERROR.noise_alone,
+    noise=(1.0, 2.0, 4.0, 8.0, 16.0, 32.0),
     harmonics=0,
-    start=(0.0, 1.0, LEARNED_ERROR.noise_alone_start),
+    start=(0.0, 1.0, 8.0),
 )
 
 # Of figures that are taken at their word.

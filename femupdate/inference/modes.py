@@ -12,9 +12,10 @@ from itertools import combinations
 import torch
 from torch import Tensor
 
-from femupdate.inference.importance import GaussianMixture, fit_mixture
-from femupdate.inference.thresholds import DRAWS, MODES
+from femupdate.inference.importance import DISTINCT, GaussianMixture, fit_mixture
 from femupdate.seeds import torch_generator
+
+_PLACES = 21  # points between two groups at which the density is looked at
 
 
 def separate_modes(x: Tensor) -> Tensor:
@@ -24,9 +25,9 @@ def separate_modes(x: Tensor) -> Tensor:
         x: in coordinates of comparable size, float64.
     """
     generator = torch_generator(0, x.device)
-    some = x[torch.randperm(len(x), generator=generator, device=x.device)[: MODES.fitted]]
+    some = x[torch.randperm(len(x), generator=generator, device=x.device)[:4000]]
     distinct = len(torch.unique(some[:, 0]))
-    components = max(1, min(MODES.components, distinct // (DRAWS.distinct * (x.shape[1] + 1))))
+    components = max(1, min(8, distinct // (DISTINCT * (x.shape[1] + 1))))
     mixture = fit_mixture(some, components, generator, iterations=100)
     group = torch.tensor(_joined(mixture), device=x.device)
     member = group[mixture.component_log_density(x).argmax(dim=1)]
@@ -41,9 +42,7 @@ def _joined(mixture: GaussianMixture) -> list[int]:
     """
     count = len(mixture.mean)
     peak = mixture.log_density(mixture.mean).tolist()
-    share = torch.linspace(
-        0.0, 1.0, MODES.places, dtype=mixture.mean.dtype, device=mixture.mean.device
-    )
+    share = torch.linspace(0.0, 1.0, _PLACES, dtype=mixture.mean.dtype, device=mixture.mean.device)
     saddles = []
     for one, other in combinations(range(count), 2):
         path = torch.lerp(mixture.mean[one], mixture.mean[other], share[:, None])
@@ -51,7 +50,7 @@ def _joined(mixture: GaussianMixture) -> list[int]:
     group = list(range(count))
     for saddle, one, other in sorted(saddles, reverse=True):
         a, b = group[one], group[other]
-        if a != b and saddle > min(peak[a], peak[b]) + math.log(MODES.saddle):
+        if a != b and saddle > min(peak[a], peak[b]) + math.log(0.1):
             group = [a if g == b else g for g in group]
             peak[a] = max(peak[a], peak[b])
     return group
@@ -73,21 +72,21 @@ def _dips(first: Tensor, second: Tensor) -> bool:
     inside = inside + 1e-9 * inside.diagonal().mean() * torch.eye(len(inside)).to(inside)
     direction = torch.linalg.solve(inside, second.mean(0) - first.mean(0))
     low, high = first @ direction, second @ direction
-    width = MODES.bandwidth * min(float(low.std()), float(high.std())) + 1e-12
+    width = 0.3 * min(float(low.std()), float(high.std())) + 1e-12
     ends = (float(low.mean()), float(high.mean()))
-    places = torch.linspace(*ends, MODES.places, dtype=low.dtype, device=low.device)
+    places = torch.linspace(*ends, _PLACES, dtype=low.dtype, device=low.device)
     offset = (places[:, None] - torch.cat([low, high])) / width
     density = torch.exp(-0.5 * offset.square()).mean(1)
     least = int(density.argmin())
     peaks = min(density[: least + 1].max(), density[least:].max())
-    return bool(density[least] < MODES.dip * peaks)
+    return bool(density[least] < 0.5 * peaks)
 
 
 def _numbered(x: Tensor, member: Tensor) -> Tensor:
     """Modes by weight, the smallest ones given to their neighbours."""
     labels, counts = torch.unique(member, return_counts=True)
     labels = labels[counts.argsort(descending=True)]
-    least = min(max(MODES.least_weight * len(x), MODES.least_draws), int(counts.max()))
+    least = min(max(0.01 * len(x), 20), int(counts.max()))
     kept = labels[: int((counts >= least).sum())]
     centre = torch.stack([x[member == label].mean(dim=0) for label in kept])
     number = torch.cdist(x, centre).argmin(dim=1)

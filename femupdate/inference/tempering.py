@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.thresholds import DRAWS
+
+EDGE = 8.0  # standard normal coordinate from which a parameter is at its bound
 
 LogLikelihood = Callable[[Tensor], Tensor]
 """Log likelihood (n,) of parameters (n, p)."""
@@ -68,7 +69,7 @@ class Tempered:
 
     def parameters(self, xi: Tensor) -> Tensor:
         """(n, p) of coordinates (n, d)."""
-        return self.prior.from_normal(xi.clamp(-DRAWS.edge, DRAWS.edge))
+        return self.prior.from_normal(xi.clamp(-EDGE, EDGE))
 
     def at(self, xi: Tensor, slopes: bool = False) -> Points:
         """Likelihoods at coordinates (n, d), and their slopes (zero where there is no number)."""
@@ -80,7 +81,7 @@ class Tempered:
         else:
             parts = []
             for some in xi.split(self.rows):
-                free = some.clamp(-DRAWS.edge, DRAWS.edge).detach().requires_grad_()
+                free = some.clamp(-EDGE, EDGE).detach().requires_grad_()
                 value = self._log_likelihood(self.prior.from_normal(free)).to(torch.float64)
                 (slope,) = torch.autograd.grad(value.sum(), free)
                 parts.append((value.detach(), slope))

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from femupdate.inference.data import WILD
 from femupdate.inference.diagnostics import PredictiveCheck, r_hat
 from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
 from femupdate.inference.posterior import Posterior
-from femupdate.inference.thresholds import DRAWS, JUDGED
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
 from femupdate.units import percent
@@ -179,7 +179,7 @@ def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
         )
     if fitting.wild > _FEW_WILD:
         notes.append(
-            f"{percent(fitting.wild, 1)} of the points are farther off than {JUDGED.wild:g} "
+            f"{percent(fitting.wild, 1)} of the points are farther off than {WILD:g} "
             "standard deviations of noise and model error together: they count no more, neither "
             "for the parameters nor in the p-value."
         )
@@ -219,6 +219,6 @@ def _at_limits(posterior: Posterior) -> list[str]:
 
 def _runs_apart(posterior: Posterior) -> list[str]:
     worst = r_hat(posterior.theta)
-    if worst is None or worst.max() <= DRAWS.agreeing:
+    if worst is None or worst.max() <= 1.05:
         return []
     return [f"The independent runs differ (r-hat up to {worst.max():.2f}): use more particles."]

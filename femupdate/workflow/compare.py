@@ -12,14 +12,15 @@ from femupdate.arrays import Floats
 from femupdate.building.files import load_building
 from femupdate.building.parameters import factor_titles
 from femupdate.errors import InferenceError, StudyError
-from femupdate.inference.change import Changes, changes
+from femupdate.inference.change import NAMED, Changes, changes
 from femupdate.inference.posterior import Posterior, load_posterior
-from femupdate.inference.thresholds import CHANGE
 from femupdate.report.scale import plus_minus, with_unit
 from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import Column, Table
 from femupdate.workflow.summary import kept_summary
+
+_ALIKE = 0.5  # probability from which all changed alike
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,17 +78,17 @@ class CompareReport(Result):
     @property
     def verdict(self) -> str:
         """ "changed", "unchanged" or "unclear"."""
-        if (self.changes.probability >= CHANGE.named).any():
+        if (self.changes.probability >= NAMED).any():
             return "changed"
-        return "unchanged" if self.changes.none >= CHANGE.likely_none else "unclear"
+        return "unchanged" if self.changes.none >= 0.8 else "unclear"
 
     @property
     def named(self) -> tuple[str, ...]:
         """Names of the factors that changed, by the verdict; none where all changed alike."""
-        if self.verdict != "changed" or self.changes.alike > CHANGE.alike:
+        if self.verdict != "changed" or self.changes.alike > _ALIKE:
             return ()
         pairs = zip(self.names, self.changes.probability, strict=True)
-        return tuple(name for name, probability in pairs if probability >= CHANGE.named)
+        return tuple(name for name, probability in pairs if probability >= NAMED)
 
     def sentence(self) -> str:
         """The verdict for an engineer."""
@@ -105,7 +106,7 @@ class CompareReport(Result):
                 f"({_share(found.probability[likeliest])}). One story changing by "
                 f"{_range(found.visible)} would be seen."
             )
-        if found.alike > CHANGE.alike:
+        if found.alike > _ALIKE:
             return (
                 f"All stiffnesses changed alike, by {_change(found.size[0], found.size_sd[0])}, "
                 f"with a probability of {_share(found.alike)}. Look for a common reason first: "
@@ -286,7 +287,7 @@ def _notes(before: State, after: State) -> tuple[str, ...]:
 def _widths(before: State, after: State) -> tuple[str, ...]:
     """What the posteriors say of themselves that bears on a comparison."""
     worst = max(one.summary.get("misfit") or 0.0 for one in (before, after))
-    if worst <= CHANGE.misfit:
+    if worst <= 1.5:
         return ()
     return (
         f"The model misses the data by {worst**0.5:.2g} times their noise: the probabilities are "

@@ -12,6 +12,7 @@ from femupdate.errors import MeasurementError
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import (
     LEARNING,
+    MODES_KEPT,
     Believed,
     FrfData,
     forced_data,
@@ -22,7 +23,6 @@ from femupdate.inference.frf_data import (
 from femupdate.inference.likelihood import Likelihood, cost_of_scatter, likelihood_of
 from femupdate.inference.maxima import Settled, settled
 from femupdate.inference.mode_data import ModeData, mode_data
-from femupdate.inference.thresholds import DRAWS
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed
 from femupdate.units import percent
@@ -92,7 +92,7 @@ def on_fewer_modes(likelihood: Likelihood) -> Likelihood:
     base = likelihood.base
     if base is None or base.logs is None:
         return likelihood
-    modes = None if likelihood.system.placed else DRAWS.modes
+    modes = None if likelihood.system.placed else MODES_KEPT
     fast = replace(base.logs, modes=modes, precision=torch.float32)
     return replace(likelihood, data=(replace(base, logs=fast), *likelihood.data[1:]))
 

@@ -29,7 +29,6 @@ from femupdate.dynamics.summary import (
 )
 from femupdate.inference.next_event import EventErrors
 from femupdate.inference.posterior import Posterior
-from femupdate.inference.thresholds import EVENT
 from femupdate.measurement.record import GroundMotion
 from femupdate.progress import SILENT, Progress
 from femupdate.report.curves import Curve, history_curves, spectrum_curves
@@ -328,7 +327,7 @@ def _in_another_event(task: PredictionTask, draws: PredictionDraws) -> HistorySu
     histories, _ = _histories(task, moved)
     first = draws.values.theta[:1], draws.values.sizes[:1]
     lowest = float(task.system.modes(*first).omega.min())
-    errors = EventErrors(task.posterior, draws.rows, EVENT.fading * lowest / (2.0 * np.pi), erring)
+    errors = EventErrors(task.posterior, draws.rows, 0.25 * lowest / (2.0 * np.pi), erring)
     return summarise(errors.applied(histories), _EXAMPLES)
 
 

@@ -12,11 +12,10 @@ from femupdate.errors import InferenceError
 from femupdate.inference.importance import Counted, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Likelihood
-from femupdate.inference.maxima import draws_about
+from femupdate.inference.maxima import TRUSTED, draws_about
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import TRAJECTORIES, SmcSettings, SmcState, TemperedSmc
 from femupdate.inference.tempering import SamplerRun
-from femupdate.inference.thresholds import DRAWS, MAXIMA
 from femupdate.progress import SILENT, Percent, Progress
 from femupdate.seeds import Seed, spawn
 from femupdate.study import Study
@@ -96,7 +95,7 @@ def sampled_about_maxima(
     drawing, choosing = spawn(seed, 2)
     # A thousand at a time: all processors start and end together.
     counted = Counted(target.likelihood, show, rows=1024)
-    least = 0.0 if target.local else MAXIMA.trusted
+    least = 0.0 if target.local else TRUSTED
     found = draws_about(target.prior, counted, target.maxima, count, drawing, least)
     if found is None:
         if target.local:
@@ -114,7 +113,7 @@ def sampled_about_maxima(
         drawn_by("exact", ABOUT_MAXIMA, runs),
         (note,),
         target.likelihood,
-        warnings=(_FEW_COUNT,) * (found.effective_share < MAXIMA.trusted),
+        warnings=(_FEW_COUNT,) * (found.effective_share < TRUSTED),
     )
 
 
@@ -145,7 +144,7 @@ def sampled_by_particles(
         drawn = run
         try:
             found = draws_about_particles(prior, counted, run.theta, 4 * count, drawing)
-            if found.effective_share > DRAWS.least_share:
+            if found.effective_share > 0.1:
                 drawn = found.resampled(count, choosing)
         except InferenceError:
             pass  # the particles stay
