@@ -51,6 +51,15 @@ class GaussianMixture:
         difference = (x[None] - self.mean[:, None]).transpose(1, 2)
         return torch.linalg.solve_triangular(self.cholesky, difference, upper=False)
 
+    def joined(self, other: "GaussianMixture", share: float) -> "GaussianMixture":
+        """Both mixtures as one, of which another has a share."""
+        weights = self.log_weight + math.log1p(-share), other.log_weight + math.log(share)
+        return GaussianMixture(
+            torch.cat(weights),
+            torch.cat([self.mean, other.mean]),
+            torch.cat([self.cholesky, other.cholesky]),
+        )
+
     def widened(self, factor: float) -> "GaussianMixture":
         """The same with all covariances multiplied."""
         return GaussianMixture(self.log_weight, self.mean, math.sqrt(factor) * self.cholesky)
@@ -239,10 +248,38 @@ def students(
 
 def students_of(points: Tensor, generator: torch.Generator) -> StudentMixture:
     """Students fitted to points (n, d), fewer where few of them are distinct."""
-    distinct = len(torch.unique(points[:, 0]))
-    most = max(1, distinct // (DISTINCT * (points.shape[1] + 1)))
-    fitted = fit_mixture(points, min(12, most), generator, iterations=100)
+    fitted = fit_mixture(points, min(12, max(1, _fitting(points))), generator, iterations=100)
     return StudentMixture(fitted.widened(1.2), 8)
+
+
+def _fitting(points: Tensor) -> int:
+    """How many Gaussians some points (n, d) suffice for."""
+    return len(torch.unique(points[:, 0])) // (DISTINCT * (points.shape[1] + 1))
+
+
+def _refitted(first: StudentMixture, points: Tensor, generator: torch.Generator) -> StudentMixture:
+    """Students fitted to points (n, d) about each solution alone, so that none is lost.
+
+    One about which too few points lie keeps the Student of the first proposal.
+    """
+    member = first.gaussian.component_log_density(points).argmax(dim=1)
+    parts: list[GaussianMixture] = []
+    for k in range(len(first.gaussian.mean)):
+        inside, alone = points[member == k], slice(k, k + 1)
+        share = max(0.01, len(inside) / len(points))
+        fitted = GaussianMixture(
+            torch.zeros_like(first.gaussian.log_weight[alone]),
+            first.gaussian.mean[alone],
+            first.gaussian.cholesky[alone],
+        )
+        if _fitting(inside):
+            fitted = students_of(inside, generator).gaussian
+        parts.append(replace(fitted, log_weight=fitted.log_weight + math.log(share)))
+    weight, mean, root = (
+        torch.cat([getattr(part, name) for part in parts])
+        for name in ("log_weight", "mean", "cholesky")
+    )
+    return StudentMixture(GaussianMixture(weight.log_softmax(0), mean, root), first.freedom)
 
 
 @dataclass(frozen=True)
@@ -350,22 +387,25 @@ def importance_sample(
 ) -> WeightedDraws:
     """`count` weighted parameters, after rounds in which the proposal is fitted to its own draws.
 
-    Fits use tempered weights, so that no mode is lost (Koblents & Miguez 2015, Stat. Comput. 25,
-    407). Modes that the first proposal does not reach are missed.
+    Fits use tempered weights (Koblents & Miguez 2015, Stat. Comput. 25, 407), and each solution of
+    the first proposal is fitted apart: none is lost however few the draws are. Solutions that it
+    does not reach are missed.
 
     Args:
         prior: of the parameters.
         log_likelihood: of them.
-        proposal: in the prior's standard normal coordinates.
+        proposal: in the prior's standard normal coordinates, one Student for every solution.
         count: draws.
         seed: of everything random.
-        least_round: draws of a round of fitting, at least; a hundred for every parameter.
+        least_round: draws of a round of fitting, at least; a hundred for every parameter of up to
+            four solutions.
 
     Raises:
         InferenceError: no draw has a finite likelihood.
     """
     generator = torch_generator(seed, proposal.gaussian.mean.device)
-    size, spent = max(least_round, 100 * prior.size), 0
+    first, size = proposal, 100 * prior.size * min(4, len(proposal.gaussian.mean))
+    size, spent, best = max(least_round, size), 0, (0.0, proposal)
     constant = 0.5 * prior.size * math.log(2.0 * math.pi)
 
     def target(xi: Tensor) -> tuple[Tensor, Tensor]:
@@ -381,9 +421,13 @@ def importance_sample(
     for _ in range(8):
         tried = possible(weighted_draws(target, proposal, size, generator))
         spent += size
+        best = max(best, (tried.effective, proposal), key=lambda judged: judged[0])
+        if tried.effective > 0.8 * size:
+            break
         power = next_increment(tried.log_weight, 1.0, 0.4)
         weight = torch.softmax(power * tried.log_weight, 0)
-        proposal = students_of(tried.points[systematic_rows(weight, generator)], generator)
+        points = tried.points[systematic_rows(weight, generator)]
+        proposal = _refitted(first, points, generator)
         if tried.effective > 0.5 * size:
             break
     found = possible(weighted_draws(target, proposal, count, generator))
