@@ -2,7 +2,6 @@
 
 import errno
 import os
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -80,23 +79,3 @@ def test_other_libraries_report_a_full_disk_in_words(tmp_path, text):
 
     with pytest.raises(StudyError, match="the disk is full"), atomic_path(tmp_path / "f"):
         raise LibraryError(text)
-
-
-@pytest.mark.skipif(os.name == "nt", reason="permissions of POSIX")
-def test_many_threads_write_at_once(tmp_path):
-    """Shards of a data set are; the process's umask must be left alone meanwhile."""
-    before = os.umask(0o022)
-
-    def write(k):
-        with atomic_path(tmp_path / f"{k % 20}.txt") as temporary:
-            temporary.write_text(str(k % 20))
-
-    try:
-        with ThreadPoolExecutor(8) as pool:
-            list(pool.map(write, range(400)))
-        after = os.umask(0o022)
-    finally:
-        os.umask(before)
-    assert after == 0o022
-    assert len(names(tmp_path)) == 20
-    assert all((tmp_path / name).read_text() == name[:-4] for name in names(tmp_path))

@@ -6,16 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
-from scipy.linalg import eigh
 
 from femupdate.building import load_building
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.local_basis import local_structure
-from femupdate.dynamics.reduced import reduced_on
-from femupdate.dynamics.snapshots import ReductionTarget
-from femupdate.dynamics.system import System
-from femupdate.effects import CATALOGUE, DrawnBuilding, Effect, Placed, catalogue, structure_of
+from femupdate.effects import CATALOGUE, DrawnBuilding, Effect, catalogue, structure_of
 from femupdate.errors import BuildingError
 from femupdate.registry import classes_in
 from femupdate.report.glyphs import drawn
@@ -69,27 +62,3 @@ def test_it_is_drawn_beside_its_floor(effect):
         points = np.concatenate(drawn(effect.glyphs(building, place)).lines)
         assert points[:, 2].mean() == pytest.approx(building.levels[level], abs=0.05)
         assert points[:, 0].max() == pytest.approx(building.low[0])
-
-
-def test_a_reduced_frame_holds_it_about_as_well_as_added_mass(effect, cabin_file):
-    structure = structure_of(load_building(str(cabin_file)))
-    stiffness = structure.stiffness(np.ones(2)).toarray()
-    exact = reduced_on(structure, eigh(stiffness, structure.mass.toarray())[1])
-    grid = np.linspace(0.2, 30.0, 150)
-    bounds = np.full(2, 1 / 3), np.full(2, 3.0)
-    target = ReductionTarget(*bounds, grid, 0.02, 0.01, samples=16)
-    local = local_structure(structure, np.array([0.7, 1.8]), target, size=28)
-
-    def error(one):
-        values = (np.array([0.75, 1.7]), np.array([0.02]), np.array([0.14]))
-        theta, zeta, size = (torch.from_numpy(v) for v in values)
-        seen = [
-            System(of.model, ConstantDamping(), (one,), (of.terms(one),)).frf(
-                theta[None], zeta, size[None], torch.from_numpy(grid)
-            )
-            for of in (local, exact)
-        ]
-        return float((seen[0].abs().log() - seen[1].abs().log()).square().mean().sqrt())
-
-    tie, mass = (error(Placed(CATALOGUE[name], "RF")) for name in ("neighbour", "added_mass"))
-    assert tie < 2.0 * mass < 0.005

@@ -50,11 +50,7 @@ class ResumableLog:
         return None if line is None else restored(kind, json.loads(line)["content"])
 
     def add(self, key: str, part: Any) -> None:
-        """Write one part at once; it takes the place of one with the same key.
-
-        Raises:
-            StudyError: the file cannot be written; the parts before are kept.
-        """
+        """Write one part at once; it takes the place of one with the same key."""
         # Python's JSON keeps NaN and infinities, which parts may hold.
         content = {"key": key, "content": asdict(part)}
         line = json.dumps(content, default=lambda array: array.tolist())

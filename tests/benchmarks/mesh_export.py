@@ -18,12 +18,6 @@ def export_mesh(mesh: BuildingMesh, path: str | Path) -> Path:
 
     gmsh 2.2 and MED name the groups; VTU numbers them in the cell data "group", in the order of
     `GROUPS`. Rigid links, springs and masses are not part of a mesh.
-
-    Args:
-        path: ending in .vtu, .msh or .med.
-
-    Raises:
-        BuildingError: another ending, or the file cannot be written.
     """
     import meshio
 

@@ -69,19 +69,7 @@ class Job:
         pictures: Sequence[Path] = (),
         answer: Mapping[str, Any] | None = None,
     ) -> Report:
-        """Write NAME.json into the folder, whole or not at all.
-
-        Args:
-            name: of the files.
-            content: of the JSON file beside machine and seed; dataclasses and arrays are taken
-                apart.
-            text: tables, also in the file.
-            packages: whose versions matter beside those that always do.
-            pictures, answer: for the report.
-
-        Raises:
-            StudyError: a file cannot be written.
-        """
+        """Write NAME.json into the folder, whole or not at all."""
         machine = this_machine(*packages)
         report = Report(
             machine=machine,

@@ -28,11 +28,7 @@ def benchmark_model(name: str = "shear_4dof") -> StudyModel:
 
 
 def shipped_surrogate(building: Building) -> Surrogate:
-    """The surrogate that is shipped with a building.
-
-    Raises:
-        SurrogateError: there is none.
-    """
+    """The surrogate that is shipped with a building."""
     with as_file(files("femupdate.models") / f"{building.name}.safetensors") as path:
         return load_surrogate(path)
 

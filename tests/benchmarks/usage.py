@@ -26,15 +26,7 @@ class Usage:
 def measure(
     command: list[str], environment: dict[str, str], folder: Path, log: Path, limit_s: float
 ) -> Usage:
-    """Run a command in a session of its own and watch all its processes.
-
-    Args:
-        command: program and arguments.
-        environment: variables.
-        folder: to run in.
-        log: files to write, stdout with the suffix .json and stderr with .err.
-        limit_s: processor seconds after which it is stopped.
-    """
+    """Run a command in a session of its own and watch all its processes."""
     with open(f"{log}.json", "w") as out, open(f"{log}.err", "w") as errors:
         started = time.monotonic()
         process = subprocess.Popen(

@@ -13,7 +13,6 @@ from femupdate.building import (
     mechanics_hash,
     save_building,
     shipped_buildings,
-    to_document,
 )
 from femupdate.errors import BuildingError
 
@@ -117,15 +116,3 @@ def test_what_changes_the_mechanics_hash(small_text, tmp_path, old, new, changes
     first, second = (load_building(path) for path in paths)
     assert building_hash(first) != building_hash(second)
     assert (mechanics_hash(first) != mechanics_hash(second)) == changes
-
-
-def test_masses_of_a_frame_may_be_nominal(tmp_path):
-    """The key counts where it is said, and leaves the hash of every other building alone."""
-    text = building_text("two_story_openings")[1]
-    path = tmp_path / "nominal.toml"
-    path.write_text(text.replace('kind = "frame"', 'kind = "frame"\nmasses_known = false'))
-    nominal, plain = load_building(path), load_building("two_story_openings")
-    assert nominal.forces_are_relative
-    assert not plain.forces_are_relative
-    assert "masses_known" not in to_document(plain)
-    assert mechanics_hash(nominal) != mechanics_hash(plain)

@@ -180,35 +180,3 @@ def test_wall_without_stiffness_weighs_on_both_floors(small):
         extra = padded[0] - left * padded[1]  # the spread rest shrinks by the wall's self weight
         assert extra[line].sum() == pytest.approx(moved, rel=1e-9)
         np.testing.assert_allclose(extra[on_floor & ~line], 0.0, atol=1e-9 * 60e3)
-
-
-def test_spread_mass_follows_tributary_areas(make_document):
-    document = make_document([3.0], ([4.0], [6.0]), 2.0, 100e3)
-    model = mesh_building(from_document(document)).model
-    rest = 100e3 - self_mass(model, []).sum()
-    at = {tuple(model.nodes[n, :2]): m for n, m in zip(model.masses.node, model.masses.mass)}  # noqa: B905
-    assert len(at) == 3 * 4
-    assert at[2.0, 2.0] == pytest.approx(rest / 6, rel=1e-12)
-    assert at[0.0, 2.0] == pytest.approx(rest / 12, rel=1e-12)
-    assert at[4.0, 6.0] == pytest.approx(rest / 24, rel=1e-12)
-
-
-def test_plan_with_a_corner_left_out(make_document):
-    """Two slabs leave one bay open; nothing is built there, and the rest stands."""
-    document = make_document([3.0, 3.0], ([5.0, 4.0], [6.0, 3.0]), 1.5, 120e3)
-    document["slabs"] = [
-        {"x": ["X0", "X2"], "y": ["Y0", "Y1"], "thickness": SLAB},
-        {"x": ["X0", "X1"], "y": ["Y1", "Y2"], "thickness": SLAB},
-    ]
-    document["columns"][0]["at"] = [f"X{i}-Y{j}" for i in range(3) for j in range(3) if i + j < 4]
-    document["beams"] = [
-        {"section": "beam", "along": ["Y0", "Y1"]},
-        {"section": "beam", "along": ["X0", "X1"]},
-        {"section": "beam", "along": "Y2", "to": "X1"},
-        {"section": "beam", "along": "X2", "from": "Y0", "to": "Y1"},
-    ]
-    mesh = mesh_building(from_document(document))
-    x, y = mesh.model.nodes[:, 0], mesh.model.nodes[:, 1]
-    assert not np.any((x > 5.0 + 1e-9) & (y > 6.0 + 1e-9))
-    assert total_mass(mesh) == pytest.approx(2 * 120e3, rel=1e-12)
-    assert lowest_modes(assemble(mesh.model), np.ones(2), 1).frequency_hz[0] > 0.5

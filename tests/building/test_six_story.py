@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building, mesh_building
-from femupdate.fe import Beams, Shells, assemble, lowest_modes
+from femupdate.fe import assemble, lowest_modes
 
 TABLE = {
     0.3: (9204, [3.350, 5.255, 7.046, 10.396, 16.965, 18.343]),
@@ -60,60 +60,3 @@ def test_stiff_non_structural_walls_change_torsion_and_x_but_hardly_y():
     )
     assert ratio[0] == pytest.approx(1.0, abs=0.03)
     assert ratio[1:].min() > 1.25
-
-
-def opensees():
-    """OpenSeesPy, or a skip: where its libraries are missing it raises more than ImportError."""
-    try:
-        import openseespy.opensees as program
-    except Exception as error:
-        pytest.skip(f"OpenSeesPy cannot be imported: {error}")
-    return program
-
-
-def build_in_opensees(program, model):
-    program.wipe()
-    program.model("basic", "-ndm", 3, "-ndf", 6)
-    for number, point in enumerate(model.nodes.tolist(), 1):
-        program.node(number, *point)
-    for number in np.flatnonzero(model.fixed.any(axis=1)).tolist():
-        program.fix(number + 1, *model.fixed[number].astype(int).tolist())
-    shells, beams = model.elements_of(Shells), model.elements_of(Beams)
-    thicknesses = sorted(set(shells.thickness.tolist()))
-    for number, thickness in enumerate(thicknesses, 1):
-        program.section("ElasticMembranePlateSection", number, 24.4e9, 0.2, thickness, 2400.0)
-    for number, nodes in enumerate((shells.nodes + 1).tolist()):
-        section = thicknesses.index(shells.thickness[number]) + 1
-        program.element("ASDShellQ4", number + 1, *nodes, section)
-    program.geomTransf("Linear", 1, 0.0, 1.0, 0.0)
-    program.geomTransf("Linear", 2, 0.0, 0.0, 1.0)
-    for number, nodes in enumerate((beams.nodes + 1).tolist()):
-        figures = (
-            beams.area,
-            beams.torsion_constant,
-            beams.inertia_y,
-            beams.inertia_z,
-            beams.shear_area_y,
-            beams.shear_area_z,
-        )
-        program.element(
-            "ElasticTimoshenkoBeam", len(shells) + number + 1, *nodes, 24.4e9, 24.4e9 / 2.4,
-            *(float(figure[number]) for figure in figures),
-            1 if beams.kind[number] == "column" else 2,
-            "-mass", 2400.0 * float(beams.area[number]), "-cMass",
-        )  # fmt: skip
-    for node, mass in zip(model.masses.node.tolist(), model.masses.mass.tolist(), strict=True):
-        program.mass(node + 1, mass, mass, mass, 0.0, 0.0, 0.0)
-
-
-def test_same_mesh_in_opensees():
-    program = opensees()
-    building = load_building("six_story_wall_frame")
-    model = mesh_building(building).model
-    build_in_opensees(program, model)
-    program.system("SparseGEN")
-    theirs = np.sqrt(program.eigen("-genBandArpack", 8)) / (2 * np.pi)
-    program.wipe()
-    ours = lowest_modes(assemble(model), np.ones(6), 8).frequency_hz
-    # Two shells that converge to the same limit; they differ by 0.21 % at most on this mesh.
-    np.testing.assert_allclose(ours, theirs, rtol=0.003)

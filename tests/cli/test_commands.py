@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from femupdate import __version__
-from femupdate.inference.posterior import load_posterior
 
 BUILD = {
     "frequencies_hz",
@@ -120,30 +119,6 @@ def test_calibrate_in_words(femupdate, calibrated, tower_observation):
     ):
         assert word in done.out
     assert str(calibrated / "posterior.nc") in done.out
-
-
-def test_calibrate_several_files(femupdate, tmp_path, calibrated, tower_observation, record):
-    """Both are named, one posterior explains them, and what follows goes on from it."""
-    other = tmp_path / "other.csv"
-    made = femupdate(
-        *("simulate", "-o", other, "--study", calibrated, "--theta", "0.8,1.3", "--zeta", 0.05),
-        *("--duration", 60, "--sampling", 50, "--band", "0.3,20", "--seed", 9),
-    )
-    assert made.code == 0
-    files = (tower_observation.path, other)
-    done = femupdate("calibrate", *files, "--exact", *FEW, "--study", calibrated, "--json")
-    assert done.answer["files"] == [str(path) for path in files]
-    assert done.answer["mean"] == pytest.approx(tower_observation.theta, rel=0.01)
-    names = f"{tower_observation.path.name}, other.csv"
-    assert load_posterior(calibrated / "posterior.nc").observation.source == names
-    notes = " ".join(done.answer["notes"])
-    assert "2 runs are explained together" in notes
-    assert "They agree" in notes
-    assert "other.csv: Welch H1" in notes
-    predicted = femupdate("predict", "--record", record, "--samples", 10, "--study", calibrated)
-    assert predicted.code == 0
-    again = femupdate("calibrate", *files, other, "--exact", "--study", calibrated)
-    assert "other.csv is given twice" in again.complaint
 
 
 def test_train(walk):

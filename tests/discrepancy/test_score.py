@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.stats import binomtest, kstest
 
-from femupdate.discrepancy.fit import extended, fit, fit_baseline, glance
+from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.discrepancy.observability import same_to_sensors, unobservable_effects
 from femupdate.discrepancy.residual_map import p_value, residual_cells
 from femupdate.discrepancy.score import alike, candidates, score
@@ -62,26 +62,6 @@ def test_an_impossible_sign_counts_for_nothing(clean):
         zero = int((column == 0.0).sum())
         assert binomtest(zero, CLEAN).pvalue > 1e-3
         assert kstest(column[column != 0.0], "halfnorm").pvalue > 1e-3
-
-
-def test_a_glance_tells_what_two_steps_of_a_fit_tell(fitted, building_of, chains, place):
-    """Of every effect, with a tenth more mass on one floor: the same first, and no other order."""
-    heavy = chains.Chain(MASSES * [1.0, 1.1, 1.0], TRUTH * SPRINGS, zeta=ZETA)
-    problem, base = fitted(heavy.frf(GRID), 1, sd=0.02)
-    both = []
-    for placed in candidates(problem):
-        one = score(problem, base, placed)
-        start = np.array(one.start)
-        start[:1] = one.size
-        z = extended(problem, base, (placed,), start)
-        both.append((fit(problem, (placed,), z, 2).misfit, glance(base, placed, start, 2).misfit))
-    whole, seen = np.array(both).T
-    labels = [placed.label for placed in candidates(problem)]
-    assert labels[whole.argmin()] == labels[seen.argmin()] == "added_mass@3F"
-    # Where the fit ends below the model without an effect, so does the glance, as far.
-    better = whole < 0.9 * base.misfit
-    assert better.sum() > 3
-    np.testing.assert_allclose(seen[better], whole[better], rtol=0.1)
 
 
 def test_p_values_of_clean_data_are_uniform(clean):

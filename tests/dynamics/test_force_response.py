@@ -11,7 +11,7 @@ from femupdate.dynamics.force_response import rest_flexibility
 from femupdate.dynamics.reduced import lumped
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.system import System
-from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.effects import structure_of
 from femupdate.fe import factorize
 from femupdate.inference.parameters import reduction_target
 
@@ -62,33 +62,6 @@ def test_a_stick_is_that_of_its_equations(stick, forced):
     assert float(high[0, forced, 0].real) == pytest.approx(
         1.0 / operators.mass[forced, forced], rel=1e-3
     )
-
-
-def test_a_damper_in_a_story_holds_the_floors(stick):
-    placed = Placed(CATALOGUE["story_damper"], "story 2")
-    law = RayleighDamping(0.02, (1.0, 20.0))
-    places = placed.effect.places(stick.structure)
-    placed = Placed(placed.effect, places[1])
-    terms = stick.terms(placed)
-    system = System(stick.model, law, (placed,), (terms,))
-    operators = shear_operators(load_building("shear_4dof"))
-    stiffness = np.einsum("p,pij->ij", THETA, operators.stiffness_terms)
-    damping = law.mass_coefficient * operators.mass + law.stiffness_coefficient * stiffness
-    size = torch.tensor([[0.1]], dtype=torch.float64)
-    omega = 2.0 * torch.pi * torch.from_numpy(FREQUENCY)
-    (port,) = system.port_stiffness(omega, size)
-    coefficient = float((port[0].imag / omega)[0])
-    np.testing.assert_allclose(port[0], 1j * coefficient * omega, rtol=1e-9)
-    line = np.array([-1.0, 1.0, 0.0, 0.0])
-    exact = direct(stiffness, operators.mass, damping + coefficient * np.outer(line, line), 3)
-    found = accelerance(
-        system,
-        torch.from_numpy(np.append(THETA, 0.1))[None],
-        torch.zeros(1, dtype=torch.float64),
-        torch.from_numpy(FREQUENCY),
-        3,
-    )[0]
-    np.testing.assert_allclose(found, exact, rtol=1e-8)
 
 
 def test_a_reduced_frame_with_its_rest_is_the_full_one(cabin_file):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 from scipy.integrate import solve_ivp
 
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
@@ -10,9 +9,8 @@ from femupdate.dynamics.history import (
     HistorySettings,
     floor_histories,
     history_batches,
-    join_histories,
 )
-from femupdate.dynamics.recurrence import interpolate_record, step_matrices
+from femupdate.dynamics.recurrence import interpolate_record
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError, StructureError
@@ -195,24 +193,6 @@ def test_chain_against_the_frequency_domain():
             np.testing.assert_allclose(value, exact, atol=0.01 * np.abs(exact).max())
 
 
-def test_batches_and_single_samples_agree(recorder):
-    rng = np.random.default_rng(8)
-    theta, zeta = rng.uniform(0.4, 2.5, (7, 4)), rng.uniform(0.0, 0.1, 7)
-    record = rng.normal(size=600)
-    model = shear_building(MASS, SPRING)
-    whole = floor_histories(model, theta, zeta, record, 0.02)
-    told = recorder()
-    chosen = HistorySettings(batch=3)
-    batches = history_batches(model, theta, zeta, record, 0.02, settings=chosen, progress=told)
-    parts = join_histories(list(batches))
-    assert told.counts == [3, 3, 1]
-    one = floor_histories(model, theta[4:5], zeta[4:5], record, 0.02)
-    # Only the order of sums in the matrix products differs.
-    scale = 1e-11 * np.abs(whole.story_shear).max()
-    np.testing.assert_allclose(parts.story_shear, whole.story_shear, atol=scale)
-    np.testing.assert_allclose(one.story_shear[0], whole.story_shear[4], atol=scale)
-
-
 @pytest.mark.parametrize("factor", [2, 5, 8])
 def test_interpolation_keeps_samples_and_band(factor):
     t = np.arange(400.0)
@@ -223,22 +203,6 @@ def test_interpolation_keeps_samples_and_band(factor):
     between = np.sin(2.0 * np.pi * 0.4 * np.arange(len(fine)) / factor + 0.3)
     middle = slice(100 * factor, 300 * factor)
     np.testing.assert_allclose(fine[middle], between[middle], atol=5e-4)  # 80 dB is 1e-4
-
-
-def test_step_matrices_against_the_published_recurrence():
-    """Transition of Nigam and Jennings (1969): e^(-zeta omega h) (cos, sin) of the damped mode."""
-    omega, zeta, step = 31.0, 0.07, 0.013
-    transition, load = step_matrices(
-        torch.tensor(omega, dtype=torch.float64), torch.tensor(zeta, dtype=torch.float64), step
-    )
-    damped = omega * np.sqrt(1.0 - zeta**2)
-    decay, c, s = np.exp(-zeta * omega * step), np.cos(damped * step), np.sin(damped * step)
-    a12 = decay * s / damped * omega  # the state is (omega eta, eta')
-    a22 = decay * (c - zeta * omega / damped * s)
-    np.testing.assert_allclose(transition[:, 1], [a12, a22], rtol=1e-12)
-    # A constant excitation for ever leaves the static deflection where it is.
-    rest = torch.tensor([-1.0 / omega, 0.0], dtype=torch.float64)
-    np.testing.assert_allclose(transition @ rest + load.sum(-1), rest, atol=1e-15)
 
 
 @pytest.mark.parametrize(

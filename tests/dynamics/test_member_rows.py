@@ -3,23 +3,19 @@
 import numpy as np
 import pytest
 import torch
-from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import splu
 
-from femupdate.building import from_document, to_document
+from femupdate.building import from_document
 from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.equations import SensorRows, driven_system, equations_at
+from femupdate.dynamics.equations import SensorRows, driven_system
 from femupdate.dynamics.history import HistorySettings, displacement_histories
 from femupdate.dynamics.members import (
-    BaseRecord,
     beam_end_rows,
-    choose_members,
     cut_rows,
-    member_forces,
 )
 from femupdate.dynamics.spectra import response_spectrum
 from femupdate.dynamics.system import Rows
-from femupdate.effects import CATALOGUE, structure_of
+from femupdate.effects import structure_of
 from femupdate.fe import Beams, static_displacement
 
 THETA = np.array([0.7, 1.5])
@@ -122,33 +118,6 @@ def test_against_direct_integration_of_the_full_model(direction):
         size = np.abs(wanted).max()
         # 2 %: Newmark's own period error over 2 s, and modes above 150 Hz as if they were static.
         np.testing.assert_allclose(ours / size, wanted / size, atol=0.02)
-
-
-def test_with_effects_against_direct_integration_of_their_equations():
-    """Undamped forces of a column beside a brace, an added mass and P-Delta."""
-    listed = {"added_mass": ("RF", 0.4), "brace": ("ground-RF", 0.3), "p_delta": ("all", None)}
-    entries = [
-        {"name": name, "place": place, "parameters": {} if size is None else {"size": size}}
-        for name, (place, size) in listed.items()
-    ]
-    structure = turned_frame("x")
-    building = from_document(to_document(structure.building) | {"effects": entries})
-    terms = [CATALOGUE[name].terms(structure, place) for name, (place, _) in listed.items()]
-    whole = equations_at(structure, THETA, list(zip(terms, (0.4, 0.3, 1.0), strict=True)))
-    springs = csc_matrix(whole.springs.rows)
-    stiffness = whole.stiffness + springs.T @ diags(whole.springs.stiffness) @ springs
-    step, fine = 0.01, 20
-    record = smooth_motion(step / fine, 199 * fine + 1)
-    push = -record[:, None] * whole.force[:, 0]
-    u = newmark(csc_matrix(stiffness), csc_matrix(stiffness.shape), whole.mass, push, step / fine)
-    chosen = choose_members(building, [(5.0, 4.0, 0.5)])
-    (rows,) = chosen.rows(THETA)
-    wanted = (rows @ u)[:, ::fine]
-    sample = np.array([[*THETA, 0.4, 0.3]])
-    (found,) = member_forces(chosen, sample, np.zeros(1), BaseRecord(record[::fine], step), 150.0)
-    for ours, exact in zip(np.split(found.mean, 4), np.split(wanted, 4), strict=True):
-        # Newmark's own period error.
-        np.testing.assert_allclose(ours, exact, atol=0.02 * np.abs(exact).max())
 
 
 def test_beam_end_forces_balance_and_follow_hand_formulas(frame):

@@ -102,30 +102,6 @@ def test_modes_in_the_band_that_no_floor_feels_do_not_spoil_the_series():
     assert errors_of_leaving_out(model, theta, [2], 10.0)[0] < 1e-4
 
 
-def test_the_power_series_is_that_of_the_modes_left_out():
-    """1 / (w_j^2 - w^2) = 1 / w_j^2 + w^2 / w_j^4 + w^4 / w_j^6 + ..."""
-    omega = np.array([10.0, 400.0, 700.0])
-    zeros = np.zeros((1, 3))
-    model = ReducedModel(
-        np.diag(omega**2)[None],
-        np.zeros((3, 3)),
-        np.array([1.0, 3.0, -2.0]),
-        np.array([[1.0, 0.5, 0.7], [2.0, -0.1, 0.4]]),
-        ("2F", "RF"),
-        zeros,
-        zeros[0],
-        zeros,
-    )
-    found = (
-        System(model)
-        .modal_data(torch.ones(1, 1, dtype=torch.float64), modes=1, top_frequency_hz=10.0)
-        .residual[0]
-    )
-    effect = np.array([[1.5, -1.4], [-0.3, -0.8]])
-    expected = np.stack([effect @ omega[1:] ** -(2.0 * k + 2.0) for k in range(3)], axis=1)
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
-
-
 @pytest.mark.parametrize("size", [1, 2])
 def test_the_smallest_buildings(make_chain, tensor, size):
     chain = make_chain(np.array([2.0, 1.0])[:size], np.array([700.0, 300.0])[:size])

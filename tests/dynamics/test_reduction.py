@@ -10,7 +10,7 @@ from scipy.sparse import csc_matrix
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
 from femupdate.dynamics.equations import driven_system
 from femupdate.dynamics.reduced import reduce_lumped
-from femupdate.dynamics.reduction import CERTIFY, CHOOSE, reduce_structure
+from femupdate.dynamics.reduction import CHOOSE, reduce_structure
 from femupdate.dynamics.snapshots import TOP, ReductionTarget
 from femupdate.dynamics.system import System
 from femupdate.errors import StructureError
@@ -151,27 +151,6 @@ def test_the_stiffness_is_affine_in_theta(frame, reduced):
     np.testing.assert_allclose(model.node_shapes, full[:, :3], rtol=1e-5, atol=1e-7)
 
 
-def test_a_seed_gives_one_model_and_another_seed_another(frame, reduced):
-    again = reduce(frame, target())
-    for name in ("stiffness_terms", "excitation", "floor_shapes", "story_inertia"):
-        assert np.array_equal(getattr(again.model, name), getattr(reduced.model, name)), name
-    other = reduce(frame, target(seed=3))
-    assert not np.array_equal(other.model.stiffness_terms, reduced.model.stiffness_terms)
-    assert other.rms_error <= 0.02
-
-
-@pytest.mark.parametrize("mesh_size", [1.5, 2.0, 4.0])
-def test_mass_and_inertia_above_each_story(small_frame, mesh_size):
-    """What the drawings say of the floors, the story above and half of the story itself."""
-    frame = small_frame(mesh_size)
-    model = reduce(frame, target(tolerance=0.1, samples=4)).model
-    upper = frame.story_mass[1] - 0.5 * frame.column_mass[1]
-    whole = sum(frame.story_mass) - 0.5 * frame.column_mass[0]
-    # The frame has as many elements above the middle of a story as below it, or one across.
-    np.testing.assert_allclose(model.story_mass, [whole, upper], rtol=1e-10)
-    assert model.story_mass[0] > model.story_mass[1] > 0.0
-
-
 def test_drift_and_inertia_of_the_stories(frame, reduced):
     """Drifts under a steady acceleration of the base, and the inertia of a rigid translation."""
     theta = np.array([0.6, 1.9])
@@ -208,20 +187,6 @@ def test_the_estimate_holds_at_theta_nobody_has_seen(frame, tolerance):
     assert 0.5 * true < result.rms_error < 2.0 * true + 2e-3
     assert np.mean(errors <= result.worst_error) >= result.share - 0.06  # 1.5 binomial errors
     assert result.rms_error <= result.worst_error <= result.largest_error
-
-
-def test_responses_where_it_fails_join_the_basis(frame, recorder):
-    """One sample spans too little: the checks that object give their own responses."""
-    told = recorder()
-    aim = target(tolerance=0.05, samples=1)
-    result = reduce(frame, aim, told)
-    first, *further = [total for _, total in told.started]
-    assert first == 1 + CHOOSE + CERTIFY
-    assert further
-    assert sum(told.counts) == first + sum(further)
-    assert result.rms_error <= 0.05
-    errors = theta_errors(frame, result.model, 20, seed=5)
-    assert np.sqrt(np.mean(errors**2)) < 0.08
 
 
 def test_a_tolerance_that_cannot_be_met(frame):

@@ -5,17 +5,13 @@ import pytest
 import torch
 from scipy.linalg import eigh
 
-from femupdate.building import from_document, load_building
+from femupdate.building import from_document
 from femupdate.dynamics.excitation import Excitation
-from femupdate.dynamics.force_response import rest_flexibility
 from femupdate.dynamics.reduced import lumped
-from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.system import System
 from femupdate.effects import structure_of
 from femupdate.errors import BuildingError
-from femupdate.fe import factorize
 from femupdate.inference.modal_terms import shown_modes
-from femupdate.inference.parameters import reduction_target
 
 MASS, SPRING, HEIGHT = np.array([4.0, 3.0, 2.0]), np.array([9e3, 7e3, 5e3]), 0.5
 PLATE = 6.0
@@ -107,35 +103,6 @@ def test_motion_of_the_base_is_that_of_what_moves():
         torch.linspace(0.5, 15.0, 20, dtype=torch.float64),
     )
     torch.testing.assert_close(held.frf(*known), free.frf(*known), rtol=0.0, atol=0.0)
-
-
-def test_a_reduced_frame_that_slides_is_the_full_one_on_soft_springs(buildings):
-    """Within a thousandth of the full model, below its second mode."""
-    text = (buildings / "cabin.toml").read_text(encoding="utf-8")
-    assert "[supports]" not in text
-    for name, table in (("rails", 'base = "slides"'), ("soft", 'base = "springs"\nkx = "200 N/m"')):
-        (buildings / f"{name}.toml").write_text(f"{text}\n[supports]\n{table}\n", encoding="utf-8")
-    building = load_building(buildings / "rails.toml")
-    structure, target = structure_of(building), reduction_target(building)
-    model = reduce_structure(structure, target).model
-    rest = rest_flexibility(structure, model, target.lower, target.upper)
-    theta = np.ones(len(structure.stiffness_terms))
-    soft = structure_of(load_building(buildings / "soft.toml"))
-    first = structure.fundamental[0] / (2.0 * np.pi)
-    for frequency in (0.4 * first, 1.3 * first):
-        w = 2.0 * np.pi * frequency
-        dynamic = (soft.stiffness(theta) - w**2 * soft.mass).tocsc()
-        load = np.ascontiguousarray(soft.floor_rows[-1])
-        exact = -(w**2) * soft.floor_rows @ factorize(dynamic, definite=False).apply(load)
-        found = accelerance(
-            System(model),
-            torch.from_numpy(theta)[None],
-            torch.zeros(1, dtype=torch.float64),
-            torch.tensor([frequency], dtype=torch.float64),
-            len(structure.floors) - 1,
-            rest,
-        )[0, :, 0]
-        np.testing.assert_allclose(found.real.numpy(), exact, rtol=3e-3)
 
 
 @pytest.mark.parametrize(

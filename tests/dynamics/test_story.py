@@ -1,7 +1,5 @@
 """Story shear, drift and stiffness, and their summary over samples."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import torch
@@ -10,7 +8,7 @@ from hypothesis import strategies as st
 
 from femupdate.dynamics.history import ResponseHistories, story_rows
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel
-from femupdate.dynamics.summary import statistics, story_stiffness, summarise
+from femupdate.dynamics.summary import statistics, story_stiffness
 from femupdate.dynamics.system import System
 from femupdate.errors import StructureError
 
@@ -25,20 +23,6 @@ def random_histories(samples: int, seed: int = 3) -> ResponseHistories:
     return ResponseHistories(
         0.01, FLOORS, offset + rng.normal(size=(samples, 3, 400)) * 0.1, shear, drift
     )
-
-
-def pieces(histories: ResponseHistories, *stops: int) -> list[ResponseHistories]:
-    bounds = [0, *stops, len(histories)]
-    return [
-        ResponseHistories(
-            histories.time_step,
-            histories.floors,
-            histories.floor_acceleration[a:b],
-            histories.story_shear[a:b],
-            histories.story_drift[a:b],
-        )
-        for a, b in pairwise(bounds)
-    ]
 
 
 @given(
@@ -93,22 +77,6 @@ def test_rows_of_floors_inertia_and_drift():
     np.testing.assert_array_equal(rows.shapes[0], np.concatenate(shapes))
     rigid = [[1.0, 3.0], [1.0, 7.5], [30.0, 90.0], [20.0, 70.0], [0.0, 3.0], [0.0, 4.5]]
     np.testing.assert_array_equal(rows.rigid[0], rigid)
-
-
-@pytest.mark.parametrize("stops", [(), (1,), (3, 4), (2, 5, 9)])
-def test_summary_in_batches_equals_the_whole(stops):
-    histories = random_histories(11)
-    summary = summarise(pieces(histories, *stops), examples=4)
-    acceleration = histories.floor_acceleration
-    np.testing.assert_allclose(summary.acceleration_mean, acceleration.mean(axis=0), rtol=1e-12)
-    np.testing.assert_allclose(summary.acceleration_sd, acceleration.std(axis=0, ddof=1), rtol=1e-9)
-    np.testing.assert_array_equal(summary.peak_acceleration, np.abs(acceleration).max(axis=-1))
-    np.testing.assert_array_equal(summary.peak_drift, np.abs(histories.story_drift).max(axis=-1))
-    np.testing.assert_array_equal(summary.peak_shear, np.abs(histories.story_shear).max(axis=-1))
-    assert summary.story_stiffness.shape == (11, 3)
-    assert len(summary) == 11
-    np.testing.assert_array_equal(summary.examples.story_drift, histories.story_drift[:4])
-    assert summary.time[-1] == pytest.approx(3.99)
 
 
 def test_statistics_of_known_numbers():

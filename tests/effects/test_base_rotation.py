@@ -12,7 +12,7 @@ from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.history import floor_histories, transformed_sensors
 from femupdate.dynamics.reduced import lumped
-from femupdate.dynamics.system import Responses, System
+from femupdate.dynamics.system import System
 from femupdate.effects import structure_of
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.histories import Histories
@@ -76,30 +76,6 @@ def test_frames_and_sticks_with_effects_are_those_of_equations_by_hand(case):
     np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-8 * np.abs(exact).max())
 
 
-class Both:
-    """Translation, and so much rotation with it."""
-
-    turns = True
-
-    def __init__(self, share):
-        self.share = share
-
-    def __call__(self, frf, turned=None):
-        return frf + self.share * turned
-
-
-def test_rotation_that_goes_with_translation_is_a_table_that_pitches(case):
-    """The modal sum of both inputs, against the effect that knows only their ratio."""
-    frequency, pitch = torch.from_numpy(case.frequency_hz[case.frequency_hz < 12.0]), 0.04
-    own = torch.from_numpy(case.theta)[None]
-    zeta = torch.tensor([ZETA], dtype=torch.float64)
-    how = Responses(seen=Both(pitch), floors=(len(case.structure.floors) - 1,))
-    found = case.system().log_frf(own, zeta, frequency, how)
-    both = torch.cat([own, torch.tensor([[pitch]], dtype=torch.float64)], dim=1)
-    exact = case.system("table_pitch@base").log_frf(both, zeta, frequency)[:, -1:]
-    torch.testing.assert_close(found, exact, rtol=0.0, atol=1e-9)
-
-
 def integrated(equations, base, rotation, step):
     """Absolute accelerations (f, n) by DOP853, both motions straight between samples."""
     time, size = step * np.arange(len(base)), len(equations.K)
@@ -145,19 +121,6 @@ def test_histories_of_both_motions_are_those_of_an_integrator(stick):
     np.testing.assert_allclose(found.story_shear[0], -shear, atol=2e-3 * np.abs(shear).max())
     sensors = transformed_sensors(stick.system(), known(stick.theta), record, step)
     np.testing.assert_allclose(sensors, exact, atol=2e-3 * scale)
-
-
-def test_a_recurrence_and_a_transform_tell_the_same_of_a_base_that_turns(stick):
-    """A damper that does next to nothing makes modes complex, and histories come otherwise."""
-    step, count = 0.01, 500
-    record = np.stack([smooth(3, count), 0.2 * smooth(4, count)])
-    theta, _, _ = known(stick.theta)
-    plain = floor_histories(stick.system(), theta, ZETA, record, step)
-    both = torch.cat([theta, torch.tensor([[1e-9]], dtype=torch.float64)], dim=1)
-    damped = floor_histories(stick.system("story_damper@3F"), both, ZETA, record, step)
-    for name in ("floor_acceleration", "story_shear", "story_drift"):
-        one, other = getattr(plain, name), getattr(damped, name)
-        np.testing.assert_allclose(one, other, atol=2e-3 * np.abs(one).max())
 
 
 STEP, GRID = 0.02, np.arange(1, 121) * 0.1

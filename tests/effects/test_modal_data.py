@@ -50,18 +50,6 @@ def test_as_many_modes_as_a_stick_has_on_a_rigid_base(stick):
     np.testing.assert_allclose(found, by_hand(stick), atol=1e-6)
 
 
-def test_frame_with_fewer_modes(frame, node_masses):
-    system = frame.system("added_mass@2F")
-    level = np.isclose(frame.mesh.model.nodes[:, 2], frame.mesh.floor_level[0])
-    spread = np.zeros((len(level), 6))
-    spread[level, :3] = 0.4 * node_masses(frame.mesh.model)[level, None]
-    heavier = frame.equations.with_mass(spread.ravel()[frame.structure.operators.free])
-    exact = np.log(np.abs(heavier.frf(frame.frequency_hz, ZETA)))
-    found = ours(frame, system, one(frame, [0.4]), modes=28)[0]
-    # What three terms of the series leave of the modes above the grid.
-    assert np.sqrt(((found - exact) ** 2).mean()) < 0.01
-
-
 def test_a_law_of_damping_that_the_effect_changes(case):
     law = RayleighDamping(0.04, (1.0, 20.0))
     system = case.system("damping_law@proportional", law=law)
@@ -84,16 +72,6 @@ def test_beyond_a_limit_the_response_goes_on_smoothly(stick):
     # Slopes to both sides of the limit differ as neighbours do on one side.
     assert np.abs(slopes[2] - slopes[1]).max() < 0.02 * largest
     np.testing.assert_allclose(values[0] + values[4], 2.0 * values[2], atol=1e-12)
-
-
-def test_samples_that_differ_in_damping_alone_share_their_modes(stick):
-    system, grid = stick.system("added_mass@3F"), torch.from_numpy(stick.frequency_hz)
-    both = one(stick, [0.1]).expand(3, -1)
-    zeta = torch.tensor([0.02, 0.03, 0.05], dtype=torch.float64)
-    together = system.log_frf(both, zeta, grid)
-    for row, ratio in enumerate(zeta.tolist()):
-        alone = stick.frf("added_mass@3F", sizes=[0.1], zeta=ratio)
-        np.testing.assert_allclose(together[row], np.log(np.abs(alone)), atol=1e-9)
 
 
 class PlusOne:

@@ -11,7 +11,6 @@ from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.reduced import reduced_on
 from femupdate.dynamics.system import System
 from femupdate.effects import CATALOGUE, Placed, structure_of
-from femupdate.fe import Shells, Triangles
 
 ZETA = 0.04
 GRID = np.linspace(0.2, 9.0, 45)
@@ -186,32 +185,3 @@ def test_rigid_motions_of_a_free_frame_cost_no_energy(frame):
     shapes[6 * base + 2, 1] = middle - nodes[base, 0]
     shapes[6 * base + 4, 1] = 1.0
     np.testing.assert_allclose(K @ shapes, 0.0, atol=1e-8 * abs(K).max())
-
-
-def test_walls_of_triangles_count_too(frame):
-    """Each wall shell cut in two: the walls' effect is then all of the triangles' stiffness."""
-    from dataclasses import replace
-
-    from femupdate.fe import assemble
-
-    model = frame.mesh.model
-    shells = model.elements_of(Shells)
-    walls = shells.kind == "wall"
-
-    def twice(values):
-        return np.repeat(values[walls], 2, axis=0)
-
-    halves = shells.nodes[walls][:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    names = ("thickness", "youngs_modulus", "poisson_ratio", "density", "group", "kind")
-    triangles = Triangles(nodes=halves, **{name: twice(getattr(shells, name)) for name in names})
-    cut = model.with_elements(shells.taken(~walls), triangles)
-    mesh = replace(frame.mesh, model=cut)
-    structure = replace(frame.structure, mesh=mesh, operators=assemble(cut))
-    none = assemble(cut.with_elements(triangles.scaled(1e-12 * np.ones(len(triangles)))))
-    added = CATALOGUE["wall_stiffness"].terms(structure, "all").stiffness
-    terms = {one.story: one.matrix for one in added}
-    for story, whole in enumerate(structure.operators.stiffness_terms):
-        expected = (whole - none.stiffness_terms[story]).toarray()
-        np.testing.assert_allclose(
-            terms[story].toarray(), expected, atol=1e-9 * np.abs(expected).max()
-        )

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.linalg import eigh
 
 from femupdate.building import from_document
@@ -219,48 +217,3 @@ def test_a_basis_about_a_brace_serves_it(structure, exact, target, size):
     value = np.array([size])
     error = log_frf(near, placed, value, HERE) - log_frf(exact, placed, value, HERE)
     assert np.sqrt((error**2).mean()) < 0.005
-
-
-@st.composite
-def frames(draw, document):
-    """A frame of one to three stories, and factors within its prior."""
-    count = draw(st.integers(1, 3))
-    heights = [draw(st.floats(2.5, 5.0)) for _ in range(count)]
-    mass = [{"total": draw(st.floats(100e3, 300e3)), "floors": [floor]} for floor in ("2F", "3F")]
-    roof = {"total": draw(st.floats(100e3, 300e3)), "floors": ["RF"]}
-    changed = {
-        "grid": {**document["grid"], "y": {"P": 0.0, "Q": draw(st.floats(3.0, 8.0))}},
-        "stories": [{"name": f"S{n}", "height": height} for n, height in enumerate(heights, 1)],
-        "walls": document["walls"] if draw(st.booleans()) else [],
-        "floor_mass": [*mass[: count - 1], roof],
-        "mesh": {"size": draw(st.sampled_from([1.6, 2.2]))},
-    }
-    theta = [np.exp(draw(st.floats(-1.0, 1.0))) for _ in heights]
-    return {**document, **changed}, np.array(theta)
-
-
-@settings(max_examples=8, derandomize=True)
-@given(data=st.data())
-def test_local_basis_of_any_frame_holds_its_response_with_any_effect(frame_document, data):
-    """Whatever a question adds to the modes, be it nothing but rounding, the basis is sound."""
-    document, theta = data.draw(frames(frame_document))
-    structure = structure_of(from_document(document))
-    bounds = np.full(len(theta), 1 / 3), np.full(len(theta), 3.0)
-    target = ReductionTarget(*bounds, GRID, ZETA, 0.01, samples=16)
-    local = local_structure(structure, theta, target)
-    gram = local.basis.T @ (structure.mass @ local.basis)
-    # The tolerance to which `compressed` orthonormalises.
-    np.testing.assert_allclose(gram, np.eye(len(gram)), atol=1e-8)
-    K, M = structure.stiffness(np.ones_like(theta)).toarray(), structure.mass.toarray()
-    full = reduced_on(structure, eigh(K, M)[1])
-    name = data.draw(st.sampled_from([n for n, e in CATALOGUE.items() if not e.instrument]))
-    places = CATALOGUE[name].places(structure)
-    if not places:
-        return
-    placed = Placed(CATALOGUE[name], data.draw(st.sampled_from(places)))
-    sizes = [parameter.neutral for parameter in placed.effect.parameters]
-    for first in placed.effect.parameters[:1]:
-        sizes[0] += 0.5 * (first.scale if first.upper > first.neutral else -first.scale)
-    sizes = np.array(sizes)
-    error = log_frf(local, placed, sizes, theta) - log_frf(full, placed, sizes, theta)
-    assert np.sqrt((error**2).mean()) < 0.015  # as of the frame above

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import StructureError
-from femupdate.fe import Beams, PointMasses, Shells, Springs, assemble, lowest_modes
+from femupdate.fe import Beams, PointMasses, Shells, Springs, assemble
 
 
 @pytest.fixture
@@ -143,29 +143,6 @@ def test_inertia_sees_the_moving_supports(structure, direction):
     np.testing.assert_array_equal(
         motion.reshape(-1, 6).sum(axis=0)[direction], len(structure.nodes)
     )
-
-
-def test_numbering_of_nodes_does_not_matter(meshes, structure):
-    order = np.random.default_rng(3).permutation(len(structure.nodes))
-    number = np.argsort(order)
-    ground = np.append(number, -1)
-    renumbered = replace(
-        structure.mapped(lambda part: replace(part, nodes=number[part.nodes])),
-        nodes=structure.nodes[order],
-        fixed=structure.fixed[order],
-        masses=replace(structure.masses, node=number[structure.masses.node]),
-        springs=replace(structure.springs, nodes=ground[structure.springs.nodes]),
-    )
-    theta = np.array([0.5, 2.0, 1.0])
-    first, second = (assemble(model) for model in (structure, renumbered))
-    modes = [lowest_modes(operators, theta, 5) for operators in (first, second)]
-    np.testing.assert_allclose(modes[0].frequency_hz, modes[1].frequency_hz, rtol=1e-9)
-    shapes = [
-        o.expand(m.shapes).reshape(-1, 6, 5) for o, m in zip((first, second), modes, strict=True)
-    ]
-    same = np.abs(np.einsum("ndk,ndk->k", shapes[0][order], shapes[1]))
-    size = np.einsum("ndk,ndk->k", shapes[0], shapes[0])
-    np.testing.assert_allclose(same, size, rtol=1e-6)
 
 
 def broken(model, part, **changes):

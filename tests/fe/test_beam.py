@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 from femupdate.errors import StructureError
-from femupdate.fe import assemble, lowest_modes
 
 E, NU, DENSITY = 210e9, 0.3, 7850.0
 G = E / (2 * (1 + NU))
@@ -148,40 +147,6 @@ def test_rigid_motion_and_momentum_in_any_position(meshes, start, way, up):
     expected = total * np.array([np.cross(axis, centre) for axis in np.eye(3)]).T
     np.testing.assert_allclose(rigid[:3, 3:], expected, atol=1e-10 * size)
     np.testing.assert_allclose(rigid[3:, 3:], about_origin, atol=1e-10 * size)
-
-
-def pinned_timoshenko(length, inertia, shear_area, mode):
-    """Exact frequency (Hz) of a simply supported Timoshenko beam."""
-    k = mode * np.pi / length
-    shear = G * shear_area
-    stiffness = np.array([[shear * k**2, -shear * k], [-shear * k, E * inertia * k**2 + shear]])
-    scale = 1 / np.sqrt([DENSITY * SECTION["area"], DENSITY * inertia])
-    return np.sqrt(np.linalg.eigvalsh(scale[:, None] * stiffness * scale)[0]) / (2 * np.pi)
-
-
-def test_frequencies_of_a_simply_supported_deep_beam(meshes):
-    """Both bending planes, torsion and extension of one beam, each at its own frequency."""
-    length, count = 1.5, 32
-    points = np.linspace(0, length, count + 1)[:, None] * [1.0, 0.0, 0.0]
-    ends = np.isin(np.arange(count + 1), [0, count])
-    fixed = meshes.hold(count + 1, (ends, (1, 2, 3)), (points[:, 0] == 0, (0,)))
-    beams = meshes.beams(meshes.chain(count), **SECTION)
-    found = lowest_modes(assemble(meshes.model(points, fixed, beams=beams)), np.ones(1), 12)
-    polar = SECTION["inertia_y"] + SECTION["inertia_z"]
-    exact = [
-        pinned_timoshenko(length, *(SECTION[name] for name in PLANES[along]), mode)
-        for along in (1, 2)
-        for mode in (1, 2, 3)
-    ]
-    exact += [
-        np.sqrt(G * SECTION["torsion_constant"] / (DENSITY * polar)) / (2 * length),
-        np.sqrt(E / DENSITY) / (4 * length),
-    ]
-    # Six elements or more to each half wave: the worst is 0.3 %.
-    for target in exact:
-        nearest = np.abs(found.frequency_hz / target - 1).min()
-        assert nearest < 5e-3, target
-    assert found.frequency_hz[0] == pytest.approx(min(exact), rel=1e-3)
 
 
 @pytest.mark.parametrize(

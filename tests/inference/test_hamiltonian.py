@@ -75,22 +75,3 @@ def test_a_bent_posterior_that_no_gaussian_covers(box):
     assert float((xi[..., 1] + xi[..., 0] ** 2 - 1.0).std()) == pytest.approx(0.01, rel=0.15)
     told = np.mean([run.log_evidence for run in runs])
     assert told == pytest.approx(evidence, abs=0.3)
-
-
-def test_separate_parts_are_drawn_by_their_masses_and_not_by_their_heights(box):
-    """The lower of two maxima has three quarters of the mass."""
-    prior = box([0.0] * 3, [1.0] * 3)
-    places = torch.tensor([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], dtype=torch.float64)
-    widths, shares = torch.tensor([0.1, 0.3]).double(), torch.tensor([0.25, 0.75]).double()
-
-    def target(theta):
-        xi = prior.to_normal(theta)
-        misfit = (xi[:, None] - places).square().sum(2) / widths**2
-        # Over the prior the parts are Gaussians of these shares.
-        log_part = shares.log() - 3.0 * widths.log() - 0.5 * misfit
-        return torch.logsumexp(log_part, 1) + 0.5 * xi.square().sum(1)
-
-    theta, _ = drawn(prior, target, 1000, particles=256)
-    share = float((prior.to_normal(theta)[..., 0] > 0.0).double().mean())
-    # 256 particles, resampled at each of a few powers: .05.
-    assert share == pytest.approx(0.75, abs=0.15)

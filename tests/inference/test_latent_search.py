@@ -126,34 +126,6 @@ def test_it_is_the_minimum_and_its_curvature_for_the_building_itself(mvae):
     assert np.abs((least(LEARNED).x - best.x) / sd).max() > 1.0
 
 
-def test_residuals_that_allow_for_errors_take_the_place_of_the_decoders(mvae):
-    """Settled maxima are where the search goes on; their residuals make the curvature."""
-    seen = data(TRUTH, 0.05)
-
-    def settle(starts):
-        def residuals(parameters):
-            z = mvae.encode_parameters(parameters[:, :-1].to(mvae.lower)).double()
-            return ((BUILDING(z) - seen.log_frf) * 0.25 * seen.weight.sqrt()).flatten(1)
-
-        return starts[:1], residuals
-
-    def respond(theta, zeta):
-        raise AssertionError("the data's own residuals were asked for")
-
-    found = find_latent(
-        mvae,
-        LatentData(seen.log_frf.float(), seen.weight.float()),
-        proposal(TRUTH),
-        Control(seen, respond, settle),
-        torch.Generator().manual_seed(1),
-    ).posterior
-    row = int(found.log_weight.argmax())
-    z = found.mean[row : row + 1]
-    step = 1e-5 * torch.eye(2, dtype=torch.float64)
-    J = ((BUILDING(z + step) - BUILDING(z - step)) / 2e-5).flatten(1).T.numpy() / 0.2
-    np.testing.assert_allclose(found.information[row].numpy(), J.T @ J, rtol=0.05)
-
-
 def test_noise_and_gaps_make_it_wider(mvae):
     sds = []
     for noise, kept in ((0.05, slice(None)), (0.1, slice(None)), (0.1, slice(0, 60))):

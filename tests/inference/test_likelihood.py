@@ -105,16 +105,6 @@ def test_the_last_parameter_is_the_damping_ratio(model):
     assert float(values[0]) < float(values[1])
 
 
-def test_complex_frfs_leave_the_same(model):
-    """The way in which effects are judged, by complex FRFs in small batches."""
-    theta = damped(np.random.default_rng(0).uniform(0.4, 2.5, (150, 3)))
-    fast = likelihood_by(System(model), observation(0.2))
-    data = frf_data(observation(0.2), FLOORS, believed=AT_ITS_WORD)
-    slow = likelihood_of((data,), fast.system, fast.prior)
-    torch.testing.assert_close(slow(theta), fast(theta), rtol=1e-9, atol=1e-9)
-    torch.testing.assert_close(slow.raw(theta), fast.raw(theta), rtol=1e-7, atol=1e-7)
-
-
 def test_points_that_are_not_valid_do_not_count(model):
     valid = np.ones((3, 120), dtype=bool)
     valid[1, 30:50] = valid[2, :5] = False
@@ -140,16 +130,6 @@ def test_misfit_of_the_truth_is_chi_square(model):
         assert likelihood.base.points == 360
         misfits.append(float(squares(likelihood, damped([TRUTH]))))
     assert kstest(misfits, chi2(360).cdf).pvalue > 0.01
-
-
-def test_points_closer_than_the_resolution_count_less(model):
-    """The grid steps by 0.1 Hz: a resolution of 0.4 Hz leaves a quarter of the points."""
-    plain, theta = observation(0.2), damped([TRUTH])
-    coarse, fine = observation(0.2, resolution_hz=0.4), observation(0.2, resolution_hz=0.02)
-    likelihood, full, dense = (likelihood_by(System(model), one) for one in (coarse, plain, fine))
-    assert (likelihood.effective, dense.effective) == pytest.approx((90.0, 360.0))
-    assert float(likelihood(theta)) == pytest.approx(0.25 * float(full(theta)), rel=1e-12)
-    assert float(likelihood.misfit(theta)) == pytest.approx(float(full.misfit(theta)), rel=1e-12)
 
 
 def test_weights_by_hand():

@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from femupdate.inference.model_error import (
     ErrorTable,
-    Harmonics,
     LearnedError,
 )
 
@@ -123,21 +120,6 @@ def test_whitened_residuals_have_the_square_of_the_dense_covariance():
         np.testing.assert_allclose(floors.sum(1).numpy(), expected, rtol=1e-8)
 
 
-def test_points_too_wild_to_count_are_in_no_check():
-    """Five points that are hundreds of standard deviations off leave the squares of noise."""
-    error = LearnedError(weight(), FREQUENCY, table=FEW, wild=8.0)
-    noise = np.random.default_rng(3).standard_normal((1, weight().numel()))
-    left = torch.from_numpy(noise) * (weight() > 0).flatten()
-    far, spoiled = torch.arange(20, 45, 5), left.clone()
-    spoiled[0, far] = 500.0
-    row = torch.tensor([0])
-    clean, none = error.floor_squares(left, row)
-    found, wild = error.floor_squares(spoiled, row)
-    assert not none.any()
-    assert wild.nonzero()[:, 1].tolist() == far.tolist()
-    np.testing.assert_allclose(found.sum(), clean.sum() - left[0, far].square().sum(), rtol=1e-6)
-
-
 def test_what_errors_known_beforehand_make_up_for_is_no_misfit():
     known = torch.from_numpy(np.random.default_rng(2).normal(0.0, 0.1, (3, *SHAPE)))
     steps = (known * weight().sqrt()).flatten(1)
@@ -178,18 +160,6 @@ def test_the_likeliest_error_is_the_conditional_mean():
     np.testing.assert_allclose(found.numpy(), expected, atol=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
-@given(length=st.floats(0.3, 3.0))
-def test_harmonics_have_the_exponential_covariance(length):
-    """Away from the ends of the period, but for what is shorter than the shortest harmonic."""
-    harmonics = Harmonics.over(FREQUENCY)
-    at = torch.tensor([1.0, 2.0, 4.0], dtype=torch.float64)
-    values = harmonics.at(at)
-    found = values @ torch.diag(harmonics.spread(length) ** 2) @ values.T
-    expected = torch.exp(-(at[:, None] - at).abs() / length)
-    assert float((found - expected).abs().max()) < 0.12
-
-
 @pytest.mark.parametrize(("common", "own"), [(0.5, 0.0), (0.0, 0.5), (0.18, 0.18)])
 def test_sizes_are_learned_from_errors_of_known_size(common, own):
     """Median over twenty realisations within a third of a truth that the table holds."""
@@ -211,13 +181,3 @@ def test_sizes_are_learned_from_errors_of_known_size(common, own):
     total = float((middle**2).sum().sqrt())
     assert total == pytest.approx(np.hypot(common, own), rel=0.35)
     assert (middle[0] > middle[1]) == (common > own) or common == own
-
-
-def test_without_an_error_the_row_of_none_takes_over():
-    """Its weight exceeds .9 in nine of ten cases of pure noise."""
-    error = LearnedError(torch.full(SHAPE, 100.0).double(), FREQUENCY)
-    noise = torch.randn(
-        40, SHAPE[0] * SHAPE[1], generator=torch.Generator().manual_seed(5)
-    ).double()
-    p = torch.softmax(error.log_densities(noise), 1)[:, 0]
-    assert float(p.quantile(0.1)) > 0.7

@@ -25,13 +25,6 @@ def test_factors_scatter_together_by_as_much_as_asked():
     assert torch.equal(kept, zeta)
 
 
-def test_factors_stay_in_their_box():
-    theta, zeta = torch.full((500, 1), 2.0).double(), torch.full((500,), 0.02).double()
-    box = torch.tensor([1.0]).double(), torch.tensor([2.0]).double()
-    moved, _ = EventScatter(stiffness=0.3).next_event(theta, zeta, box, 1)
-    assert float(moved.max()) == 2.0
-
-
 def test_what_does_not_follow_the_base_has_the_power_that_the_coherence_leaves():
     measured = Observation(
         frequency_hz=GRID,

@@ -5,7 +5,6 @@ from dataclasses import fields, replace
 import h5py
 import numpy as np
 import pytest
-import xarray as xr
 
 from femupdate.errors import StudyError
 from femupdate.inference.parameters import Parameter, Parameters
@@ -158,11 +157,6 @@ def test_a_file_cut_short(posterior, tmp_path, share):
     save_posterior(posterior, tmp_path / "p.nc")
     content = (tmp_path / "p.nc").read_bytes()
     (tmp_path / "p.nc").write_bytes(content[: int(share * len(content))])
-    one_sentence(tmp_path / "p.nc")
-
-
-def test_a_netcdf_of_something_else(tmp_path):
-    xr.Dataset({"a": ("x", [1.0, 2.0])}).to_netcdf(tmp_path / "p.nc", engine="h5netcdf")
     one_sentence(tmp_path / "p.nc")
 
 

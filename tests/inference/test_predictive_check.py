@@ -96,23 +96,3 @@ def test_a_response_that_is_missing_something_is_seen_at_its_floor():
     assert min(values["2F"], values["RF"]) > 0.01
     assert found.as_dict()["floors"] == values
     assert "(2F " in found.sentence()
-
-
-def test_points_that_repeat_one_another_count_by_their_share():
-    """A resolution of four points: the squares and the freedom, both a quarter."""
-    rng = np.random.default_rng(4)
-    data, response = SD * rng.standard_normal((2, POINTS)), np.zeros((1, 2, POINTS))
-    valid = rng.random((2, POINTS)) < 0.7
-    measured = observation(np.where(valid, data, np.nan), valid=valid, resolution_hz=0.4)
-    squares = ((data / SD) ** 2 * valid).sum(axis=1) / 4.0
-    found = check_predictions(measured, response)
-    np.testing.assert_allclose(found.floors, chi2.sf(squares, valid.sum(axis=1) / 4.0))
-    assert found.whole == pytest.approx(chi2.sf(squares.sum(), valid.sum() / 4.0))
-
-
-def test_the_noise_that_the_latent_likelihood_allows():
-    """Precision times the share that errs alone is at most that of the least noise."""
-    measured = observation(np.zeros((1, POINTS)), resolution_hz=0.4)
-    data = frf_data(measured, measured.floors, believed=AT_ITS_WORD)
-    np.testing.assert_array_equal(data.with_least_noise(0.2).sd, SD)
-    np.testing.assert_allclose(data.with_least_noise(0.8).weight, 0.8**-2)

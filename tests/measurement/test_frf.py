@@ -18,7 +18,6 @@ from femupdate.measurement.observation import (
     HANN_BANDWIDTH,
     Observation,
     resolved_share,
-    select_floors,
 )
 from femupdate.measurement.thresholds import SPECTRUM
 
@@ -158,21 +157,6 @@ def test_sensors_of_a_floor_are_averaged_in_time():
     assert "Sensors averaged in time: 2F (2)." in observation.notes
 
 
-def test_directions_are_kept_apart():
-    base_x, base_y = noise(60, 7), noise(60, 8)
-    data = histories(base=base_x, base__y=base_y, RF=2 * base_x, RF__y=5 * base_y)
-    in_x, in_y = estimate_frf(data, GRID), estimate_frf(data, GRID, direction="y")
-    np.testing.assert_allclose(in_x.log_frf[0][5:], np.log(2), atol=1e-9)
-    np.testing.assert_allclose(in_y.log_frf[0][5:], np.log(5), atol=1e-9)
-    with pytest.raises(
-        MeasurementError, match=r"no base channel in direction z; the file has .*RF"
-    ):
-        estimate_frf(data, GRID, direction="z")
-    lone = histories(base=base_x, base__y=base_y, RF=2 * base_x)
-    with pytest.raises(MeasurementError, match="no floor channel in direction y"):
-        estimate_frf(lone, GRID, direction="y")
-
-
 def test_points_that_were_not_measured_are_flagged():
     # 80 Hz sampling: Nyquist 40 Hz; segments of 20 s resolve 0.05 Hz.
     base = noise(100, 9, rate=80)
@@ -184,22 +168,6 @@ def test_points_that_were_not_measured_are_flagged():
     assert valid[(grid > 0.2) & (grid < 39.9)].all()
     assert np.isnan(observation.log_frf[0][grid > 40]).all()
     assert any("lie outside what was measured" in note for note in observation.notes)
-
-
-def test_unrelated_floor_and_powerless_base_are_flagged():
-    base = coloured(100, 10)
-    related = estimate_frf(histories(base=base, f2F=noise(100, 11), RF=base), GRID)
-    assert related.valid[0].mean() < 0.005  # one in a hundred by chance, and not even around it
-    assert related.valid[1][BAND].all()
-    narrow = signal.sosfiltfilt(signal.butter(12, [2, 10], "band", fs=RATE, output="sos"), base)
-    floor = signal.lfilter(*TWO[1], narrow)
-    silent = estimate_frf(histories(base=narrow, f2F=floor, RF=2.0 * floor), GRID)
-    assert silent.valid[0][(GRID > 2.5) & (GRID < 9)].all()
-    assert not silent.valid[0][GRID > 20].any()
-    left_out = f"2F, RF: {(~silent.valid[0]).sum()} points each left out"
-    assert sum(note.startswith(left_out) for note in silent.notes) == 1
-    with pytest.raises(MeasurementError, match="no point of the frequency grid can be used"):
-        estimate_frf(histories(base=base, RF=noise(100, 12)), GRID[100:110])
 
 
 @pytest.mark.parametrize("count", [6, 7])
@@ -234,19 +202,6 @@ def test_building_of_other_floors_is_refused():
         observation_for(("2F", "3F", "RF"), data, GRID)
     for part in ("tower.csv", "another building", "7F, RF", "2F, 3F, RF"):
         assert part in str(caught.value)
-
-
-def test_select_floors():
-    base = noise(60, 19)
-    data = histories(base=base, f2F=2 * base, f3F=3 * base, RF=5 * base)
-    observation = estimate_frf(data, GRID)
-    roof = select_floors(observation, ["RF", "2F"])
-    assert roof.floors == ("RF", "2F")
-    np.testing.assert_allclose(roof.log_frf[:, 100], np.log([5, 2]), atol=1e-9)
-    assert roof.valid.shape == roof.phase.shape == roof.coherence.shape == (2, GRID.size)
-    for wrong in (["4F"], [], ["RF", "RF"]):
-        with pytest.raises(MeasurementError, match="choose among 2F, 3F, RF, each once"):
-            select_floors(observation, wrong)
 
 
 def table(noise=0.2, **others) -> Observation:

@@ -76,14 +76,6 @@ def test_accelerograph_of_kinemetrics(obspy):
         )
 
 
-def test_text_of_seismic_networks(obspy, trace, tmp_path):
-    for kind in ("SLIST", "TSPAIR"):
-        path = tmp_path / f"{kind}.txt"
-        obspy.Stream([trace(channel="HNE")]).write(str(path), format=kind)
-        (channel,) = read_measured(path).channels
-        assert (channel.quantity, channel.azimuth_deg) == ("acceleration", 90.0)
-
-
 @pytest.mark.parametrize(
     ("starts", "words"),
     [((0.0, 3.0), "has a gap of 1 s"), ((0.0, 1.0), "has an overlap of 1 s")],
@@ -93,13 +85,6 @@ def test_a_trace_with_a_gap_is_refused(obspy, trace, tmp_path, starts, words):
     obspy.Stream([trace("HNE", start) for start in starts]).write(str(path), format="MSEED")
     with pytest.raises(MeasurementError, match=words):
         read_measured(path)
-
-
-def test_parts_of_a_trace_are_one(obspy, trace, tmp_path):
-    path = tmp_path / "a.mseed"
-    obspy.Stream([trace("HNE"), trace("HNE", 2.0, 2)]).write(str(path), format="MSEED")
-    (channel,) = read_measured(path).channels
-    np.testing.assert_array_equal(channel.values, [*VALUES, *(2 * VALUES)])
 
 
 def test_sac_is_told_by_its_content_and_gse_refused(trace, tmp_path):

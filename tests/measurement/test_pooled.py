@@ -92,17 +92,6 @@ def test_floors_come_bottom_to_top_and_a_floor_of_one_run_is_its_own():
     np.testing.assert_array_equal(middle.valid, upper.valid[:1] | lower.valid[1:])
 
 
-def test_phases_meet_across_half_a_turn():
-    """At pi - .1 and -pi + .3, with precisions 4 and 1: .02 short of half a turn, not near zero."""
-    rng = np.random.default_rng(1)
-    one, other = run(rng, holes=0.0), run(rng, holes=0.0)
-    shape = one.log_frf.shape
-    one = replace(one, noise_sd=np.full(shape, 0.1), phase=np.full(shape, np.pi - 0.1))
-    other = replace(other, noise_sd=np.full(shape, 0.2), phase=np.full(shape, 0.3 - np.pi))
-    np.testing.assert_allclose(pooled([one, other], FLOORS).phase, np.pi - 0.02)
-    assert pooled([one, replace(other, phase=None)], FLOORS).phase is None
-
-
 def test_resolutions_keep_the_second_moment_of_the_windows():
     """.1 and .3 Hz, as sure of a point: sqrt of the mean square; a table has no width."""
     rng = np.random.default_rng(2)

@@ -23,14 +23,6 @@ def test_jma_gives_the_named_channel_in_si(write, texts, wave):
     assert motion.name == "record"
 
 
-def test_jma_from_a_spreadsheet_in_shift_jis(write, texts, wave):
-    text = texts["jma"]({"NS": wave, "EW": wave, "UD": wave}, rate="100Hz", spare=",,,,")
-    text = text.replace("KOBE", "神戸市中央区")
-    motion = read_record(write(text.replace("\n", "\r\n").encode("cp932")), channel=1)
-    np.testing.assert_allclose(motion.acceleration, wave * 1e-2, **EXACT)
-    assert motion.time_step == 0.01
-
-
 @pytest.mark.parametrize("count", [10, 11, 14, 15])
 def test_peer_whether_or_not_the_last_row_is_full(write, texts, wave, count):
     values = wave[:count] / 981
@@ -40,17 +32,6 @@ def test_peer_whether_or_not_the_last_row_is_full(write, texts, wave, count):
     np.testing.assert_allclose(motion.acceleration, printed * STANDARD_GRAVITY, **EXACT)
     assert motion.time_step == 0.01
     assert (read_measured(path).format, motion.channel) == ("peer", "337")
-
-
-def test_peer_old_header_and_touching_columns(write, wave):
-    values = -np.abs(wave[:12] / 1000) - 0.01
-    rows = ["".join(f"{v:14.7E}" for v in values[i : i + 5]) for i in (0, 5, 10)]
-    assert "E-01-" in rows[0]
-    text = "PEER\nTest\nACCELERATION TIME HISTORY IN UNITS OF G\n  12   0.0050   NPTS, DT\n"
-    motion = read_record(write(text + "\n".join(rows), "old.AT2"))
-    printed = np.array([float(f"{v:.7E}") for v in values])
-    np.testing.assert_allclose(motion.acceleration, printed * STANDARD_GRAVITY, **EXACT)
-    assert motion.time_step == 0.005
 
 
 def test_csmip_volume_1_reads_columns_by_width(write, texts, wave):

@@ -86,16 +86,6 @@ def test_modes(pyuff, shared_file):
     assert modes[0].damping is None
 
 
-def test_points_of_a_mesh(pyuff, shared_file):
-    recording = read_measured(shared_file("formats/mesh_Oros-modal_uff15_uff2412.uff"))
-    assert len(recording.points) == 96
-    assert recording.points[7] == (-51.619, 51.619, 50.0)
-    assert recording.notes == ("72 elements join the points.", "Sets that are not used: 18.")
-    lms = read_measured(shared_file("formats/TestLab_161_164_18_15_82.uff"))
-    assert len(lms.points) == 36
-    assert lms.notes[0] == "Model AME_Test of LMS Test.Lab Rev project-15A."
-
-
 # pyuff leaves its own file open when it writes numbers in binary.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("binary", [0, 1])

@@ -1,6 +1,5 @@
 """The page as a file: escaped, whole, small; histories and meshes thinned without losing peaks."""
 
-import json
 import re
 
 import numpy as np
@@ -15,7 +14,6 @@ from femupdate.report.page import (
     Remarks,
     Section,
     Text,
-    data_json,
     page_html,
     prose_html,
 )
@@ -56,18 +54,6 @@ def test_a_page_needs_nothing_else(nasty_page):
     html = page_html(nasty_page).replace(page_module._plotly(), "")
     assert re.findall(r"(?:src|href)=[\"'](?!#)", html) == []
     assert "default-src 'none'" in html
-
-
-def test_numbers_are_short_and_missing_ones_null():
-    text = data_json({"x": np.array([1.23456789, np.nan, 3.0]), "y": (True, None, "a<b")})
-    assert text == '{"x":[1.2346,null,3],"y":[true,null,"a\\u003cb"]}'
-    assert json.loads(text)["y"][2] == "a<b"
-
-
-def test_columns_of_words_stand_to_the_left():
-    rows = (("2F", "0.83 [0.63, 1.05]", "story 2", "12 %"), ("RF", "-1.2e-3", "2026-01-01", ""))
-    table = Table.of(("floor", "peak", "of", "share"), rows)
-    assert table.sides == ("words", "number", "words", "number")
 
 
 def test_thinning_keeps_every_peak():

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.image import imread
 from matplotlib.text import Text
 
-from femupdate.errors import ReportError
 from femupdate.inference.data import Cell
 from femupdate.measurement.observation import Observation
 from femupdate.report.curves import history_curves, response_curves, spectrum_curves
-from femupdate.report.figure import save_figure
 from femupdate.report.plot_curves import (
     floor_history_bands,
     floor_spectra_bands,
@@ -27,7 +24,6 @@ from femupdate.report.plot_curves import (
 from femupdate.report.plot_diagnosis import Ranked, ResidualMap, ranking, residual_map
 from femupdate.report.plot_posterior import (
     SampleSet,
-    most_correlated,
     posterior_pairs,
     theta_intervals,
 )
@@ -192,13 +188,6 @@ def test_nothing_covers_anything(name):
     assert_legends_cover_nothing(figure)
     assert_no_tick_labels_overlap(figure)
     assert_texts_inside(figure)
-
-
-def test_a_saved_picture_has_the_size_of_its_figure(tmp_path):
-    figure = spectra()
-    path = save_figure(figure, tmp_path / "figure.png")
-    height, width = imread(path).shape[:2]
-    assert (width, height) == pytest.approx(figure.get_size_inches() * 150, abs=1.0)
 
 
 def legend(figure: Figure) -> list[str]:
@@ -380,13 +369,6 @@ def test_residuals_of_modes_stand_over_their_names():
     np.testing.assert_allclose([text.get_position()[0] for text in panel.texts], [0.5, 1.5] * 2)
 
 
-def test_parts_with_too_few_points_stay_grey():
-    cells = [Cell("2F", (1.0, 4.0), 0.0, 1.0), Cell("2F", (4.0, 9.0), 3.0, 0.1)]
-    one = ResidualMap.of(cells, "")
-    np.testing.assert_array_equal(one.grid, [[np.nan, 2.0]])
-    np.testing.assert_array_equal(one.edges, [1.0, 4.0, 9.0])
-
-
 def test_the_ranking_puts_the_strongest_on_top():
     panel = ranking(RANKED, 4.6, "Verdict.").axes[0]
     assert [text.get_text() for text in panel.get_yticklabels()] == ["mass", "soft story in S2"]
@@ -457,30 +439,6 @@ def test_drawing_needs_no_pyplot_and_importing_no_vtk():
     assert done.returncode == 0, done.stderr.decode()
 
 
-@pytest.mark.parametrize(
-    ("draw", "message"),
-    [
-        (lambda: posterior_pairs([], names(3), bounds(3)), "0 sets of samples"),
-        (lambda: posterior_pairs(cases(3) * 4, names(3), bounds(3)), "8 sets of samples"),
-        (
-            lambda: posterior_pairs([SampleSet("A", np.full((9, 3), np.nan))], names(3), bounds(3)),
-            "A needs two samples or more, all of them finite",
-        ),
-        (lambda: residual_map([]), "one model at least"),
-        (lambda: ranking([], 4.6, ""), "one effect at least"),
-        (
-            lambda: story_shear_drift(
-                np.ones((0, 3, 9)), np.ones((0, 3, 9)), np.ones((2, 3)), "abc"
-            ),
-            "no sample",
-        ),
-    ],
-)
-def test_nothing_to_draw_is_told_in_one_sentence(draw, message):
-    with pytest.raises(ReportError, match=message):
-        draw()
-
-
 def test_strong_part_is_found():
     start, end = strong_part(TIME, motion()[0])  # 4.77 Hz, strongest at 6 s
     assert (start + end) / 2.0 == pytest.approx(6.0, abs=0.2)
@@ -489,18 +447,3 @@ def test_strong_part_is_found():
     start, end = strong_part(TIME, fast)
     assert end - start == pytest.approx(20 / 25.0, rel=0.05), "twenty cycles"
     assert strong_part(TIME, np.zeros_like(TIME))[0] == 0.0
-
-
-def test_of_many_parameters_the_most_correlated_are_paired():
-    free = RNG.normal(size=(2000, 24))
-    free[:, 20] += free[:, 3]
-    free[:, 9] -= 2.0 * free[:, 14]
-    free[:, 5] = 1.0  # one that does not vary
-    assert most_correlated(free, 4) == [3, 9, 14, 20]
-    limits = np.tile([-9.0, 9.0], (24, 1))
-    figure = posterior_pairs([SampleSet("A", free)], names(24), limits, np.zeros(24))
-    assert len(figure.axes) == 12 * 12
-    shown = [axes.get_xlabel() for axes in figure.axes[-12:]]
-    assert {names(24)[k] for k in (3, 9, 14, 20)} <= set(shown)
-    assert shown == sorted(shown, key=list(names(24)).index)
-    assert any("12 of 24" in text.get_text() for text in figure.texts)

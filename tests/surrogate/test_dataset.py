@@ -50,14 +50,6 @@ def test_modes_are_those_of_the_samples(model, prior, tmp_path):
     assert bool(((data.theta >= prior.lower) & (data.theta <= prior.upper)).all())
 
 
-def test_samples_fill_the_box_evenly(model, prior, tmp_path):
-    """A Sobol sequence: one point in every interval of 1/64, either way, for 64 points."""
-    plan = DatasetPlan(samples=64, modes=2, top_frequency_hz=12.8, seed=0)
-    unit = prior.to_unit(compute_dataset(model, prior, plan, tmp_path).theta).numpy()
-    for column in unit.T:
-        assert np.bincount((64 * column).astype(int), minlength=64).tolist() == [1] * 64
-
-
 def test_a_seed_gives_one_data_set(model, prior, tmp_path):
     one = compute_dataset(model, prior, PLAN, tmp_path / "one")
     assert same(compute_dataset(model, prior, PLAN, tmp_path / "two"), one)

@@ -9,8 +9,8 @@ import torch
 
 from femupdate.errors import SurrogateError
 from femupdate.surrogate import training as room
-from femupdate.surrogate.network import EARLIEST_END, LATEST_START, Visibility
-from femupdate.surrogate.training import TrainingSettings, draw_visibility, train_mvae
+from femupdate.surrogate.network import Visibility
+from femupdate.surrogate.training import TrainingSettings, train_mvae
 
 
 class KilledError(Exception):
@@ -61,17 +61,6 @@ def test_proposals_tell_theta_apart(trained, task):
         z = torch.nn.functional.pad(mvae.encode_parameters(theta), (0, 1))
         own, other = x.log_density(z), x.log_density(z.roll(1, 0))
     assert float((own > other).float().mean()) > 0.9
-
-
-def test_data_standardise_the_networks(trained, task, prior):
-    mvae = trained[0].mvae
-    assert torch.equal(mvae.lower, prior.lower.float())
-    assert torch.equal(mvae.upper, prior.upper.float())
-    pool = room._draw_samples(task, TrainingSettings(), 0, torch.arange(2000)).log_frf.float()
-    standard = (pool - mvae.x_mean) / mvae.x_scale
-    assert float(standard.mean((0,)).abs().max()) < 1e-3
-    assert float(standard.std(0).max()) < 1.001
-    assert float(mvae.x_scale.min()) >= 0.2  # never below the noise
 
 
 @pytest.mark.parametrize("epoch", [1, 3])  # in a drawing of the damping, and between two
@@ -172,20 +161,3 @@ def test_weights_to_start_from_are_gone_on_from(task, quick, trained, tmp_path):
     resumed = train_mvae(task, quick, path, initial=initial)
     whole = train_mvae(task, quick, initial=initial)
     assert_equal(resumed.mvae.state_dict(), whole.mvae.state_dict())
-
-
-def test_visible_floors_and_bands_have_their_shares():
-    settings = TrainingSettings(roof_share=0.4, full_share=0.3, full_band_share=0.75)
-    count, floors = 20_000, 4
-    seen = draw_visibility(count, floors, settings, torch.Generator().manual_seed(0))
-    masks, band = seen.floors, seen.band
-    assert set(masks.unique().tolist()) == {0.0, 1.0}
-    assert bool((masks.sum(1) >= 1).all())
-    roof = (masks == torch.tensor([0.0, 0.0, 0.0, 1.0])).all(1).float().mean()
-    # A random subset with one floor forced is the roof alone once in 4 * 8, all floors once in 8.
-    assert float(roof) == pytest.approx(0.4 + 0.3 / 32, abs=0.012)
-    assert float(masks.all(1).float().mean()) == pytest.approx(0.3 + 0.3 / 8, abs=0.012)
-    whole = (band == torch.tensor([0.0, 1.0])).all(1)
-    assert float(whole.float().mean()) == pytest.approx(0.75, abs=0.012)
-    assert 0.0 <= float(band[:, 0].min()) <= float(band[:, 0].max()) <= LATEST_START
-    assert EARLIEST_END <= float(band[:, 1].min()) < EARLIEST_END + 0.01

@@ -147,13 +147,6 @@ def test_another_building_under_a_name_is_refused_by_open_study(tower):
         open_study(tower, "shear_4dof")
 
 
-def test_texts_noise_and_tolerance_do_not_make_another_building(tower, tmp_path, tower_file):
-    text = tower_file.read_text().replace("Two-story tower", "Bell tower")
-    file = tmp_path / "renamed.toml"
-    file.write_text(text + "\n[observation]\nnoise_sd = 0.1\n")
-    assert open_study(tower, str(file)).building.title == "Two-story tower"
-
-
 @pytest.mark.parametrize("damage", [lambda data: data[:999], lambda data: b"", None])
 def test_a_damaged_reduced_model_is_made_again(cabin_study, damage):
     path = cabin_study.path("reduced_model.npz")
@@ -194,47 +187,3 @@ def test_the_building_of_a_study_reads_back_equal(tower, tmp_path, tower_file):
     original = load_building(str(tower_file))
     assert load_building(tower.path("building.toml")) == original
     assert load_building(save_building(original, tmp_path / "again.toml")) == original
-
-
-def test_a_building_with_its_own_mesh_goes_the_same_way(tmp_path):
-    """Four columns under a slab of triangles, from a VTU file: built, kept and opened again."""
-    import meshio
-
-    from femupdate.building import from_document
-
-    points = [[x, y, z] for z in (0.0, 3.0) for y in (0.0, 4.0) for x in (0.0, 5.0)]
-    cells = [
-        ("triangle", np.array([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]])),
-        ("line", np.array([[k, k + 4] for k in range(4)])),
-    ]
-    own = tmp_path / "own.vtu"
-    meshio.Mesh(np.array([*points, [2.5, 2.0, 3.0]]), cells).write(own)
-    building = from_document(
-        {
-            "name": "own",
-            "kind": "mesh",
-            "mesh": {"file": str(own), "unit": "m"},
-            "stories": [{"name": "S1", "height": 3.0}],
-            "materials": {"c": {"youngs_modulus": 30e9, "poisson_ratio": 0.2, "density": 2400.0}},
-            "sections": {"column": {"shape": "circle", "diameter": 0.35}},
-            "parts": [{"group": "*", "thickness": 0.2}, {"group": "*", "section": "column"}],
-            "sensors": {"direction": "x", "points": [[0.0, 0.0]]},
-            "frequency_grid": {"start": 0.1, "step": 0.1, "count": 100},
-            "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
-            "damping": {"law": "constant", "ratio": 0.02},
-        }
-    )
-    file = save_building(building, tmp_path / "own.toml")
-    study = Study(tmp_path / "study")
-    report = build_study(study, str(file))
-    assert report.elements == 8
-    kept = meshio.read(study.path("mesh.vtu"))
-    assert len(kept.cells_dict["triangle"]) == 4
-    own.unlink()
-    file.unlink()
-    again = open_study(study)  # its mesh lies beside the building in the study
-    np.testing.assert_allclose(
-        reduced_modes(again.reduced, np.ones((1, 1))).frequency_hz[0, 0],
-        report.frequencies_hz[0],
-        rtol=1e-6,
-    )

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import pytest
 
 from femupdate.errors import InferenceError, StudyError
-from femupdate.inference.parameters import Parameters
 from femupdate.study import Study
 from femupdate.workflow.compare import compare_states, find_state, open_state
 
@@ -94,14 +93,3 @@ def test_one_measurement_is_not_compared_with_itself(states, tmp_path):
     copy = open_state(Study(shutil.copytree(states.before.path, tmp_path / "copy")))
     with pytest.raises(InferenceError, match="come from the same measurement"):
         compare_states(states.before, copy)
-
-
-def test_other_buildings_are_refused(states, calibrated):
-    from dataclasses import replace
-
-    posterior = states.same.posterior
-    first, second, *rest = posterior.parameters.entries
-    renamed = Parameters((first, replace(second, name="walls"), *rest))
-    other = replace(states.same, posterior=replace(posterior, parameters=renamed))
-    with pytest.raises(InferenceError, match="have other stiffness factors"):
-        compare_states(states.before, other)

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.building import load_building
 from femupdate.errors import InferenceError, MeasurementError
 from femupdate.report.figure import draw
 from femupdate.study import Study
@@ -150,28 +149,3 @@ def test_more_modes_than_the_model_has_are_refused(calibrate, modes_file, tmp_pa
     path.write_text(modes_file.read_text() + "3,19.0,0.02,5.0,0.5,-1\n")
     with pytest.raises(InferenceError, match=r"three.csv holds 3 modes but the model has 2 in all"):
         calibrate(path)
-
-
-def record_of_two_floors(path, late):
-    """A minute of shaking; the roof is an oscillator of 2 Hz whose sensor is some samples late."""
-    count, step = 6000, 0.01
-    base = np.random.default_rng(3).standard_normal(count)
-    share = np.fft.rfftfreq(4 * count, step) / 2.0
-    own = (1.0 + 0.1j * share) / (1.0 - share**2 + 0.1j * share)
-    roof = np.fft.irfft(own * np.fft.rfft(base, 4 * count))[:count]
-    rows = np.column_stack(
-        [step * np.arange(count), base, 0.5 * (base + roof), np.roll(roof, late)]
-    )
-    np.savetxt(path, rows, fmt="%.6g", delimiter=",", header="time_s,base,2F,RF", comments="")
-    return path
-
-
-@pytest.mark.parametrize(("late", "told"), [(0, 0), (4, 1)])
-def test_channels_that_do_not_fit_together_are_told(tower_file, tmp_path, late, told):
-    path = record_of_two_floors(tmp_path / "run.csv", late)
-    found = measured_of(load_building(tower_file), ObservationSource(path, unit="m/s2"))
-    assert len(found.doubts) == told
-    assert found.notes[:told] == found.doubts
-    for said in found.doubts:
-        assert "run.csv: channel 3 (RF) runs 39" in said  # 40 ms were put in
-        assert "behind channel 1 (base)" in said

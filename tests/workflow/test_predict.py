@@ -1,7 +1,6 @@
 """predict against an integration by scipy, the truth, and the same motion in other formats."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +20,6 @@ from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 
 MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])
-SHIPPED = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
 STEP = 0.02
 FEW = PredictionSettings(samples=20)
 
@@ -126,14 +124,6 @@ def test_a_law_of_its_own_takes_no_ratio(tmp_path, tower_file, tower_observation
         predicted(study, model, record, PredictionSettings(samples=20, damping=0.02))
 
 
-def test_the_shipped_record(tower, tower_model):
-    report = predicted(tower, tower_model, SHIPPED, PredictionSettings(samples=3))
-    assert any("peak 3.38 m/s², 90.0 s at 100 Hz" in note for note in report.notes)
-    # It holds motion up to 50 Hz, the tower's grid ends at 12 Hz.
-    assert any("checked up to 12 Hz" in note for note in report.notes)
-    assert report.summary.acceleration_mean.shape == (2, 9001)
-
-
 @pytest.fixture(scope="module")
 def base(tmp_path_factory, tower_observation, write_record):
     """The base motion of the tower's observation as a record."""
@@ -205,25 +195,6 @@ def test_pictures_of_both_kinds(tower, tower_model, base, tower_observation):
     assert [path.name for path in pictures] == ["floor_histories.png", "story_shear_drift.png"]
     for path in pictures:
         assert imread(path)[..., :3].std() > 0.01
-
-
-def test_floor_spectra_and_their_pictures(tower, tower_model, record):
-    import xarray as xr
-
-    settings = PredictionSettings(samples=5, damping=0.02, spectrum_damping=0.05)
-    report = predicted(tower, tower_model, record, settings)
-    spectra = report.floor_spectra
-    assert spectra.acceleration.mean.shape == (2, len(spectra.frequency_hz))
-    # Stiff oscillators move with their floor, slow ones stay behind it.
-    peaks = np.abs(report.summary.examples.floor_acceleration).max(axis=-1).mean(axis=0)
-    np.testing.assert_allclose(spectra.acceleration.mean[:, -1], peaks, rtol=0.15)
-    assert (spectra.acceleration.mean[:, 0] < 0.3 * peaks).all()
-    assert spectra.acceleration.mean[1].max() > 1.5 * spectra.base.max()
-    assert draw(report, tower.path("pictures"))[-1].name == "floor_spectra.png"
-    with xr.open_datatree(report.path, engine="h5netcdf") as tree:
-        kept = tree["predictions"]["floor_spectrum_mean"]
-        np.testing.assert_array_equal(kept.values, spectra.acceleration.mean)
-        assert kept.dims == ("floor", "oscillator_hz")
 
 
 def test_one_seed_one_prediction(tower, tower_model, record):

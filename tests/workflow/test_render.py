@@ -8,8 +8,6 @@ from matplotlib.image import imread
 
 from femupdate.dynamics.tracking import (
     ReducedModes,
-    driven_modes,
-    reduced_modes,
     track_mode,
 )
 from femupdate.effects import structure_of
@@ -118,27 +116,6 @@ def test_a_mode_is_followed_through_a_crossing():
     np.testing.assert_allclose(followed.vectors[1], vectors[0][:, 0])
     np.testing.assert_allclose(followed.vectors[2], rotation(0.2)[:, 0])
     assert followed.found == 1.0
-
-
-def test_a_mode_like_no_other_is_not_found():
-    """Of three equal parts of the reference none has half of it."""
-    reference = np.ones(3) / np.sqrt(3)
-    modes = ReducedModes(np.array([[1.0, 2.0, 3.0]]), np.eye(3)[None])
-    followed = track_mode(modes, reference)
-    assert followed.found == 0.0
-    assert np.isnan(followed.frequency_hz).all()
-    assert np.isnan(followed.vectors).all()
-
-
-def test_modes_that_the_base_does_not_drive_are_left_out(tower_model):
-    modes = reduced_modes(tower_model.reduced, np.ones((1, 2)))
-    assert driven_modes(tower_model.reduced, modes, 5) == [0, 1]
-    assert driven_modes(tower_model.reduced, modes, 1) == [0]
-    # A base that drives one mode alone: V^T e = (c, 0).
-    alone = 50.0 * np.linalg.inv(modes.vectors[0]).T
-    first, second = (replace(tower_model.reduced, excitation=alone[:, k]) for k in (0, 1))
-    assert driven_modes(first, modes, 5) == [0]
-    assert driven_modes(second, modes, 5) == [1]
 
 
 def test_the_modes_that_matter_to_the_data_come_first(tower, tower_model):

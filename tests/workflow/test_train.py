@@ -190,14 +190,3 @@ def test_a_surrogate_cut_short_is_not_taken(copy, keep):
     path = copy.path("surrogate.safetensors")
     path.write_bytes(path.read_bytes()[:keep])
     assert find_surrogate(copy, open_study(copy).building) is None
-
-
-def test_what_to_do_without_a_surrogate(tower, tower_model):
-    with pytest.raises(SurrogateError) as caught:
-        require_surrogate(tower, tower_model.building)
-    assert f"run `femupdate train --study {tower.folder}`" in str(caught.value)
-    spaced = Study("my study")
-    with pytest.raises(SurrogateError) as caught:
-        require_surrogate(spaced, tower_model.building, "my tower.toml")
-    # As it can be pasted into a shell.
-    assert "--study 'my study' --building 'my tower.toml'`" in str(caught.value)

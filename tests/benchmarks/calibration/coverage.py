@@ -42,13 +42,7 @@ def coverage(level: ArrayLike, nominal: Sequence[float] = REGIONS) -> Coverage:
 
 
 def density_level(log_density: ArrayLike, log_density_of_truth: float, weight: ArrayLike) -> float:
-    """Credibility level of the highest-density region that just holds the truth.
-
-    Args:
-        log_density: (n,) posterior log density of the draws, up to a constant.
-        log_density_of_truth: at the true parameters, up to the same constant.
-        weight: (n,) of the draws.
-    """
+    """Credibility level of the highest-density region that just holds the truth."""
     share = np.asarray(weight, dtype=float)
     above = np.asarray(log_density) > log_density_of_truth
     return float(share[above].sum() / share.sum())

@@ -63,10 +63,6 @@ def run_calibration(job: Job, plan: CalibrationPlan) -> Report:
 
     Every case is written when it is done, beside the results; a run that was cut off goes on, and
     one with more cases adds to them. The reduced model of a frame is kept in the folder as well.
-
-    Raises:
-        SurrogateError: there is no shipped surrogate of the building.
-        StudyError: a file cannot be written.
     """
     surrogate = shipped_surrogate(load_building(plan.building))
     model = _model(job.folder, plan.building, job.progress)

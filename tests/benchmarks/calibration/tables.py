@@ -50,13 +50,7 @@ def scores(judged: Sequence[Judged]) -> Scores:
 
 
 def calibration_text(names: Sequence[str], cases: Sequence[CalibrationCase], fit: PowerFit) -> str:
-    """All tables in Markdown.
-
-    Args:
-        names: of the parameters.
-        cases: simulated buildings.
-        fit: the power that would calibrate the latent likelihood.
-    """
+    """All tables in Markdown."""
     kinds = {
         "latent": [case.latent for case in cases],
         "data-space": [case.exact for case in cases if case.exact is not None],

@@ -23,14 +23,7 @@ _MODES = 160  # five times the top of the grid: with 70 a floor is off by 2 %
 def opensees_model(
     building: FrameBuilding, theta: Floats, mesh_size: float, shell: str
 ) -> ReducedModel:
-    """A model without parameters: the lowest modes that OpenSees finds, and its floors.
-
-    Args:
-        building: to be rebuilt there.
-        theta: (p,) stiffness factors.
-        mesh_size: m.
-        shell: type of its shell elements.
-    """
+    """A model without parameters: the lowest modes that OpenSees finds, and its floors."""
     mesh = mesh_building(building, mesh_size)
     floors = [(floor, [int(node) for node in nodes]) for floor, nodes in mesh.floor_nodes.items()]
     return opensees_modes(mesh.model, theta, shell, mesh.direction, floors)
@@ -43,18 +36,7 @@ def opensees_modes(
     direction: int,
     seen: Sequence[tuple[str, Sequence[int]]],
 ) -> ReducedModel:
-    """The lowest modes that OpenSees finds of a model, as one without parameters.
-
-    Args:
-        model: to be rebuilt there.
-        theta: (p,) stiffness factors.
-        shell: type of its shell elements.
-        direction: of the motion, 0 or 1.
-        seen: names of what is observed, each with the nodes whose mean it is.
-
-    Raises:
-        ReportError: openseespy is not installed.
-    """
+    """The lowest modes that OpenSees finds of a model, as one without parameters."""
     if importlib.util.find_spec("openseespy") is None:
         raise ReportError("OpenSees makes this truth, and openseespy is missing; pip install it")
     script = opensees_script(model, theta, types={"shell": shell})

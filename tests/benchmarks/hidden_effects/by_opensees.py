@@ -47,13 +47,7 @@ def possible(effects: tuple[HiddenEffect, ...]) -> tuple[HiddenEffect, ...]:
 
 
 def opensees_truth(fine: FineModel, measured: MeasuredBuilding, shell: str) -> Truth:
-    """A building with effects, by OpenSees.
-
-    Args:
-        fine: its mesh and sensors.
-        measured: the building, its effects as `possible` has them.
-        shell: type of the shell elements.
-    """
+    """A building with effects, by OpenSees."""
     effects = measured.effects
     structure = fine.structure
     assert structure.mesh is not None

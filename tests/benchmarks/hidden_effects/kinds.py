@@ -56,15 +56,7 @@ def shown(effect: Effect, data: str, use_phase: bool) -> bool:
 def given(
     data: str, truth: Truth, building: Building, zeta: float, rng: np.random.Generator
 ) -> Given:
-    """What a table of modes, or a hammer test, shows of a stick.
-
-    Args:
-        data: `MODES` or `FORCE`.
-        truth: the stick.
-        building: as its file says.
-        zeta: damping ratio.
-        rng: of the errors, and of the floor that is hit.
-    """
+    """What a table of modes, or a hammer test, shows of a stick."""
     known = (
         torch.from_numpy(truth.theta)[None],
         torch.tensor([zeta], dtype=torch.float64),

@@ -57,14 +57,6 @@ def run_hidden_effects(
 
     Every outcome is written at once; trials whose outcomes are there are not run again. The reduced
     model is kept in the folder as well.
-
-    Args:
-        job: its seed is that of all trials.
-        building: shipped name or path.
-        plan: how many trials.
-        settings: of the measurement.
-        minutes: after which no further trial is started.
-        data: what is measured, one of `kinds.DATA`.
     """
     settings, name = settings or TrialSettings(), load_building(building).name
     study = Study(job.folder / f"study_{name}")

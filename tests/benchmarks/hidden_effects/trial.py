@@ -82,12 +82,7 @@ def trial_models(
     progress: Progress = SILENT,
     data: str = BASE,
 ) -> TrialModels:
-    """Mesh the truth, and open the finder's model.
-
-    Raises:
-        ReportError: a frame is to be measured by other data than records of base motion, or a stick
-            is to be made by OpenSees.
-    """
+    """Mesh the truth, and open the finder's model."""
     building = model.building
     if settings.truth == OPENSEES and not isinstance(building, FrameBuilding):
         raise ReportError(

@@ -42,14 +42,7 @@ class FreeFit:
 def fit_free(
     events: Sequence[Histories], direction: str, band_hz: tuple[float, float], modes: int
 ) -> FreeFit:
-    """Fit so many modes to the Fourier transforms of events, every floor weighing alike.
-
-    Args:
-        events: histories of the base and the same floors.
-        direction: of the motion.
-        band_hz: that is fitted.
-        modes: how many.
-    """
+    """Fit so many modes to the Fourier transforms of events, every floor weighing alike."""
     spectra = [_spectra(one, direction, band_hz) for one in events]
     found: list[tuple[float, float]] = []
     for _ in range(modes):

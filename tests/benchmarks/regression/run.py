@@ -33,17 +33,7 @@ QUICK = (
 
 
 def run_regression(job: Job, reference: Path, quick: bool, only: str = "*") -> tuple[Report, int]:
-    """Run what is not in the output folder yet; the report, and the lines outside of tolerance.
-
-    Args:
-        job: its folder keeps the runs made.
-        reference: figures to compare with.
-        quick: the cheap runs alone.
-        only: names of runs, as a shell's pattern.
-
-    Raises:
-        StudyError: the reference cannot be read, or a file cannot be written.
-    """
+    """Run what is not in the output folder yet; the report, and the lines outside of tolerance."""
     work = (job.folder / NAME).resolve()
     (work / "logs").mkdir(parents=True, exist_ok=True)
     folders = Folders(work, work / "data")

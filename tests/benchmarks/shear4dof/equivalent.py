@@ -63,16 +63,8 @@ class _System:
 def equivalent_stiffness(stiffness: Floats, mass: Floats, seed: int = 0) -> Floats:
     """Return all positive stiffness vectors (m, n) that the roof cannot tell apart.
 
-    Args:
-        stiffness: (n,) of the stories, bottom to top, N/m.
-        mass: (n,) of the floors, bottom to top, kg.
-        seed: of the path's complex factor; any value finds the same roots.
-
     Returns:
         Sorted by the first story's stiffness; one row is `stiffness` itself.
-
-    Raises:
-        InferenceError: more than six stories, or the given vector was not found again.
     """
     stiffness, mass = np.asarray(stiffness, float), np.asarray(mass, float)
     count = len(stiffness)

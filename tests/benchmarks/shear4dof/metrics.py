@@ -63,9 +63,6 @@ def classifier_accuracy(x: ArrayLike, y: ArrayLike, seed: int = 0, folds: int = 
 
     A network of two hidden layers of 10 p units on standardised coordinates (Lopez-Paz & Oquab
     2017; sizes of Lueckmann et al. 2021, AISTATS). The larger set is thinned to the smaller.
-
-    Raises:
-        InferenceError: scikit-learn is not installed.
     """
     try:
         from sklearn.model_selection import StratifiedKFold, cross_val_score
@@ -109,11 +106,7 @@ class ModeSummary:
 
 
 def mode_summary(draws: ArrayLike, solutions: ArrayLike, scale: ArrayLike) -> ModeSummary:
-    """Share draws (n, p) out to the nearest of the solutions (m, p).
-
-    Args:
-        scale: (p,) or (m, p) lengths in which distances are measured, such as standard deviations.
-    """
+    """Share draws (n, p) out to the nearest of the solutions (m, p)."""
     points, centres = np.asarray(draws, dtype=float), np.asarray(solutions, dtype=float)
     distance = (((points[:, None] - centres) / np.asarray(scale)) ** 2).sum(axis=-1)
     member = distance.argmin(axis=1)

@@ -50,11 +50,6 @@ def run_shear4dof(job: Job, plan: Shear4dofPlan) -> Report:
 
     Rows of the sampler table and observations are written when they are done, beside the results: a
     run of the same plan that was cut off goes on from them.
-
-    Raises:
-        SurrogateError: the shipped surrogate does not fit the shipped building.
-        InferenceError: scikit-learn is not installed.
-        StudyError: a file cannot be written.
     """
     model = benchmark_model()
     surrogate, case = shipped_surrogate(model.building), authors_case(model)

@@ -52,13 +52,7 @@ def beams(
     group: int = 0,
     **section: Any,
 ) -> Beams:
-    """Beams of one section; without shear areas they are Euler-Bernoulli beams.
-
-    Args:
-        nodes: (n, 2).
-        up, group: as in `Beams`, one for all; `up` may be one each.
-        section: the other attributes of `Beams`, one value for all or one a beam.
-    """
+    """Beams of one section; without shear areas they are Euler-Bernoulli beams."""
     pairs = np.asarray(nodes, dtype=np.int64)
     values: dict[str, Any] = {
         "shear_area_y": np.inf,

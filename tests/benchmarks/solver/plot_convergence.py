@@ -36,16 +36,7 @@ class ConvergencePanel:
 
 @styled
 def convergence_figure(panels: Sequence[ConvergencePanel], ours: str, title: str) -> Figure:
-    """Draw the errors of elements over the fineness of the mesh, both on logarithmic scales.
-
-    Args:
-        panels: one a test.
-        ours: which of the names is drawn last and heaviest.
-        title: over the figure.
-
-    Raises:
-        ReportError: there is no panel, or an array has another length.
-    """
+    """Draw the errors of elements over the fineness of the mesh, both on logarithmic scales."""
     if not panels:
         raise ReportError("there is no convergence to draw; give one panel at least")
     names = list(dict.fromkeys(name for panel in panels for name in panel.errors if name != ours))

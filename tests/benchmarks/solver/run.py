@@ -19,16 +19,7 @@ _NO_OPENSEES = (
 
 
 def run_solver(job: Job, sizes: Sequence[str] = ()) -> Report:
-    """Run the benchmark and write its results; nothing in it is random.
-
-    Args:
-        job: where the results go.
-        sizes: of the building of the speed comparison, none for the element tests alone.
-
-    Raises:
-        StudyError, ReportError: a file cannot be written.
-        StructureError: an unknown size, or a program that fails.
-    """
+    """Run the benchmark and write its results; nothing in it is random."""
     speed = compare_speed(sizes, job.progress)
     alone = bool(sizes) and not opensees_is_there()
     scores = element_scores(job.progress)

@@ -24,11 +24,7 @@ class ShellForces:
     thickness: Floats
 
     def stress(self, face: float = 0.0) -> Floats:
-        """Stresses (n, 4, 3) sigma_x, sigma_y, tau_xy, Pa.
-
-        Args:
-            face: +1 for the upper face, -1 for the lower, 0 for the middle.
-        """
+        """Stresses (n, 4, 3) sigma_x, sigma_y, tau_xy, Pa."""
         thickness = self.thickness[:, None, None]
         return self.membrane / thickness + 6.0 * face * self.moment / thickness**2
 

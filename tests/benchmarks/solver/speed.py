@@ -89,11 +89,7 @@ def opensees_is_there() -> bool:
 
 
 def compare_speed(sizes: Sequence[str], progress: Progress = SILENT) -> tuple[SpeedRow, ...]:
-    """Run femupdate, and OpenSees where it is installed, on the building of several sizes.
-
-    Raises:
-        StructureError: an unknown size, or a program that fails.
-    """
+    """Run femupdate, and OpenSees where it is installed, on the building of several sizes."""
     unknown = [size for size in sizes if size not in SIZES]
     if unknown:
         raise StructureError(f"there is no size {unknown[0]!r}; choose from {', '.join(SIZES)}")

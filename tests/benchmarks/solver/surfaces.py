@@ -33,14 +33,7 @@ Loading = Literal["q", "p"]
 
 
 def rectangular_plate(length: float, edges: Edges, loading: Loading, count: int) -> float:
-    """Thin plate 2 x `length`, a quarter of it: deflection of the middle.
-
-    Args:
-        length: 2 or 10.
-        edges: "ss" simply supported, "cl" clamped.
-        loading: "q" a pressure of 1e-4, "p" a force of 4e-4 in the middle.
-        count: elements along each side of the quarter.
-    """
+    """Thin plate 2 x `length`, a quarter of it: deflection of the middle."""
     s, t, quads = grid(count, count)
     points = stack(s, 0.5 * length * t, 0 * s)
     held = {"ss": ((UZ, RX), (UZ, RY)), "cl": (ALL, ALL)}[edges]

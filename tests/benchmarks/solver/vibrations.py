@@ -118,15 +118,7 @@ def square_section(side: float, slender: bool = False) -> dict[str, Any]:
 
 
 def square_plate(count: int, thickness: float, support: str) -> FiniteElementModel:
-    """FV12, FV13, FV16, FV21 and FV52: plate 10 m x 10 m of count x count elements.
-
-    Args:
-        count: elements along each side.
-        thickness: m.
-        support: "free" (FV12) and "hard" (FV13, FV21: edges do not rotate along themselves) keep
-            the plate in its plane; "clamped" holds one edge (FV16); "soft" holds the deflection of
-            the edges and nothing else (FV52).
-    """
+    """FV12, FV13, FV16, FV21 and FV52: plate 10 m x 10 m of count x count elements."""
     s, t, quads = grid(count, count)
     x_edge, y_edge = (s == 0) | (s == 1), (t == 0) | (t == 1)
     plane = (s >= 0, IN_PLANE)
