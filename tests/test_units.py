@@ -70,25 +70,9 @@ def test_every_number_with_every_unit(value, kind, data, spaces):
     assert parse_quantity(text, kind) == value * UNITS[kind][name]
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["", " ", "mm", "180", "2.8", "1e3", "-", "one m", "nan m", "inf m", "1 2", "m 3", "--3 m"],
-)
-def test_texts_that_are_no_quantity(text):
-    with pytest.raises(UnitError) as caught:
-        parse_quantity(text, "length")
-    assert repr(text) in str(caught.value) or "unknown unit" in str(caught.value)
-
-
 @pytest.mark.parametrize("text", ["3 furlong", "3 kg", "1,5 m", "2.8e m", "3 m m", "3 m/s2"])
 def test_units_of_another_kind(text):
     with pytest.raises(UnitError, match=r"unknown unit .* for length; use one of m, cm, mm"):
-        parse_quantity(text, "length")
-
-
-@pytest.mark.parametrize("text", ["1e999 m", "-1e308 km"])
-def test_numbers_beyond_all_bounds(text):
-    with pytest.raises(UnitError, match="too large"):
         parse_quantity(text, "length")
 
 

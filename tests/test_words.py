@@ -80,13 +80,6 @@ def test_scripts_exist(page):
         assert (DOCS.parent / script).exists(), f"{script}: no such file"
 
 
-def test_pictures_are_used_and_small():
-    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
-    for picture in (DOCS / "pictures").iterdir():
-        assert f"pictures/{picture.name}" in text
-        assert 4_000 < picture.stat().st_size < 300_000
-
-
 def commands(command, path=()):
     """Every command with the words that call it."""
     if isinstance(command, click.Group):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femupdate.building import from_document, mechanics_hash, mesh_building, self_mass, to_document
+from femupdate.building import from_document, mesh_building
 from femupdate.errors import BuildingError
 from femupdate.fe import Beams, assemble, static_displacement
 
@@ -84,29 +84,6 @@ def test_braces_run_where_the_file_says(make_document, changes, ends):
     np.testing.assert_allclose(found[:, :, 1], 0.0, atol=1e-12)
     np.testing.assert_allclose(found[:, :, [0, 2]], ends, atol=1e-12)
     assert own.released[:, [4, 5, 10, 11]].all()
-
-
-def test_braces_weigh_and_are_kept(make_document):
-    plain, braced = (
-        document_with(make_document, braces, 2, slender=False)
-        for braces in ([], [brace(shape="cross")])
-    )
-    masses = [self_mass(mesh_building(from_document(one)).model, []) for one in (plain, braced)]
-    np.testing.assert_allclose(masses[1] - masses[0], 2 * 2400.0 * AREA * LENGTH, rtol=1e-9)
-    building = from_document(braced)
-    assert from_document(to_document(building)) == building
-    assert mechanics_hash(building) != mechanics_hash(from_document(plain))
-
-
-def test_braces_may_have_factors_of_their_own(make_document):
-    document = document_with(make_document, [brace(stories="S2")], 2, slender=False)
-    document["parameters"] = {"by": ["story", "kind"]}
-    mesh = mesh_building(from_document(document))
-    names = [one.name for one in mesh.factors]
-    assert "S2 braces" in names
-    assert "S1 braces" not in names
-    beams = mesh.model.elements_of(Beams)
-    assert beams.group[beams.kind == "brace"].tolist() == [names.index("S2 braces")]
 
 
 def test_a_brace_that_ends_in_the_air_is_named(make_document):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from femupdate.building import from_document, mesh_building
-from femupdate.building.mesh_import import span_ends
 from femupdate.errors import BuildingError
 from femupdate.fe import assemble, static_displacement
 
@@ -112,22 +111,6 @@ def test_a_portal_with_a_hinged_beam(tmp_path, backwards, hinges):
     # The head with the hinge turns further: it has no beam to hold it.
     free, held = (0, 1) if hinges == "start" else (1, 0)
     assert moved[heads[free], 4] > 1.2 * moved[heads[held], 4]
-
-
-def test_where_spans_start_and_end():
-    """A beam over three nodes, one that another member meets, a kink, a fork and a ring."""
-    nodes = np.array(
-        [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0], [5, 0, 0], [6, 0, 0], [6, 1, 0]],
-        dtype=float,
-    )
-    lines = np.array([[1, 0], [1, 2], [2, 3], [4, 3]])
-    found = span_ends(nodes, lines, np.array([2]))
-    # Node 2 is met by another member and node 3 is a kink: spans 0-1-2, 2-3 and 3-4.
-    np.testing.assert_array_equal(found.start, [[False, True], [0, 0], [True, False], [0, 1]])
-    np.testing.assert_array_equal(found.end, [[0, 0], [False, True], [False, True], [1, 0]])
-    ring = np.array([[5, 6], [6, 7], [7, 5]])
-    corners = span_ends(nodes, ring, np.zeros(0, dtype=np.int64))
-    np.testing.assert_array_equal(corners.start | corners.end, np.ones((3, 2), dtype=bool))
 
 
 @pytest.mark.parametrize(

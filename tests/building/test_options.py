@@ -58,45 +58,6 @@ def in_plane(model):
     return assemble(replace(model, fixed=fixed, links=replace(model.links, tied=tied)))
 
 
-def coupling_beams(make_document, size):
-    """Two walls of 3 m joined by beams of 2.4 m at both floors, without columns."""
-    document = make_document([3.0, 3.0], ([3.0, 2.4, 3.0], [4.0]), size)
-    document["columns"], document["slabs"] = [], []
-    document["beams"] = [{"section": "beam", "along": "Y0", "from": "X1", "to": "X2"}]
-    ends = (("X0", "X1"), ("X2", "X3"))
-    document["walls"] = [{"along": "Y0", "from": a, "to": b, "thickness": 0.2} for a, b in ends]
-    document["sensors"] = {"direction": "x", "points": ["X0-Y0"]}
-    return meshed(document)
-
-
-def test_coupling_beams_are_linked_over_their_depth(make_document):
-    mesh = coupling_beams(make_document, 1.5)
-    links, nodes = mesh.model.links, mesh.model.nodes
-    assert len(links) == 2 * 2 + 2 * 1  # middle floor above and below, roof below only
-    arm = nodes[links.slave] - nodes[links.master]
-    assert np.abs(arm[:, :2]).max() == 0.0
-    middle = np.isclose(nodes[links.master, 2], 3.0)
-    np.testing.assert_allclose(np.sort(arm[middle, 2]), [-0.25, -0.25, 0.25, 0.25], atol=1e-12)
-    np.testing.assert_allclose(arm[~middle, 2], -0.5, atol=1e-12)
-
-
-def test_a_column_on_top_of_a_wall_is_linked(make_document):
-    """The wall of the first story carries a column of the second on its edge, 1 m from its end."""
-    document = make_document([3.0, 3.0], ([2.0, 2.0], [4.0]), 0.5)
-    document["columns"] = [
-        {"section": "column", "at": ["X0-Y1", "X2-Y1"]},
-        {"section": "column", "at": "X1-Y0", "stories": "S2"},
-    ]
-    document["beams"] = [{"section": "beam", "along": ["Y1", "X0", "X2"]}]
-    document["walls"] = [
-        {"along": "Y0", "from": "X0", "to": "X2", "thickness": 0.2, "stories": "S1"}
-    ]
-    links = meshed(document).model.links
-    nodes = meshed(document).model.nodes
-    assert len(links) == 2
-    assert np.ptp(nodes[links.slave, 0]) == pytest.approx(0.4)  # the column's width, along x
-
-
 def strip(make_document, size, **beam):
     """A cantilever floor strip: a slab 1 m wide on a beam along its middle line, held by a wall.
 

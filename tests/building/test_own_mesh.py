@@ -256,11 +256,6 @@ def test_a_flat_element_is_named(tmp_path):
     )
 
 
-def test_a_crossed_quadrilateral_is_named(tmp_path):
-    cells = [("quad", np.array([[4, 5, 6, 7]])), ("line", COLUMNS)]
-    refused(write(tmp_path, POINTS[:8], cells), r"quad 0 \(nodes 4, 5, 6, 7\) .*(flat|cross)")
-
-
 def test_double_nodes_are_found_and_merged(tmp_path):
     points = np.concatenate([POINTS, POINTS[4:5]])
     columns = COLUMNS.copy()
@@ -358,22 +353,6 @@ def test_a_file_that_is_no_mesh(tmp_path, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_beam_at_a_walls_edge_is_linked_in_a_read_mesh_too(tmp_path):
-    """Two walls of 2 x 3 m in squares of .5 m, and a beam of 2 m between their tops."""
-    s, t = np.meshgrid(np.arange(5), np.arange(7))
-    wall = np.stack([0.5 * s.ravel(), 0 * s.ravel(), 0.5 * t.ravel()], axis=1)
-    points = np.concatenate([wall, wall + np.array([4.0, 0, 0])])
-    corner = (5 * np.arange(6)[:, None] + np.arange(4)).ravel()
-    quads = np.stack([corner, corner + 1, corner + 6, corner + 5], axis=1)
-    cells = [("quad", np.concatenate([quads, quads + 35])), ("line", np.array([[34, 65]]))]
-    text = OWN.replace('depth = "400 mm"', 'depth = "1 m"')
-    mesh = mesh_building(load_building(write(tmp_path, points, cells, text=text)))
-    links, nodes = mesh.model.links, mesh.model.nodes
-    assert len(links) == 4
-    arm = nodes[links.slave] - nodes[links.master]
-    np.testing.assert_allclose(np.sort(arm[:, 2]), [-1, -1, -0.5, -0.5], atol=1e-12)
-
-
 @pytest.mark.parametrize(
     "line",
     ['hinges = "both"', 'rigid_ends = ["1 m", "0 m"]', 'eccentricity = ["1 m", "0 m", "0 m"]'],
@@ -382,15 +361,3 @@ def test_ends_of_shells_are_refused(tmp_path, line):
     text = OWN.replace('thickness = "200 mm"', f'thickness = "200 mm"\n{line}')
     name = line.split()[0]
     refused(write(tmp_path, text=text), rf"parts\[0\]\.{name}: it is for beams, and these cells")
-
-
-def test_a_packed_mesh_is_not_unpacked(tmp_path):
-    """HDF5 packs zeros a thousandfold: 800 MB in less than 1 MB."""
-    import h5py
-
-    write(tmp_path)
-    with h5py.File(tmp_path / "own.med", "w") as file:
-        file.create_dataset("a", (100_000_000,), "f8", compression="gzip", fillvalue=0.0)
-    own = (tmp_path / "own.toml").read_text(encoding="utf-8").replace("own.vtu", "own.med")
-    (tmp_path / "own.toml").write_text(own, encoding="utf-8")
-    refused(tmp_path / "own.toml", r"own\.med holds 800 MB, which no building's mesh needs")

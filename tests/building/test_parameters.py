@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from femupdate.building import from_document, mesh_building, stiffness_factors
-from femupdate.effects.structure import require_story_factors
-from femupdate.errors import BuildingError
 from femupdate.fe import assemble
 from femupdate.inference.parameters import theta_prior
 
@@ -66,16 +64,3 @@ def test_a_factor_is_that_of_youngs_modulus_of_its_members(document):
     document["sections"]["column"]["material"] = "soft"
     expected = assemble(mesh_building(building(document)).model).stiffness(np.ones(2))
     assert abs(found - expected).max() < 1e-12 * abs(expected).max()
-
-
-def test_a_wrong_division_is_refused(document):
-    with pytest.raises(BuildingError, match=r"parameters\.by.*no division; write"):
-        building(document, parameters={"by": ["kind", "story"]})
-
-
-def test_effects_need_factors_by_story(document):
-    effect = {"name": "added_mass", "place": "RF", "parameters": {"mass": 1000.0}}
-    with pytest.raises(BuildingError, match="effects need one factor a story"):
-        building(document, parameters=BY_KIND, effects=[effect])
-    with pytest.raises(BuildingError, match="looked for with one factor a story"):
-        require_story_factors(building(document, parameters=BY_KIND))

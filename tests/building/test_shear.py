@@ -68,27 +68,3 @@ def test_the_four_equivalent_stiffnesses_share_their_frequencies():
     ):
         # The factors are printed with five decimals.
         np.testing.assert_allclose(frequencies(operators, np.array(theta)), reference, rtol=1e-5)
-
-
-def test_grid_of_the_benchmark():
-    grid = load_building("shear_4dof").frequency_grid
-    frequencies_hz = grid.frequencies_hz()
-    assert len(frequencies_hz) == 1024
-    assert frequencies_hz[0] == 0.02
-    assert frequencies_hz[-1] == pytest.approx(20.48, rel=1e-12)
-    assert grid.stop == pytest.approx(20.48, rel=1e-12)
-    bench = load_building("shear_3dof").frequency_grid.frequencies_hz()
-    assert len(bench) == 512
-    assert bench[-1] == pytest.approx(25.6, rel=1e-12)
-
-
-def test_rayleigh_damping_of_the_benchmark():
-    damping = load_building("shear_4dof").damping
-    assert damping.is_rayleigh
-    assert (damping.ratio, damping.anchors) == (0.02, (1.0, 20.0))
-
-
-def test_constant_damping():
-    building = load_building("six_story_wall_frame")
-    assert (building.damping.law, building.damping.ratio) == ("constant", 0.02)
-    assert (building.prior.zeta.lower, building.prior.zeta.upper) == (0.0066, 0.06)

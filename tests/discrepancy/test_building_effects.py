@@ -89,17 +89,3 @@ def test_buildings_without_effects_keep_the_hash_their_surrogates_were_trained_u
     with safe_open(MODELS / f"{name}.safetensors", "pt") as file:
         trained = json.loads(file.metadata()["femupdate"])
     assert mechanics_hash(load_building(name)) == trained["mechanics_hash"]
-
-
-def test_an_effect_makes_another_building(listed):
-    hashes = {
-        mechanics_hash(listed(*effects))
-        for effects in (
-            (),
-            (MASS,),
-            ({**MASS, "place": "RF"},),
-            ({**MASS, "parameters": {"size": 0.2}},),
-            (MASS, MASS),
-        )
-    }
-    assert len(hashes) == 5

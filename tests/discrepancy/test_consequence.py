@@ -41,12 +41,6 @@ def test_what_matters_is_either_change(problem, place):
     assert not found.matters(0.01, 0.08)
 
 
-def test_a_right_model_leaves_nothing(problem):
-    left = remains(problem, settle(problem, fit_baseline(problem)[0]))
-    assert left.size == left.turn == 0.0
-    assert left.sentence == ""
-
-
 def test_what_is_left_is_found_where_it_was_put(chains, building_of, observe, pose):
     """The response of the second floor is 25 % larger between 8 and 10 Hz, and there alone."""
     masses, springs = np.ones(2), np.full(2, 900.0)

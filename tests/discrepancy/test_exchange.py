@@ -61,12 +61,6 @@ def test_the_right_name_is_found_and_theta_with_it(hidden, label):
     assert best.chi2 < 600.0 + 5.0 * np.sqrt(1200.0)
 
 
-def test_nothing_is_promised_where_the_names_are_right(hidden):
-    problem, base = hidden()
-    assert promising(problem, base, exchanges(problem)) == []
-    assert promising(problem, base, []) == []
-
-
 def test_the_repair_starts_anew_from_an_exchange(hidden):
     """What a basis about the wrong theta gave is not carried on."""
     problem, base = hidden(**WRONG["swapped_channels@2F,3F"])
@@ -83,15 +77,4 @@ def test_the_repair_starts_anew_from_an_exchange(hidden):
     assert done.problem is not problem
     assert done.after is not done.rounds[0].finding.fitted
     assert p_value(done.problem, done.after) > 0.001
-    assert done.last.verdict == "none"
-
-
-def test_a_quiet_record_does_not_hide_the_second_of_two(hidden):
-    """What is left of the first lies within the error that every estimate is allowed."""
-    masses = MASSES + np.array([0.0, 0.0, 0.06, 0.0, 0.0])
-    problem, base = hidden(**WRONG["swapped_channels@2F,3F"], masses=masses, quiet=4.0)
-    done = repair(problem, base)
-    added = [one.finding.placed.label for one in done.rounds]
-    assert added == ["swapped_channels@2F,3F", "added_mass@4F"]
-    assert p_value(problem, done.rounds[0].finding.fitted) > 0.5
     assert done.last.verdict == "none"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from femupdate.dynamics.finer_mesh import interpolation, on_finer_mesh, on_nodes_of
+from femupdate.dynamics.finer_mesh import on_finer_mesh, on_nodes_of
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.snapshots import ReductionTarget, log_even_samples
 from femupdate.effects import structure_of
@@ -63,23 +63,3 @@ def test_its_shapes_are_seen_at_the_nodes_of_the_coarse_mesh(coarse, fine, carri
     seen = on_nodes_of(coarse, carried).node_shapes
     expected = carried.model.node_shapes[columns]
     np.testing.assert_allclose(seen[rows], expected, rtol=1e-5, atol=1e-9)
-
-
-def test_values_between_the_lines_of_a_lattice():
-    lines = [np.array([0.0, 1.5, 2.0]), np.array([-1.0, 3.0]), np.array([0.0, 0.7])]
-    known = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
-    rng = np.random.default_rng(2)
-    wanted = rng.uniform([0.0, -1.0, 0.0], [2.0, 3.0, 0.7], (20, 3))
-    plane = known @ [1.0, -2.0, 0.5] + 3.0
-    found = interpolation(known, wanted) @ plane
-    np.testing.assert_allclose(found, wanted @ [1.0, -2.0, 0.5] + 3.0, atol=1e-5)
-
-
-def test_crossings_without_a_node_are_left_out():
-    """A wall in one plane: nothing is known beside it."""
-    known = np.array([[x, 0.0, z] for x in (0.0, 2.0) for z in (0.0, 1.0)] + [[0.0, 4.0, 1.0]])
-    weights = interpolation(known, np.array([[0.5, 0.0, 0.5], [0.5, 1.0, 1.0]])).toarray()
-    np.testing.assert_allclose(weights[0], [0.375, 0.375, 0.125, 0.125, 0.0])
-    # Of four crossings about the second point one has no node.
-    share = np.array([0.0, 0.75 * 0.75, 0.0, 0.25 * 0.75, 0.75 * 0.25])
-    np.testing.assert_allclose(weights[1], share / share.sum())

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from femupdate.benchmarks.mesh_export import export_mesh
 
-from femupdate.building import from_document, mesh_building, to_document
+from femupdate.building import from_document, to_document
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.members import (
     BaseRecord,
@@ -144,17 +143,6 @@ def test_a_cantilever_wall_carries_the_inertia_above(axis, story):
     assert abs(middle[0]) < 1e-6 * abs(middle[1])
 
 
-def test_a_moment_stretches_the_start_when_the_wall_leans_forward(wall_frame):
-    """M and N of a wall with its columns are those of the fibres: tension where it is stretched."""
-    walls = ["Y0:X0-X1:S1", "Y0:X1-X2:S1"]
-    one, two = forces(wall_frame, np.ones(2), 0.05, walls)
-    at = one.mean.shape[1] // 2
-    # The ground goes forward, so the building leans back: the start is pressed, M is negative. The
-    # two walls act as one: the first, at the start, is pressed, the second is stretched.
-    assert max(one.mean[2, at], two.mean[2, at]) < 0.0
-    assert one.mean[0, at] < 0.0 < two.mean[0, at]
-
-
 @pytest.mark.parametrize("story", [1, 2])
 def test_walls_and_columns_share_the_story_shear(wall_frame, story):
     """All that passes a story cut is the inertia of what lies above, whoever carries it."""
@@ -194,35 +182,6 @@ def test_walls_and_columns_share_the_story_shear(wall_frame, story):
 def test_walls_that_are_not_there(wall_frame, name, words):
     with pytest.raises(BuildingError, match=words):
         choose_members(wall_frame, [name])
-
-
-def as_own_mesh(building, folder):
-    """The same building, its mesh read from a file."""
-    path = export_mesh(mesh_building(building), folder / "own.msh")
-    plain = to_document(building)
-    kept = ("stories", "materials", "frequency_grid", "prior", "damping")
-    return from_document(
-        {key: plain[key] for key in kept}
-        | {
-            "name": "own",
-            "kind": "mesh",
-            "mesh": {"file": str(path), "unit": "m"},
-            "parts": [{"group": "wall", "thickness": WALL["thickness"]}],
-            "sensors": {"direction": plain["sensors"]["direction"], "points": [[0.0, 0.0]]},
-        }
-    )
-
-
-def test_a_wall_of_a_read_mesh_goes_by_its_group(tmp_path):
-    frame = cantilever("y")
-    own = as_own_mesh(frame, tmp_path)
-    theta = np.array([0.8, 1.0, 1.2, 1.1])
-    (wanted,) = forces(frame, theta, 0.05, ["X0:S2"])
-    (found,) = forces(own, theta, 0.05, ["wall:S2"])
-    np.testing.assert_allclose(found.mean, wanted.mean, atol=1e-6 * np.abs(wanted.mean).max())
-    np.testing.assert_allclose(found.member.ends, wanted.member.ends, atol=1e-9)
-    with pytest.raises(BuildingError, match=r"no wall is named 'walls:S2' \(known: .*wall:S2"):
-        choose_members(own, ["walls:S2"])
 
 
 def with_effect(building, name, place, **parameters):

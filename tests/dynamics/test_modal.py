@@ -24,21 +24,6 @@ def test_modes_are_those_of_scipy(chain, thetas, tensor):
         np.testing.assert_allclose(K @ shapes, M @ shapes * squared, rtol=1e-9, atol=1e-6)
 
 
-def test_effects_add_up_to_the_rigid_motion(chain, thetas, tensor):
-    """sum_j phi_fj Gamma_j = 1 at every floor: the modes are complete."""
-    data = System(chain.reduced()).modal_data(tensor(thetas))
-    np.testing.assert_allclose(data.effect.sum(-1), 1.0, rtol=1e-12)
-    assert bool((data.residual == 0).all())
-
-
-def test_a_single_precision_theta_is_solved_in_double(chain, thetas):
-    single = torch.as_tensor(thetas, dtype=torch.float32)
-    data = System(chain.reduced()).modal_data(single)
-    again = System(chain.reduced()).modal_data(single.double())
-    assert data.omega.dtype == torch.float64
-    assert torch.equal(data.omega, again.omega)
-
-
 @pytest.mark.parametrize("batch", [1, 2, 1000])
 def test_batches_equal_one_by_one(chain, tensor, batch):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (5, 4)))

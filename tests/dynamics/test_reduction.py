@@ -9,7 +9,6 @@ from scipy.sparse import csc_matrix
 
 from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
 from femupdate.dynamics.equations import driven_system
-from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.reduction import CHOOSE, reduce_structure
 from femupdate.dynamics.snapshots import TOP, ReductionTarget
 from femupdate.dynamics.system import System
@@ -151,20 +150,6 @@ def test_the_stiffness_is_affine_in_theta(frame, reduced):
     np.testing.assert_allclose(model.node_shapes, full[:, :3], rtol=1e-5, atol=1e-7)
 
 
-def test_drift_and_inertia_of_the_stories(frame, reduced):
-    """Drifts under a steady acceleration of the base, and the inertia of a rigid translation."""
-    theta = np.array([0.6, 1.9])
-    q = np.linalg.solve(reduced.model.stiffness(theta), -reduced.model.excitation)
-    load = frame.operators.expand(frame.operators.inertia(0))
-    u = -static_displacement(frame.operators, theta, load)
-    drift = np.diff([0.0, *(mean_rows(frame) @ u[frame.operators.free])])
-    np.testing.assert_allclose(reduced.model.story_drift @ q, drift, rtol=0.02)
-    # The inertia of a rigid motion of all that is free is the mass itself.
-    rigid = reduced.model.excitation  # V^T M 1, the coordinates of a rigid translation
-    held = reduced.model.story_inertia @ rigid
-    np.testing.assert_allclose(held, reduced.model.story_mass, rtol=0.02)
-
-
 def theta_errors(frame, model, count, seed):
     """rms over floors and grid of the difference in ln|H|, at theta that nothing else has seen."""
     thetas = 1 / 3 + (3.0 - 1 / 3) * np.random.default_rng(seed).random((count, 2))
@@ -192,27 +177,6 @@ def test_the_estimate_holds_at_theta_nobody_has_seen(frame, tolerance):
 def test_a_tolerance_that_cannot_be_met(frame):
     with pytest.raises(StructureError, match=r"still differs .* raise reduction\.tolerance"):
         reduce(frame, target(tolerance=1e-9, samples=1))
-
-
-def test_lumped_building_by_hand():
-    """Three floors of 4, 3 and 2 kg on springs of 50, 30 and 20 N/m at theta = 1."""
-    terms = np.zeros((3, 3, 3))
-    terms[0, 0, 0] = 50.0
-    terms[1, :2, :2] = [[30.0, -30.0], [-30.0, 30.0]]
-    terms[2, 1:, 1:] = [[20.0, -20.0], [-20.0, 20.0]]
-    model = reduce_lumped(terms, np.diag([4.0, 3.0, 2.0]), ("2F", "3F", "RF"))
-    u = np.array([0.1, 0.4, -0.3])
-    q = np.sqrt([4.0, 3.0, 2.0]) * u
-    np.testing.assert_allclose(model.floor_shapes @ q, u)
-    np.testing.assert_allclose(model.story_drift @ q, [0.1, 0.3, -0.7])
-    np.testing.assert_allclose(model.story_mass, [9.0, 5.0, 2.0])
-    # Force of inertia of all above, with u as acceleration: 4 * .1 + 3 * .4 - 2 * .3, and so on.
-    np.testing.assert_allclose(model.story_inertia @ q, [1.0, 0.6, -0.6])
-    np.testing.assert_allclose(model.excitation @ q, 1.0)
-    theta = np.array([2.0, 0.5, 3.0])
-    energy = 100.0 * 0.1**2 + 15.0 * 0.3**2 + 60.0 * 0.7**2
-    assert q @ model.stiffness(theta) @ q == pytest.approx(energy, rel=1e-12)
-    assert (model.size, model.parameters) == (3, 3)
 
 
 @pytest.mark.parametrize("zeta", [0.0066, 0.03])

@@ -53,20 +53,6 @@ def test_modes_far_from_a_band_are_interpolated_exactly_enough(grid, zeta):
     assert np.all(np.abs(found - expected) < allowed)
 
 
-def test_no_mode_near_a_band_and_none_far():
-    """Bands without modes of their own, and a structure with all of its modes in one."""
-    omega = torch.from_numpy(2.0 * np.pi * np.linspace(10.0, 20.0, 1100))
-    for frequency in (np.array([0.3, 400.0]), np.array([12.0, 12.5])):
-        known = modes(frequency)
-        ratio = torch.full_like(known.inverse, 0.01)
-        found = response(known, ratio, omega, [], forced=1)[:, :, 0].numpy()
-        each = one_by_one(known, ratio, omega)
-        expected = np.einsum("nomk,nm->nok", each, known.rows[:, 1].numpy())
-        expected = -(omega.numpy() ** 2) * expected
-        # Where the rows hardly move, two terms of opposite signs cancel.
-        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-8 * np.abs(expected).max())
-
-
 def test_an_impossible_structure_gives_no_number_and_leaves_the_others_alone():
     known = modes(np.geomspace(0.4, 400.0, 30))
     known.inverse[1] = torch.nan

@@ -4,9 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from femupdate.effects import CATALOGUE, Terms
 
@@ -86,39 +83,6 @@ def test_limits_give_finite_responses(effect, case, side):
         assert np.isfinite(sizes).all()
         ours = case.frf(f"{effect.name}@{place}", sizes=sizes, zeta=0.03)
         assert np.isfinite(ours).all()
-
-
-STRUCTURAL = (
-    "added_mass@RF",
-    "base_sway@base",
-    "foundation_rocking@base",
-    "story_damper@2F",
-    "tuned_appendage@RF",
-    "damping_law@rayleigh",
-    "table_pitch@base",
-)
-
-
-@settings(max_examples=15, deadline=None)
-@given(
-    labels=st.lists(st.sampled_from(STRUCTURAL), max_size=3, unique=True),
-    count=st.integers(1, 40),
-    seed=st.integers(0, 2**31),
-)
-def test_a_batch_is_its_single_evaluations(stick, labels, count, seed):
-    system = stick.system(*labels)
-    rng = np.random.default_rng(seed)
-    parameters = [p for one in system.placed for p in one.effect.parameters]
-    sizes = np.array([[p.neutral + p.scale * rng.random() for p in parameters]] * count)
-    sizes = torch.from_numpy(sizes.reshape(count, len(parameters)))
-    theta = torch.from_numpy(rng.uniform(0.4, 2.5, (count, 4)))
-    zeta = torch.from_numpy(rng.uniform(0.01, 0.05, count))
-    grid = torch.from_numpy(stick.frequency_hz)
-    together = system.frf(theta, zeta, sizes, grid)
-    rows = [slice(k, k + 1) for k in range(count)]
-    single = [system.frf(theta[k], zeta[k], sizes[k], grid) for k in rows]
-    # Which modes are summed and which interpolated is decided for a batch: to 1e-9.
-    torch.testing.assert_close(together, torch.cat(single), rtol=1e-7, atol=1e-9)
 
 
 @EFFECTS

@@ -101,25 +101,6 @@ def test_story_damper(case):
         )
 
 
-def test_a_damper_between_two_points_of_a_frame(frame):
-    """At a corner, off the centre of a building that twists: not what the mean of floors does."""
-    effect, nodes = CATALOGUE["story_damper"], frame.mesh.model.nodes
-    assert {"2F/A-P", "RF/C-Q"} <= set(effect.points(frame.structure))
-    assert not set(effect.points(frame.structure)) & set(effect.places(frame.structure))
-    number = {tuple(np.round(at, 6)): k for k, at in enumerate(nodes)}
-    free = {int(dof): k for k, dof in enumerate(frame.structure.operators.free)}
-    row = np.zeros(len(free))
-    for level, sign in ((1, 1.0), (0, -1.0)):
-        node = number[(9.0, 6.0, round(float(frame.structure.levels[level]), 6))]
-        row[free[6 * node + frame.mesh.direction]] = sign
-    rate = effect.terms(frame.structure, "RF/C-Q").constants[0]
-    changed = frame.equations.but(dashpots=((row, 0.1 * rate),))
-    ours = frame.frf("story_damper@RF/C-Q", sizes=[0.1], zeta=ZETA)
-    agree(ours, changed.frf(frame.frequency_hz, ZETA))
-    by_means = frame.frf("story_damper@RF", sizes=[0.1], zeta=ZETA)
-    assert np.abs(np.log(np.abs(ours / by_means))).max() > 0.05
-
-
 @pytest.mark.parametrize("tuning", [0.6, 1.0, 2.5])
 def test_tuned_appendage(case, node_masses, tuning):
     for floor, name in enumerate(case.structure.floors):
@@ -223,20 +204,5 @@ def test_eccentricity(frame, node_masses):
     changed = frame.equations.with_mass(eccentric(frame, 0.08, node_masses))
     agree(
         frame.frf("eccentricity@all", sizes=[0.08], zeta=ZETA),
-        changed.frf(frame.frequency_hz, ZETA),
-    )
-
-
-def test_effects_of_all_kinds_together(frame, node_masses):
-    model = softened(frame.mesh.model, "wall", [0], 0.6, False)
-    rate = CATALOGUE["story_damper"].terms(frame.structure, "2F").constants[0]
-    changed = (
-        frame.equations_of(model)
-        .with_mass(0.2 * floor_masses(frame, 1, node_masses))
-        .but(ground=ground(frame, 0.0, 0.2), dashpots=((drift(frame, 0), 0.05 * rate),))
-    )
-    labels = ("wall_stiffness@low", "added_mass@RF", "foundation_rocking@base", "story_damper@2F")
-    agree(
-        frame.frf(*labels, sizes=[-0.4, 0.2, 0.2, 0.05], zeta=ZETA),
         changed.frf(frame.frequency_hz, ZETA),
     )

@@ -52,17 +52,6 @@ def test_gravity_takes_weight_over_height_from_every_story():
     assert lost[0] > 1.3 * lost[-1] > 0.0  # not a scaling of all frequencies alike
 
 
-def test_gravity_acts_on_the_floors_of_a_frame(frame):
-    """Where no size is given it is there as a whole."""
-    structure = frame.structure
-    weight = GRAVITY * structure.story_rigid[:, 0]
-    means = frame.equations.means
-    drifts = np.diff(means, axis=0, prepend=np.zeros((1, means.shape[1])))
-    lost = drifts.T @ np.diag(weight / np.diff(structure.levels, prepend=0.0)) @ drifts
-    exact = frame.equations.but(K=frame.equations.K - lost)
-    agree(frame.frf("p_delta@all", zeta=ZETA), exact.frf(frame.frequency_hz, ZETA))
-
-
 def test_a_brace_is_a_spring_between_floors(case):
     floors, size = case.structure.floors, 0.3
     pairs = [(0, 2), (1, 3)] if case.structure.is_stick else [(0, 1), (1, 2), (0, 2)]
@@ -81,18 +70,6 @@ def test_a_brace_is_a_spring_between_floors(case):
         changed = case.equations.but(K=case.equations.K + size * unit * np.outer(stretch, stretch))
         ours = case.frf(f"brace@{names[low]}-{names[high]}", sizes=[size], zeta=ZETA)
         agree(ours, changed.frf(case.frequency_hz, ZETA))
-
-
-@pytest.mark.parametrize(("effect", "place"), [("brace", "2F-RF"), ("p_delta", "all")])
-def test_springs_between_floors_fill_no_matrix(frame, effect, place):
-    """Else a floor of thousands of points would be one full block, too large to be factorised."""
-    structure = frame.structure
-    place = f"{structure.floors[0]}-{structure.floors[-1]}" if effect == "brace" else place
-    terms = CATALOGUE[effect].terms(structure, place)
-    assert not terms.stiffness
-    assert terms.changes_shapes
-    without = equations_at(structure, frame.theta).stiffness
-    assert equations_at(structure, frame.theta, [(terms, 0.5)]).stiffness.nnz == without.nnz
 
 
 @pytest.mark.parametrize("growth", [-0.15, 0.003, 0.12])

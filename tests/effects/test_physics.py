@@ -69,14 +69,6 @@ def test_rocking_of_a_stick():
     )
 
 
-def test_sway_and_rocking_share_the_first_mode_with_the_drift():
-    """Three springs in series under one mass."""
-    sizes = {"base_sway": 0.2, "foundation_rocking": 0.5}
-    softer = OMEGA / (1.0 + sum(sizes.values())) ** 0.5
-    effects = [(name, "base", [size]) for name, size in sizes.items()]
-    np.testing.assert_allclose(frf(single(), effects)[0], one_mass(softer, ZETA), rtol=1e-10)
-
-
 def test_added_mass_is_a_heavier_building():
     document = single()
     document["stories"][0]["mass"] = 1.3 * MASS
@@ -99,12 +91,6 @@ def test_appendage_is_den_hartogs_absorber(tuning, own):
     x = -((link - w**2) + mu * link) / determinant
     ours = frf(single(), [("tuned_appendage", "RF", [mu, tuning, own])])
     np.testing.assert_allclose(ours[0], 1.0 - w**2 * x, rtol=1e-10)
-
-
-@pytest.mark.parametrize("height", [1.0, 3.2])
-def test_sizes_of_ground_effects_do_not_depend_on_the_unit_of_height(height):
-    ours = frf(single(height=height), [("foundation_rocking", "base", [0.25])])
-    np.testing.assert_allclose(ours[0], one_mass(OMEGA / 1.25**0.5, ZETA), rtol=1e-10)
 
 
 def lightened(document):
@@ -145,24 +131,6 @@ def test_wall_stiffness_is_a_building_file_with_another_concrete(frame_document,
     ours = structure.stiffness(theta) + sum(-0.4 * theta[k] * matrix for k, matrix, _ in terms)
     exact = frame_of(from_document(other), theta).K
     np.testing.assert_allclose(ours.toarray(), exact, atol=1e-12 * np.abs(exact).max())
-
-
-def test_eccentricity_moves_the_mass_and_keeps_its_amount(frame, node_masses):
-    structure, size = frame.structure, 0.07
-    values = CATALOGUE["eccentricity"].terms(structure, "all").mass.matrix.diagonal()
-    own = node_masses(frame.mesh.model)[structure.operators.free // 6]
-    along = structure.axis == structure.direction
-    across = structure.position[:, 1 - structure.direction]
-    for level in structure.levels:
-        floor = along & np.isclose(structure.position[:, 2], level)
-        before, more = own[floor], size * values[floor]
-        assert more.sum() == pytest.approx(0.0, abs=1e-9 * before.sum())
-        centre = np.average(across[floor], weights=before)
-        moved = np.average(across[floor], weights=before + more)
-        assert moved - centre == pytest.approx(size * np.ptp(across[floor]), rel=1e-9)
-        mass = CATALOGUE["tuned_appendage"].terms(structure, "2F").constants[0]
-        if level == structure.levels[0]:
-            assert mass == pytest.approx(before.sum())
 
 
 def test_rigid_motions_of_a_free_frame_cost_no_energy(frame):

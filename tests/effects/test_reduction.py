@@ -55,22 +55,6 @@ def log_frf(reduced, placed, values, theta):
     return system.frf(tensors[0], zeta, sizes, torch.from_numpy(GRID)).abs().log().numpy()
 
 
-def test_what_several_effects_share_is_projected_once(structure, local):
-    """Walls of a story, alone and with those of all stories, against the whole matrix."""
-    effect = CATALOGUE["wall_stiffness"]
-    together = local.terms(Placed(effect, "all")).stiffness
-    names = structure.building.story_names
-    alone = [local.terms(Placed(effect, story)).stiffness[0] for story in names]
-    for own, other in zip(together, alone, strict=True):
-        assert own.matrix is other.matrix
-        whole = effect.terms(structure, names[own.story]).stiffness[0].matrix.toarray()
-        np.testing.assert_allclose(
-            own.matrix,
-            local.basis.T @ whole @ local.basis,
-            atol=1e-9 * float(own.matrix.abs().max()),
-        )
-
-
 def nearby(exact, name):
     """Story factors (3, p) beside HERE, and an effect of some size at each of its places."""
     effect = CATALOGUE[name]
@@ -124,25 +108,6 @@ def test_shapes_of_a_changed_model_come_from_the_modes_of_another(structure, exa
         return np.sqrt(((both[0] - both[1]) ** 2).mean())
 
     assert error(shapes / np.linalg.norm(shapes, axis=0)) < min(0.03, 0.2 * error(modes.shapes))
-
-
-@pytest.mark.parametrize("name", ["added_mass", "cracked_beams", "story_damper", "base_sway"])
-def test_the_first_shapes_are_a_basis_of_their_own(local, name):
-    effect = CATALOGUE[name]
-    placed = Placed(effect, effect.places(local.structure)[-1])
-    first = effect.parameters[0]
-    size = first.neutral + 0.5 * (first.scale if first.upper > first.neutral else -first.scale)
-    values = np.array([size, *(p.neutral for p in effect.parameters[1:])])
-    fewer, again = local.first(60), reduced_on(local.structure, local.basis[:, :60])
-    terms = fewer.terms(placed)
-    system = System(fewer.model, ConstantDamping(), (placed,), (terms,))
-    zeta = torch.full((1,), ZETA, dtype=torch.float64)
-    frf = system.frf(
-        torch.from_numpy(HERE[None]), zeta, torch.from_numpy(values[None]), torch.from_numpy(GRID)
-    )
-    expected = log_frf(again, placed, values, HERE)
-    np.testing.assert_allclose(frf.abs().log().numpy(), expected, atol=1e-9)
-    assert local.first(10_000) is local
 
 
 def test_a_basis_serves_its_neighbourhood_alone(local, exact):

@@ -106,25 +106,6 @@ def test_theta_of_another_shape_is_refused(structure, theta):
         assemble(structure).stiffness(np.array(theta))
 
 
-def test_a_model_without_parameters_is_constant(meshes):
-    points, elements = meshes.frame_with_wall()
-    fixed = meshes.hold(len(points), (points[:, 2] == 0, range(6)))
-    constant = {name: replace(part, group=0 * part.group - 1) for name, part in elements.items()}
-    operators = assemble(meshes.model(points, fixed, groups=0, **constant))
-    plain = assemble(meshes.model(points, fixed, groups=2, **elements))
-    close(operators.stiffness(np.zeros(0)), plain.stiffness(np.ones(2)).toarray())
-
-
-def test_expand_and_restrict(structure):
-    operators = assemble(structure)
-    values = np.random.default_rng(0).standard_normal((len(operators.free), 2))
-    full = operators.expand(values)
-    assert full.shape == (structure.dof, 2)
-    assert not full[structure.fixed.ravel()].any()
-    np.testing.assert_array_equal(full[operators.free], values)
-    assert operators.expand(values[:, 0] * 1j).dtype == complex
-
-
 @pytest.mark.parametrize("direction", [0, 1, 2])
 def test_inertia_sees_the_moving_supports(structure, direction):
     """The force of inertia on free and held degrees of freedom together is the whole mass."""
@@ -191,12 +172,3 @@ def test_lonely_nodes_are_named(structure):
     )
     with pytest.raises(StructureError, match=f"nodes {count}, {count + 1} belong to no"):
         assemble(model)
-
-
-def test_supports_and_coordinates_must_make_sense(structure):
-    with pytest.raises(StructureError, match="every degree of freedom is held"):
-        assemble(replace(structure, fixed=np.ones_like(structure.fixed)))
-    with pytest.raises(StructureError, match="`fixed` has shape"):
-        assemble(replace(structure, fixed=structure.fixed[1:]))
-    with pytest.raises(StructureError, match="node 0 must have finite coordinates"):
-        assemble(replace(structure, nodes=with_first(structure.nodes, np.nan)))

@@ -1,6 +1,6 @@
 """What holds for elements of every kind: how they are found, chosen, cut, scaled and checked."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,6 @@ from femupdate.fe import (
     Beams,
     Shells,
     Triangles,
-    assemble,
     cell_types,
     element_for,
     element_kinds,
@@ -63,13 +62,6 @@ def test_scaled_elements_are_stiffer_and_weigh_the_same(model, kind):
     np.testing.assert_allclose(after.mass, before.mass, rtol=1e-9, atol=1e-9)
 
 
-def test_the_mass_of_elements_is_what_they_are_assembled_to(model):
-    operators = assemble(model)
-    motion = operators.rigid_translation(2)
-    total = sum(block.mass(model.nodes).sum() for block in model.elements)
-    assert motion @ operators.mass_full @ motion == pytest.approx(total, rel=1e-12)
-
-
 def test_a_model_keeps_the_order_of_its_blocks_and_drops_empty_ones(model):
     shells, beams = model.elements
     assert [type(block) for block in model.elements] == [Shells, Beams]
@@ -77,19 +69,3 @@ def test_a_model_keeps_the_order_of_its_blocks_and_drops_empty_ones(model):
     assert [len(block) for block in changed.elements] == [2, len(beams)]
     assert len(model.elements_of(Triangles)) == 0
     assert model.element_count == len(model.faces) + len(model.lines) == len(shells) + len(beams)
-
-
-@pytest.mark.parametrize("name", [one.name for one in fields(Shells) if one.name != "nodes"])
-def test_a_property_that_is_left_out_is_named(model, name):
-    shells = model.elements_of(Shells)
-    short = replace(shells, **{name: getattr(shells, name)[:-1]})
-    with pytest.raises(
-        StructureError, match=f"{name} of the shell elements has {len(shells) - 1} rows"
-    ):
-        short.matrices(model.nodes)
-
-
-def test_two_blocks_of_one_kind_are_refused(model):
-    double = replace(model, elements=(*model.elements, model.elements_of(Beams)))
-    with pytest.raises(StructureError, match="2 blocks of beam elements; join them"):
-        assemble(double)

@@ -8,9 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.errors import StructureError
 from femupdate.fe import (
-    Beams,
     PointMasses,
     RigidLinks,
     Springs,
@@ -94,18 +92,3 @@ def test_rigid_links_and_arms_mean_the_same(meshes, opensees, tmp_path):
     ours = lowest_modes(assemble(model), np.ones(1), 6).frequency_hz
     # The beams' own rotary inertia, which OpenSees leaves out, is a thousandth here.
     np.testing.assert_allclose(theirs, ours, rtol=0.01)
-
-
-def test_what_opensees_cannot_hold_is_refused(meshes):
-    model = building(meshes)
-    released = np.zeros((len(model.elements_of(Beams)), 12), dtype=bool)
-    released[1, 4] = True
-    hinged = model.with_elements(replace(model.elements_of(Beams), released=released))
-    with pytest.raises(StructureError, match=r"beam 1 \(nodes .*\) has a released end"):
-        opensees_script(hinged, THETA)
-    tied = np.array([[True, False, False, False, False, False]])
-    odd = replace(model, links=RigidLinks(np.array([0]), np.array([5]), tied))
-    with pytest.raises(StructureError, match="from node 0 to node 5"):
-        opensees_script(odd, THETA)
-    with pytest.raises(StructureError, match="needs 2 stiffness parameters"):
-        opensees_script(model, np.ones(3))

@@ -7,7 +7,7 @@ from scipy.sparse import csc_matrix, diags
 
 import femupdate.fe.lanczos as lanczos
 from femupdate.fe import PointMasses, Springs, assemble, factorize, lowest_modes
-from femupdate.fe.lanczos import block_size, largest_of_inverse, most_vectors
+from femupdate.fe.lanczos import block_size, largest_of_inverse
 
 ONE = np.ones(1)
 
@@ -64,26 +64,6 @@ def test_a_start_that_reaches_too_few_modes_is_given_up():
     mass = csc_matrix(diags(np.ones(700)))
     solver = factorize(stiffness).apply
     assert largest_of_inverse(solver, mass, start, 4, 1e-9) is None
-
-
-def test_what_takes_too_much_memory_is_not_tried():
-    assert most_vectors(100, 20, 1) == 99
-    assert most_vectors(190_000, 20, 1) == 180
-    assert most_vectors(190_000, 20, 16) == 360
-    assert most_vectors(120_000, 190, 4) == 1041  # of 1200: enough as a rule
-    assert most_vectors(190_000, 500, 4) == 0
-    mass = csc_matrix(diags(np.ones(3)))
-    assert largest_of_inverse(lambda x: x, mass, np.ones((3, 1)), 3, 1e-9) is None
-
-
-def test_a_block_of_almost_parallel_vectors():
-    """Orthonormal to rounding, and what made it comes back."""
-    _, mass = random_pencil(600, 7)
-    rng = np.random.default_rng(7)
-    vectors = rng.standard_normal((600, 1)) + 1e-6 * rng.standard_normal((600, 4))
-    block, image, link = lanczos._orthonormal(vectors, mass)
-    np.testing.assert_allclose(block.T @ image, np.eye(4), atol=1e-12)
-    np.testing.assert_allclose(block @ link, vectors, atol=1e-12)
 
 
 def equal_masts(meshes, count):

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.solver.shell_forces import shell_forces
 
-from femupdate.fe import FiniteElementModel, Triangles, element_forces
-
 E, NU, THICKNESS = 2e6, 0.25, 0.1
 QUADS = [(0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7)]
 PLAN = [(0, 0), (0.24, 0), (0.24, 0.12), (0, 0.12)]
@@ -56,41 +54,3 @@ def test_constant_curvature_stretches_the_upper_face_where_the_moment_is_positiv
     upper = in_global_axes(forces.stress(face=1.0), forces.axes)
     assert (upper[..., :2] > 0.0).all()
     np.testing.assert_allclose(forces.stress(face=-1.0), -forces.stress(face=1.0))
-
-
-def triangles():
-    """The patch with every quadrilateral split, and the local axes of the halves."""
-    nodes = np.array(QUADS)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    count = len(nodes)
-    block = Triangles(
-        nodes=nodes,
-        thickness=np.full(count, THICKNESS),
-        youngs_modulus=np.full(count, E),
-        poisson_ratio=np.full(count, NU),
-        density=np.zeros(count),
-        group=np.zeros(count, dtype=np.int64),
-        kind=np.full(count, "slab"),
-    )
-    points = np.stack([X, Y, 0 * X], axis=1)
-    x = points[nodes[:, 1]] - points[nodes[:, 0]]
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    z = np.tile([0.0, 0.0, 1.0], (count, 1))
-    model = FiniteElementModel(points, np.zeros((8, 6), dtype=bool), 1, (block,))
-    return model, block, np.stack([x, np.cross(z, x), z], axis=1)
-
-
-@pytest.mark.parametrize("theta", [1.0, 0.4])
-def test_triangles_give_constant_forces_and_moments(meshes, theta):
-    """The fields of both tests above at once: in the plane and across it nothing mixes."""
-    motion = meshes.zeros(8)
-    motion[:, 0], motion[:, 1] = 1e-3 * (0.7 * X - 1.1 * Y), 1e-3 * (2.0 * X + 0.4 * Y)
-    motion[:, 5] = 1.55e-3
-    motion[:, 2] = -(X**2 + 3 * Y**2 + X * Y) / 2
-    motion[:, 3], motion[:, 4] = -(3 * Y + X / 2), X + Y / 2
-    model, block, axes = triangles()
-    forces = element_forces(model, block, motion, np.array([theta])).reshape(-1, 3, 6)
-    membrane = theta * THICKNESS * ELASTICITY @ [0.7e-3, 0.4e-3, 0.9e-3]
-    moment = theta * THICKNESS**3 / 12 * ELASTICITY @ [1.0, 3.0, 1.0]
-    for found, expected in ((forces[..., :3], membrane), (forces[..., 3:], moment)):
-        turned = in_global_axes(found, axes)
-        np.testing.assert_allclose(turned, np.broadcast_to(expected, turned.shape), rtol=1e-9)

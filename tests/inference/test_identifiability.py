@@ -48,21 +48,6 @@ def test_a_parameter_that_the_data_leave_alone_is_named_by_itself():
     assert "next to nothing about theta_1" in sentence
 
 
-def test_modes_are_told_apart_and_their_widths_kept():
-    rng = np.random.default_rng(5)
-    centres = np.array([[0.5, 1.0, 2.0], [1.5, 0.6, 2.0], [2.0, 1.5, 0.7]])
-    which = rng.choice(3, size=6000, p=[0.2, 0.5, 0.3])
-    theta = centres[which] + 0.02 * rng.normal(size=(6000, 3))
-    found = identifiability(theta, LOWER, UPPER, NAMES)
-    assert [mode.weight for mode in found.modes] == pytest.approx([0.5, 0.3, 0.2], abs=0.02)
-    np.testing.assert_allclose([mode.mean for mode in found.modes], centres[[1, 2, 0]], atol=0.005)
-    np.testing.assert_allclose([mode.sd for mode in found.modes], 0.02, rtol=0.1)
-    # The modes lie as far apart as half of the prior's width, but inside them all is determined.
-    assert found.undetermined == 0
-    (sentence,) = found.sentences()
-    assert "3 separate modes" in sentence
-
-
 def test_a_curved_ridge_is_one_mode():
     rng = np.random.default_rng(2)
     t = rng.uniform(-1.0, 1.0, 4000)
@@ -83,15 +68,3 @@ def test_the_four_modes_of_the_four_story_roof():
         assert np.abs(case.solutions - mode.mean).max(axis=1).min() < 0.02
     assert found.undetermined == 0
     assert "4 separate modes" in found.sentences()[0]
-
-
-def bent_sheet(rng, count):
-    """Twelve free coordinates, and twelve that follow their squares and products closely."""
-    free = rng.normal(size=(count, 12))
-    bent = 0.4 * free**2 + 0.4 * free * np.roll(free, 1, axis=1)
-    return np.column_stack([free, bent + 0.05 * rng.normal(size=(count, 12))])
-
-
-def test_a_sheet_that_bends_in_many_dimensions_is_one_mode():
-    x = bent_sheet(np.random.default_rng(6), 5000)
-    assert int(separate_modes(torch.from_numpy(x)).max()) == 0

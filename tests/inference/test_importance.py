@@ -5,7 +5,6 @@ import pytest
 import torch
 
 from femupdate.inference.importance import draws_about_particles
-from femupdate.inference.smc import TemperedSmc
 
 PROBLEM = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
@@ -49,16 +48,3 @@ def test_two_modes_keep_their_shares(box):
     drawn = found.resampled(3000, 0)
     assert float((drawn.theta[:, 0] < 0.5).double().mean()) == pytest.approx(0.8, abs=0.02)
     torch.testing.assert_close(drawn.log_likelihood, log_likelihood(drawn.theta))
-
-
-def test_points_without_a_number_get_no_weight(box):
-    prior = box([0.0], [1.0])
-
-    def log_likelihood(theta):
-        return torch.where(theta[:, 0] > 0.5, torch.nan, -5.0 * theta[:, 0])
-
-    start = TemperedSmc(prior, log_likelihood).run(500, 0).theta
-    found = draws_about_particles(prior, log_likelihood, start, 4000, 1)
-    exact = -np.expm1(-2.5) / 5.0
-    assert found.log_evidence == pytest.approx(np.log(exact), abs=0.05)
-    assert bool((found.resampled(1000, 0).theta <= 0.5).all())

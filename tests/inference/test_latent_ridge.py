@@ -94,14 +94,3 @@ def test_a_row_of_gaussians_has_mass_and_moments_of_the_density(
 def test_a_gaussian_solution_is_left_as_it_is() -> None:
     misfit = _misfit(straight)
     assert not bent(misfit, _solution(misfit, (0.3, -0.2)), REACH)[0]
-
-
-def test_a_ridge_ends_where_another_solution_begins() -> None:
-    misfit = _misfit(two_near)
-    both = descend(misfit, torch.tensor([[0.35, 0.35], [0.05, 0.05]], dtype=torch.float64))
-    found = along_ridges(misfit, both[[0]], both[[1]], REACH)
-    narrow = both.information[1] + torch.eye(2).double()
-    offset = found.z[1:] - both.z[1]
-    distance = torch.einsum("ni,ij,nj->n", offset, narrow, offset).sqrt()
-    assert len(found.z) > 1
-    assert float(distance.min()) > 3.0

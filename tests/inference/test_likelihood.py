@@ -8,7 +8,7 @@ from scipy.stats import chi2, kstest
 from femupdate.dynamics.reduced import reduce_lumped
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
-from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, frf_data, log_responses
+from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, log_responses
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.parameters import Parameter, Parameters
@@ -95,16 +95,6 @@ def test_misfit_by_hand(model):
         np.testing.assert_allclose(predicted, expected, atol=1e-9)
 
 
-def test_the_last_parameter_is_the_damping_ratio(model):
-    found = likelihood_by(System(model), observation(0.2))
-    both = tensor([[*TRUTH, 0.03], [*TRUTH, 0.05], [0.9, 0.8, 1.7, 0.01]])
-    values = squares(found, both)
-    for row, (*theta, zeta) in enumerate(both.tolist()):
-        away = (observation(0.2).log_frf - exact_log_frf(np.array(theta), zeta)) / 0.2
-        assert float(values[row]) == pytest.approx((away**2).sum(), rel=1e-9)
-    assert float(values[0]) < float(values[1])
-
-
 def test_points_that_are_not_valid_do_not_count(model):
     valid = np.ones((3, 120), dtype=bool)
     valid[1, 30:50] = valid[2, :5] = False
@@ -130,18 +120,6 @@ def test_misfit_of_the_truth_is_chi_square(model):
         assert likelihood.base.points == 360
         misfits.append(float(squares(likelihood, damped([TRUTH]))))
     assert kstest(misfits, chi2(360).cdf).pvalue > 0.01
-
-
-def test_weights_by_hand():
-    noise = np.array([[0.1, 0.2, 0.5]])
-    measured = Observation(
-        np.array([1.0, 2.0, 3.0]), ("3F",), np.ones((1, 3)), noise, np.array([[True, False, True]])
-    )
-    data = frf_data(measured, FLOORS, believed=AT_ITS_WORD)
-    assert data.rows == (1,)
-    np.testing.assert_allclose(data.weight, [[100.0, 0.0, 4.0]])
-    np.testing.assert_allclose(data.log_frf, [[1.0, 0.0, 1.0]])
-    assert data.points == 2
 
 
 @pytest.fixture(scope="module")

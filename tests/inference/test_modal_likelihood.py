@@ -132,14 +132,6 @@ def test_residuals_are_those_written_by_hand(system, lumped, exact):
     assert freedom == (2.0, 2.0, 6.0)
 
 
-def test_pairing_holds_where_modes_have_moved_past_each_other(system, exact):
-    """Measured mode 2 below where the model has its mode 1: the shapes decide."""
-    frequency, shape = exact
-    modes = identified(frequency[1:3], shape[:, 1:3])
-    soft = torch.tensor([[0.5, 0.35, 0.45, 0.4, 0.02]], dtype=torch.float64)
-    assert paired(likelihood_by(system, modes), soft).column[0].tolist() == [1, 2]
-
-
 def test_gradient_is_that_of_differences(system, exact):
     frequency, shape = exact
     likelihood = likelihood_by(system, identified(1.05 * frequency, shape, damping=0.03))
@@ -148,19 +140,6 @@ def test_gradient_is_that_of_differences(system, exact):
     step = 1e-6 * torch.eye(5, dtype=torch.float64)
     both = likelihood(TRUTH + step) - likelihood(TRUTH - step)
     np.testing.assert_allclose(slope[0], both / 2e-6, rtol=1e-5)
-
-
-def test_joint_likelihood_adds(system, exact):
-    frequency, shape = exact
-    both_files = (
-        identified(1.01 * frequency, shape),
-        identified(0.98 * frequency[:2], shape[:, :2], damping=0.03),
-    )
-    one, other = (likelihood_by(system, file) for file in both_files)
-    both, away = likelihood_by(system, *both_files), TRUTH * 1.05
-    assert float(both(away)) == pytest.approx(float(one(away) + other(away)))
-    squares = both.residuals(away).square().sum()
-    assert float(-0.5 * squares) == pytest.approx(float(both(away)))
 
 
 SD = 0.08  # of ln f

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 import torch
-from scipy.stats import kstest, norm
+from scipy.stats import kstest
 
 from femupdate.inference.smc import SmcSettings, TemperedSmc
 from femupdate.inference.tempering import Points
@@ -58,16 +58,6 @@ def test_linear_gaussian_posterior_and_evidence(box, linear_gaussian, settings):
     np.testing.assert_allclose(
         result.log_likelihood, exact.on(prior)(result.theta), rtol=1e-9, atol=1e-9
     )
-
-
-@pytest.mark.parametrize("shift", [2.0, 4.0])
-def test_a_posterior_in_the_corner_of_the_box(box, linear_gaussian, shift):
-    """Three to six prior standard deviations out: the particles must not lag behind."""
-    prior = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0])
-    exact = linear_gaussian(PROBLEM[0], PROBLEM[1] + shift, 0.5)
-    result = TemperedSmc(prior, exact.on(prior)).run(1000, 1)
-    # Over six seeds -.06 ± .06; with proposals of Gaussian tails it was off by 2 and 9.
-    assert result.log_evidence == pytest.approx(exact.log_evidence, abs=0.3)
 
 
 @pytest.mark.parametrize("rate", [30.0, 2.0, -9.0])
@@ -176,15 +166,3 @@ def test_four_narrow_modes_keep_their_weights(box):
         inside = theta[mode == k]
         np.testing.assert_allclose(inside.std(0), sd[k], rtol=0.2)
         np.testing.assert_allclose(inside.mean(0), centre[k], atol=5 * sd[k].max() / 15)
-
-
-def test_the_walk_alone_stays_at_its_invariant_distribution(box):
-    """Prior alone, flat likelihood: particles stay standard normal whatever the moves do."""
-    prior = box([0.0, 0.0], [1.0, 2.0])
-    for settings in (WALK, MIXTURE):
-        result = TemperedSmc(
-            prior, lambda theta: torch.zeros(len(theta), dtype=torch.float64), settings=settings
-        ).run(1500, 0)
-        assert result.log_evidence == pytest.approx(0.0, abs=1e-12)
-        xi = prior.to_normal(result.theta).numpy()
-        assert kstest(xi[:, 0], norm.cdf).statistic < 2.0 / 1500**0.5

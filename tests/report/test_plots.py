@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from femupdate.inference.data import Cell
 from femupdate.measurement.observation import Observation
 from femupdate.report.curves import history_curves, response_curves, spectrum_curves
 from femupdate.report.plot_curves import (
@@ -328,20 +327,6 @@ def test_sticks_turn_their_top_to_the_right():
     assert legend(named) == ["Shape", "At rest"]
 
 
-def test_spectra_over_the_ground():
-    figure = spectra()
-    assert titles(figure) == ["RF", "2F"]
-    roof = figure.axes[0]
-    assert (line(roof, "Predicted, mean")[:, 1] == 2.0).all()
-    assert (line(roof, "Ground")[:, 1] == 0.5).all()
-    assert edges_of(roof, "Predicted, mean ± 2 sd") == pytest.approx((1.6, 2.4))
-    assert [text.get_text() for text in roof.get_xticklabels()][:3] == ["0.2", "0.5", "1"]
-    assert (roof.get_xlabel(), roof.get_ylabel()) == (
-        "Frequency of the oscillator, Hz",
-        "Acceleration, m/s²",
-    )
-
-
 def test_residuals_over_the_noise():
     grid = np.array([[0.5, 12.3], [np.nan, 2.0]])
     one = ResidualMap(("2F", "RF"), np.array([1.0, 4.0, 9.0]), grid)
@@ -352,21 +337,6 @@ def test_residuals_over_the_noise():
     assert panel.collections[0].norm.vmax == 12.3
     assert figure.axes[1].get_ylabel() == "Residual over noise, rms"
     assert [text.get_text() for text in panel.get_yticklabels()] == ["2F", "RF"]
-
-
-def test_residuals_of_modes_stand_over_their_names():
-    cells = [
-        Cell(row, (hertz, hertz), excess, 0.5, "modes")
-        for row in ("frequency", "RF")
-        for hertz, excess in ((1.2, 0.0), (3.4, 15.0))
-    ]
-    one = ResidualMap.of([Cell("2F", (1.0, 4.0), 3.0, 0.1), *cells], "modes")
-    panel = residual_map([("model", one)]).axes[0]
-    assert [text.get_text() for text in panel.texts] == ["1.0", "4.0"] * 2
-    assert [text.get_text() for text in panel.get_xticklabels()] == ["1.2 Hz", "3.4 Hz"]
-    assert panel.get_xticks() == pytest.approx([0.5, 1.5])
-    assert panel.get_xlabel() == "Identified mode"
-    np.testing.assert_allclose([text.get_position()[0] for text in panel.texts], [0.5, 1.5] * 2)
 
 
 def test_the_ranking_puts_the_strongest_on_top():

@@ -7,9 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from femupdate.fe import Beams, FiniteElementModel, Shells
-from femupdate.report.drawing_matplotlib import project
-from femupdate.report.geometry import Geometry, mesh_lines, outline
+from femupdate.report.geometry import Geometry, outline
 from femupdate.report.rendering import probe, rendering
 from femupdate.report.scenes import mode_shape_figure
 
@@ -135,38 +133,3 @@ def test_rendering_writes_nothing_to_the_terminal():
         env={**os.environ, "DISPLAY": ""},
     )
     assert done.stdout + done.stderr == b""
-
-
-def test_geometry_of_a_model():
-    model = FiniteElementModel(
-        nodes=np.arange(15.0).reshape(5, 3),
-        fixed=np.zeros((5, 6), dtype=bool),
-        groups=1,
-        elements=(Shells(nodes=np.array([[0, 1, 2, 3]])), Beams(nodes=np.array([[3, 4]]))),
-    )
-    geometry = Geometry.of_model(model)
-    assert geometry.shells.tolist() == [[0, 1, 2, 3]]
-    assert geometry.beams.tolist() == [[3, 4]]
-
-
-def test_outline_leaves_the_mesh_out():
-    plate = np.array([[i, j, 0.0] for i in range(3) for j in range(3)])
-    shells = [[0, 3, 4, 1], [3, 6, 7, 4], [1, 4, 5, 2], [8, 7, 4, 5]]  # the last turned about
-    flat = Geometry.of(plate, shells, [])
-    assert len(mesh_lines(flat)) == 12
-    assert len(outline(flat)) == 8, "the rim alone"
-    folded = Geometry.of(plate + np.outer(plate[:, 0] > 1.5, [0.0, 0.0, 2.0]), shells, [])
-    assert len(outline(folded)) == 10, "the fold as well"
-    nodes = np.vstack([plate, [[1.0, 0.0, 1.0], [1.0, 1.0, 1.0]]])
-    branched = Geometry.of(nodes, [*shells, [3, 4, 10, 9]], [[0, 1], [4, 9]])
-    lines = {tuple(line) for line in outline(branched).tolist()}
-    assert {(3, 4), (4, 9), (9, 10)} <= lines, "where a wall stands, the beam, the wall's top"
-    assert (4, 7) not in lines
-
-
-def test_view_keeps_up_upright_and_near_things_near():
-    points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [-1.0, -1.0, 0.0]])
-    flat, near = project(points)
-    assert flat[1, 0] == pytest.approx(flat[0, 0])
-    assert flat[1, 1] > flat[0, 1]
-    assert near[2] > near[0], "the corner towards the eye"

@@ -2,7 +2,6 @@
 
 import os
 
-import numpy as np
 import pytest
 import torch
 
@@ -38,16 +37,6 @@ def same(one, other):
         torch.equal(getattr(one.modal, name), getattr(other.modal, name))
         for name in ("omega", "effect", "residual")
     )
-
-
-def test_modes_are_those_of_the_samples(model, prior, tmp_path):
-    data = compute_dataset(model, prior, PLAN, tmp_path)
-    assert len(data) == 110
-    assert data.theta.dtype == torch.float64
-    exact = model.modal_data(data.theta)
-    np.testing.assert_allclose(data.modal.omega, exact.omega, rtol=1e-6)
-    np.testing.assert_allclose(data.modal.effect, exact.effect, rtol=1e-3)  # half precision
-    assert bool(((data.theta >= prior.lower) & (data.theta <= prior.upper)).all())
 
 
 def test_a_seed_gives_one_data_set(model, prior, tmp_path):

@@ -45,18 +45,6 @@ def test_untrained_it_gives_the_response_of_the_mean_modes(decoder, modes):
     torch.testing.assert_close(decoder(z), expected, rtol=1e-4, atol=1e-4)
 
 
-def test_some_points_are_those_of_all(decoder, modes):
-    omega, effect, series = modes
-    decoder.standardise(omega, torch.ones_like(omega), effect, series, TOP)
-    z, chosen = torch.randn(4, 3), torch.tensor([31, 2, 17])
-    whole = decoder(z)
-    assert whole.shape == (4, 3, 40)
-    torch.testing.assert_close(decoder(z, chosen), whole[..., chosen])
-    torch.testing.assert_close(
-        decoder.excess_variance(chosen), decoder.excess_variance()[:, chosen]
-    )
-
-
 def test_the_last_coordinate_is_the_damping(decoder):
     zeta = torch.linspace(0.0101, 0.0499, 30)
     z = torch.cat([torch.zeros(30, 2), decoder.damping_coordinate(zeta)], dim=1)

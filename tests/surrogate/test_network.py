@@ -1,15 +1,12 @@
 """The networks: what they see, what they must not see, and their shapes."""
 
-import numpy as np
 import pytest
 import torch
 
 from femupdate.surrogate.network import (
-    LatentMixture,
     Mvae,
     NetworkSizes,
     Visibility,
-    parameter_features,
 )
 
 SIZES = NetworkSizes(
@@ -67,35 +64,6 @@ def test_the_observation_encoder_is_told_what_is_observed(mvae):
     three = mvae.encode_observation(x, seen([1.0, 1.0, 1.0], (0.0, 0.5)))
     assert not torch.equal(one.mean, two.mean)
     assert not torch.equal(one.mean, three.mean)
-
-
-def test_density_of_a_mixture_against_torch():
-    torch.manual_seed(2)
-    mixture = LatentMixture(
-        torch.randn(7, 3).log_softmax(1), torch.randn(7, 3, 2), torch.randn(7, 3, 2)
-    )
-    parts = torch.distributions.Independent(
-        torch.distributions.Normal(mixture.mean, (0.5 * mixture.log_variance).exp()), 1
-    )
-    expected = torch.distributions.MixtureSameFamily(
-        torch.distributions.Categorical(logits=mixture.log_weight), parts
-    )
-    z = torch.randn(7, 2)
-    torch.testing.assert_close(mixture.log_density(z), expected.log_prob(z))
-
-
-def test_features_of_theta_by_hand():
-    lower, upper = torch.tensor([0.5, 0.1]), torch.tensor([2.0, 10.0])
-    theta = torch.tensor([[0.5, 10.0], [1.0, 1.0], [2.0, 0.1]])
-    found = parameter_features(theta, lower, upper)
-    # The square roots of .5, 1 and 2 are a geometric row, those of .1, 1 and 10 another.
-    ratio, step = 2.0**0.5, 10.0**0.5
-    root = [[-1.0, 1.0], [(ratio - 1.0) * 2.0 - 1.0, 2.0 / (step + 1.0) - 1.0], [1.0, -1.0]]
-    linear = [[-1.0, 1.0], [-1 / 3, 1.8 / 9.9 - 1.0], [1.0, -1.0]]
-    logarithmic = [[-1.0, 1.0], [0.0, 0.0], [1.0, -1.0]]
-    np.testing.assert_allclose(found[:, :2], root, atol=1e-6)
-    np.testing.assert_allclose(found[:, 2:4], linear, atol=1e-6)
-    np.testing.assert_allclose(found[:, 4:], logarithmic, atol=1e-6)
 
 
 def test_parameters_are_found_again_from_where_they_are_put(mvae):

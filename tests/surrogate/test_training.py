@@ -84,15 +84,6 @@ def test_a_killed_training_goes_on_to_the_same_weights(task, quick, tmp_path, ep
     assert_equal(done.mvae.state_dict(), whole.mvae.state_dict())
 
 
-def test_a_training_killed_in_its_first_epoch_starts_again(task, quick, tmp_path):
-    path = tmp_path / "training.safetensors"
-    with pytest.raises(KilledError):
-        train_mvae(task, quick, path, kill_in(0))
-    assert list(tmp_path.iterdir()) == []
-    one, two = train_mvae(task, quick), train_mvae(task, quick, path)
-    assert_equal(one.mvae.state_dict(), two.mvae.state_dict())
-
-
 def test_a_seed_gives_one_training_and_leaves_the_global_generator_alone(task, quick):
     short = replace(quick, epochs=1)
     before = torch.random.get_rng_state()
@@ -136,14 +127,6 @@ def test_a_checkpoint_cut_short(task, quick, stopped, share):
     stopped.write_bytes(content[: int(share * len(content))])
     with pytest.raises(SurrogateError, match=r"training\.safetensors cannot be read .*delete it"):
         train_mvae(task, quick, stopped)
-
-
-def test_training_stops_when_nothing_is_gained(task, quick):
-    """Without steps the loss stays what it is after the first epoch."""
-    still = replace(quick, epochs=50, learning_rate=0.0, patience=3)
-    result = train_mvae(task, still)
-    assert result.metrics["best_epoch"] == 1.0
-    assert result.metrics["epochs"] == 4.0
 
 
 def test_weights_to_start_from_are_gone_on_from(task, quick, trained, tmp_path):

@@ -6,7 +6,6 @@ import pytest
 from femupdate.building import load_building, save_building
 from femupdate.dynamics.tracking import reduced_modes
 from femupdate.errors import StudyError
-from femupdate.inference.parameters import damping_parameter
 from femupdate.study import Study
 from femupdate.workflow.build import build_study
 from femupdate.workflow.model import (
@@ -80,21 +79,6 @@ def test_the_mesh_can_be_read_by_others(cabin):
     assert set(mesh.cell_data["thickness_m"][quads]) == {0.15, 0.06}
 
 
-def test_the_mesh_carries_the_modes_by_their_frequency(cabin):
-    import meshio
-
-    report, study, _ = cabin
-    mesh = meshio.read(study.path("mesh.vtu"))
-    names = [f"mode_{k + 1}_{f:.3f}_Hz" for k, f in enumerate(report.frequencies_hz)]
-    assert set(mesh.point_data) == set(names)
-    first = mesh.point_data[names[0]]
-    assert first.shape == (len(mesh.points), 3)
-    assert np.abs(first[mesh.points[:, 2] == 0.0]).max() == 0.0
-    # The lowest mode of the cabin is one across the base motion, in y.
-    top = first[mesh.points[:, 2] == 6.0]
-    assert np.abs(top[:, 1]).min() > 10 * np.abs(top[:, 0]).max()
-
-
 # The lowest mode goes across the base motion; the next ones have what follows from the plan.
 DRIVEN = (2, 3, 5)
 
@@ -142,11 +126,6 @@ def test_a_posterior_keeps_its_building(tower, snapshot, tower_file):
     assert tower.path("posterior.nc").exists()
 
 
-def test_another_building_under_a_name_is_refused_by_open_study(tower):
-    with pytest.raises(StudyError, match="holds the building tower, not shear_4dof as asked"):
-        open_study(tower, "shear_4dof")
-
-
 @pytest.mark.parametrize("damage", [lambda data: data[:999], lambda data: b"", None])
 def test_a_damaged_reduced_model_is_made_again(cabin_study, damage):
     path = cabin_study.path("reduced_model.npz")
@@ -172,15 +151,6 @@ def test_a_reduced_model_reads_back_equal(cabin_study, tmp_path):
     for name in ("stiffness_terms", "stiffness_constant", "excitation", "floor_shapes"):
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
     np.testing.assert_array_equal(again.node_shapes, model.node_shapes)
-
-
-def test_the_damping_ratio_is_open_where_the_file_gives_a_range(tower_model):
-    assert tower_model.damping.free
-    assert (tower_model.damping.lower, tower_model.damping.upper) == (0.01, 0.1)
-    assert not damping_parameter(load_building("shear_4dof")).free
-    assert tower_model.prior.names == ("theta_1", "theta_2")
-    assert tower_model.prior.lower.tolist() == [0.5, 0.5]
-    np.testing.assert_allclose(tower_model.frequency_hz, 0.2 * np.arange(1, 61))
 
 
 def test_the_building_of_a_study_reads_back_equal(tower, tmp_path, tower_file):

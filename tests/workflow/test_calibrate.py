@@ -18,7 +18,7 @@ from femupdate.surrogate.storage import TRAINED, Surrogate, require_surrogate
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_draws import predictive_log_frf
-from femupdate.workflow.calibrate_notes import elsewhere_warnings, reduction_warnings
+from femupdate.workflow.calibrate_notes import elsewhere_warnings
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, observation_of
@@ -265,14 +265,6 @@ def test_the_file_has_the_layout_of_arviz(tower):
         assert tree["observed_data"]["log_frf"].dims == ("floor", "frequency_hz")
 
 
-def test_arviz_reads_the_file(tower):
-    arviz = pytest.importorskip("arviz")
-    data = arviz.from_netcdf(tower.path("posterior.nc"), engine="h5netcdf")
-    effective = np.ravel(arviz.ess(data)["theta"].values)
-    assert effective.shape == (2,)
-    assert (effective > 200).all()  # of 400 independent draws
-
-
 def test_predicted_responses_are_the_tower_s(tower, tower_model, tower_frf):
     posterior = load_posterior(tower.path("posterior.nc"))
     predicted = predictive_log_frf(tower_model.system, tower_model, posterior, count=5, seed=2)
@@ -354,14 +346,3 @@ def test_a_solution_that_may_have_been_missed_is_told_of(tower_model, frf_table)
     # What the reduced model misses is no sign of another solution.
     coarse = replace(model, reduction_error=2.0 * typical)
     assert elsewhere_warnings(coarse, observation, 0.2, 2.0 * typical) == ()
-
-
-def test_data_better_than_the_reduced_model_are_told_of(tower_model, frf_table):
-    observation = observation_of(tower_model.building, ObservationSource(frf_table[0]))
-    typical = float(np.median(observation.noise_sd))
-    assert (
-        reduction_warnings(replace(tower_model, reduction_error=0.9 * typical), observation) == ()
-    )
-    (note,) = reduction_warnings(replace(tower_model, reduction_error=0.34), observation)
-    assert "misses the full one by 0.34" in note
-    assert f"a noise of {typical:.2g}" in note

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from femupdate.errors import InferenceError, StudyError
+from femupdate.errors import StudyError
 from femupdate.study import Study
 from femupdate.workflow.compare import compare_states, find_state, open_state
 
@@ -87,9 +87,3 @@ def test_two_posteriors_of_one_study_are_compared_by_their_names(states, tmp_pat
     assert report.as_dict()["after"] == "after"
     with pytest.raises(StudyError, match=r"called later; .* holds posterior, after$"):
         find_state("later", study)
-
-
-def test_one_measurement_is_not_compared_with_itself(states, tmp_path):
-    copy = open_state(Study(shutil.copytree(states.before.path, tmp_path / "copy")))
-    with pytest.raises(InferenceError, match="come from the same measurement"):
-        compare_states(states.before, copy)

@@ -1,13 +1,11 @@
 """calibrate from identified modes, alone and together with FRFs."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from femupdate.errors import InferenceError, MeasurementError
-from femupdate.report.figure import draw
+from femupdate.errors import MeasurementError
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study, check_calibration
 from femupdate.workflow.calibrate_settings import CalibrationSettings
@@ -71,16 +69,6 @@ def test_modes_and_frfs_agree_and_narrow_together(calibrate, modes_file, frf_fil
     assert modes.misfit < 0.1
 
 
-def test_frequencies_alone(calibrate, tmp_path):
-    path = tmp_path / "f.csv"
-    path.write_text("mode,frequency_hz\n1,3.9\n2,8.5\n")
-    study, report = calibrate(path)
-    assert report.check.names == ("frequencies",)
-    assert "from frequencies of f.csv" in report.lines()[0]
-    assert all(path.exists() for path in draw(report, study.path("pictures")))
-    assert json.loads(study.path("posterior_summary.json").read_text())["floors"] == []
-
-
 def test_sensors_and_band(modes_file, tower_file, tmp_path):
     building = choose_building(Study(tmp_path), str(tower_file))
     (some,) = measured_of(building, ObservationSource(modes_file, sensors=("RF",))).modes
@@ -142,10 +130,3 @@ def test_a_hammer_without_units_is_not_taken_for_base_motion(calibrate, force_fi
         calibrate(path, settings=replace(SETTINGS, exact=True))
     _, named = calibrate(path, force="RF", unit="m/s2/N")
     assert named.check.names == ("2F/RF", "RF/RF")
-
-
-def test_more_modes_than_the_model_has_are_refused(calibrate, modes_file, tmp_path):
-    path = tmp_path / "three.csv"
-    path.write_text(modes_file.read_text() + "3,19.0,0.02,5.0,0.5,-1\n")
-    with pytest.raises(InferenceError, match=r"three.csv holds 3 modes but the model has 2 in all"):
-        calibrate(path)

@@ -11,7 +11,6 @@ from femupdate.dynamics.tracking import (
     track_mode,
 )
 from femupdate.effects import structure_of
-from femupdate.errors import StudyError
 from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import Observation
 from femupdate.workflow.model import open_study
@@ -87,19 +86,6 @@ def test_the_modes_of_a_frame(cabin):
     np.testing.assert_allclose([m.frequency_mean for m in rendered], expected, rtol=0.02)
     assert all(0.0 < m.frequency_sd < 0.03 * m.frequency_mean for m in rendered)
     assert all(m.found > 0.8 for m in rendered)
-
-
-def test_a_mode_is_drawn_by_its_number(cabin):
-    """Mode 1 of the cabin goes across the motion: no data change it, and it is drawn as built."""
-    study, model, _ = cabin
-    report = render_study(study, model, wanted=(3, 1), samples=5)
-    assert [(mode.number, mode.direction) for mode in report.modes] == [(3, "torsion")]
-    assert [path.name for path in report.pictures] == ["mode_3.png"]
-    assert [path.name for path in report.at_one] == ["model_mode_1.png"]
-    shown(report.at_one[0])
-    assert "no data changed them" in "".join(report.lines())
-    with pytest.raises(StudyError, match="there is no mode 99"):
-        render_study(study, model, wanted=(99,))
 
 
 def rotation(angle):

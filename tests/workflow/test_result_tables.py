@@ -78,27 +78,6 @@ def test_predicted_peaks(folder):
 SHARE = ("peak base shear over weight", "base")
 
 
-def test_histories_have_a_row_for_every_instant(folder):
-    study, answer = folder
-    rows = rows_of(study / "tables" / "floor_histories.csv")
-    assert len(rows) == 2 * 1000
-    roof = [float(row["acceleration_mean_m_s2"]) for row in rows if row["floor"] == "RF"]
-    peak = answer["peak_acceleration_m_s2"]["RF"]["mean"]
-    assert np.abs(roof).max() == pytest.approx(peak, rel=0.1)
-    both = ("acceleration_sd_m_s2", "parameters_sd_m_s2")
-    wide, narrow = (max(float(row[name]) for row in rows) for name in both)
-    assert 0.0 < narrow < wide
-
-
-def test_floor_spectra_have_a_row_for_every_oscillator(folder):
-    study, answer = folder
-    rows = rows_of(study / "tables" / "floor_spectra.csv")
-    assert {row["floor"] for row in rows} == {"base", "2F", "RF"}
-    assert {row["damping_ratio"] for row in rows} == {"0.05"}
-    roof = [float(row["acceleration_mean_m_s2"]) for row in rows if row["floor"] == "RF"]
-    assert roof == pytest.approx(answer["floor_spectra"]["floors_m_s2"]["RF"]["mean"])
-
-
 @pytest.fixture
 def members():
     """A wall and a beam whose forces are known."""

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from femupdate.study import Study, made_by, write_text
+from femupdate.study import Study, write_text
 from femupdate.workflow.status import study_status
 
 
@@ -77,16 +77,6 @@ def test_a_command_is_told_as_it_was_called(look, tower_observation, words, agai
     assert again == posterior.format(tower_observation.path)
 
 
-def test_the_posterior_of_a_repaired_building_is_made_again_from_outside(look):
-    study, _ = look
-    inside = Study(study.folder.rename(study.folder.with_name("repaired")))
-    with made_by(["repair", "run.csv"]):
-        inside.record("posterior", "posterior.nc", "repair", {"observation": "ab"})
-    inside.path("posterior.nc").unlink()
-    command = study_status(inside).next[0][0]
-    assert command == f"femupdate repair run.csv --study {inside.folder.parent}"
-
-
 def test_a_new_posterior_makes_the_prediction_stale(look):
     study, states = look
     write_text(study.path("prediction.nc"), "bands")
@@ -97,13 +87,6 @@ def test_a_new_posterior_makes_the_prediction_stale(look):
     command, reason = study_status(study).next[0]
     assert command.startswith("femupdate predict --record r.at2")
     assert reason == "The prediction is stale. The posterior changed since."
-
-
-def test_damaged_and_missing_files_are_told_apart(look):
-    study, states = look
-    study.path("posterior.nc").write_bytes(b"cut")
-    study.path("reduced_model.npz").unlink()
-    assert states() == {"posterior": "changed by hand", "reduced model": "missing"}
 
 
 def test_interrupted_work_and_inner_studies_are_named(look):
