@@ -214,15 +214,16 @@ def score_table(kept: Mapping[str, Mapping[str, float]]) -> Table:
     )
 
 
-def compare(summary: HistorySummary, alone: HistorySummary, measured: Floats) -> Comparison:
+def compare(summary: HistorySummary, estimate: Floats, measured: Floats) -> Comparison:
     """Predictions against measured floor accelerations (f, n), NaN for floors without any.
 
     Args:
-        alone: of the parameters alone, whose mean is the best estimate.
+        summary: of the next measurement.
+        estimate: (f, n) the best one, of what is known of building and model.
     """
     seen = np.isfinite(measured).all(axis=1)
     mean, sd, truth = summary.acceleration_mean[seen], summary.acceleration_sd[seen], measured[seen]
-    best = alone.acceleration_mean[seen]
+    best = estimate[seen]
     error = np.sqrt(((best - truth) ** 2).mean(axis=1) / (truth**2).mean(axis=1))
     correlation = (best * truth).sum(axis=1) / np.sqrt(
         (best**2).sum(axis=1) * (truth**2).sum(axis=1)

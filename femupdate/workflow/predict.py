@@ -84,6 +84,8 @@ class Prediction(Result):
         summary: bands and peaks of the next measurement: parameters, scatter between events,
             errors of the model and what does not follow the base.
         alone: those of the parameters alone.
+        best: (f, n) floor acceleration by the mean of these and by what stays of the model's
+            error, m/s2.
         path: the netCDF file.
         damping: what damping was used, in words.
         notes: what the user should know.
@@ -97,6 +99,7 @@ class Prediction(Result):
 
     summary: HistorySummary
     alone: HistorySummary
+    best: Floats
     path: Path
     damping: str
     notes: tuple[str, ...]
@@ -120,7 +123,7 @@ class Prediction(Result):
     @property
     def comparison(self) -> Comparison | None:
         """With measured floors, where there are any."""
-        return None if self.measured is None else compare(self.summary, self.alone, self.measured)
+        return None if self.measured is None else compare(self.summary, self.best, self.measured)
 
     def items(self) -> Iterator[Item]:
         """Peaks, stiffnesses and what else was asked for, notes and tables."""
@@ -287,7 +290,9 @@ def predict_study(
     draws = prediction_draws(model, posterior, settings)
     alone, at_level = _as_calibrated(task, draws)
     # A stiffness is the building's own: errors of shear and drift are none of it.
-    summary = replace(_in_another_event(task, draws), story_stiffness=alone.story_stiffness)
+    errors = _event_errors(task, draws)
+    summary = replace(_in_another_event(task, draws, errors), story_stiffness=alone.story_stiffness)
+    best = errors.corrected(alone.floors, alone.acceleration_mean, motion.time_step)
     spectra = _spectra(summary, motion, settings.spectrum_damping)
     members = _members(study, model, draws, task)
     path = study.result("prediction.nc")
@@ -295,6 +300,7 @@ def predict_study(
     report = Prediction(
         summary=summary,
         alone=alone,
+        best=best,
         path=path,
         damping=draws.damping,
         # The decisive come first.
@@ -319,15 +325,21 @@ def _as_calibrated(
     return summarise(histories, _EXAMPLES), told
 
 
-def _in_another_event(task: PredictionTask, draws: PredictionDraws) -> HistorySummary:
+def _event_errors(task: PredictionTask, draws: PredictionDraws) -> EventErrors:
+    """Errors of the model in another event; they fade below the lowest frequency."""
+    first = draws.values.theta[:1], draws.values.sizes[:1]
+    lowest = float(task.system.modes(*first).omega.min()) / (2.0 * np.pi)
+    seed = spawn(task.settings.seed, 2)[1]
+    return EventErrors(task.posterior, draws.rows, 0.25 * lowest, seed)
+
+
+def _in_another_event(
+    task: PredictionTask, draws: PredictionDraws, errors: EventErrors
+) -> HistorySummary:
     """Bands of the next measurement."""
-    moving, erring = spawn(task.settings.seed, 2)
-    moved = in_another_event(task, draws, moving)
+    moved = in_another_event(task, draws, spawn(task.settings.seed, 2)[0])
     task.show.start("Integrating the response of another event", len(draws.rows))
     histories, _ = _histories(task, moved)
-    first = draws.values.theta[:1], draws.values.sizes[:1]
-    lowest = float(task.system.modes(*first).omega.min())
-    errors = EventErrors(task.posterior, draws.rows, 0.25 * lowest / (2.0 * np.pi), erring)
     return summarise(errors.applied(histories), _EXAMPLES)
 
 
@@ -414,7 +426,7 @@ def _notes(
     errs = (
         "; the calibration learned no error of the model, so none is in them"
         if posterior.model_error is None
-        else ", and the model errs as it did in the calibration"
+        else ", and the model errs as it did in the calibration: what of it stays corrects the mean"
     )
     notes = [
         f"Intervals are those of the next measurement: between events {between}{errs}.",

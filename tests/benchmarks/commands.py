@@ -237,6 +237,7 @@ def frame_coverage(job: Job, latent: bool, **plan: Any) -> Report:
 @count("--particles", 1000, 200, "Posterior draws.")
 @count("--samples", 200, 20, "Histories of a prediction.")
 @click.option("--several", is_flag=True, help="Each file from all others together.")
+@click.option("--leave-out", metavar="FLOOR", help="Keep a floor from the calibrations.")
 def measured(job: Job, **plan: Any) -> Report:
     """How honest intervals are: each of the measured FILES from every other, of one structure."""
     from .measured.run import MeasuredPlan, run_measured

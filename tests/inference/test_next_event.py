@@ -1,11 +1,14 @@
 """What the next event adds: scatter of its own, and what does not follow the base."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
 
+from femupdate.inference.error_draws import ErrorDraws, SizeDraws
 from femupdate.inference.event_scatter import EventScatter
-from femupdate.inference.next_event import between_runs, incoherent_share
+from femupdate.inference.next_event import EventErrors, between_runs, incoherent_share
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.runs import pooled
 
@@ -78,3 +81,43 @@ def test_runs_that_differ_over_a_part_of_the_band_differ_there_alone():
     found = between_runs(pooled(runs, ("RF",)), 2, ("RF",), grid)
     assert (found[0, :150] > 0.3).all()
     np.testing.assert_allclose(found[0, 160:], 0.0, atol=1e-6)
+
+
+def learned(runs=0, deviations=None):
+    """RF was measured and the model 20 % low there, half of it (in variance) at all floors."""
+    measured = Observation(
+        frequency_hz=GRID,
+        floors=("RF",),
+        log_frf=np.zeros((1, 10)),
+        noise_sd=np.full((1, 10), 0.1),
+        valid=np.ones((1, 10), dtype=bool),
+        scatter=deviations,
+    )
+    sizes = SizeDraws(np.full((1, 1, 4), 0.1) * [1.0, 1.0, 10.0, 10.0], np.full((1, 10), 0.2))
+    errors = ErrorDraws(sizes, None, 1.0, 9.0)
+    scatter = SimpleNamespace(runs=runs) if runs else None
+    posterior = SimpleNamespace(model_error=errors, scatter=scatter, observation=measured)
+    return EventErrors(posterior, np.zeros(1, dtype=int), 0.01, 0)
+
+
+def gain(errors, hertz):
+    """Of steady motion at 2F and RF by what stays of the error."""
+    time = np.arange(0.0, 60.0, 0.01)
+    wave = np.sin(2.0 * np.pi * hertz * time)
+    moved = errors.corrected(("2F", "RF"), np.array([wave, wave]), 0.01)
+    middle = slice(2000, 4000)  # far from both ends
+    return np.log(moved[:, middle].std(axis=1) / wave[middle].std())
+
+
+def test_a_share_of_the_error_of_one_event_stays_in_the_next():
+    np.testing.assert_allclose(gain(learned(), 5.0), [0.06, 0.12], rtol=0.01)
+    # Outside of the band it was learned in it fades over its length of 1 Hz.
+    assert gain(learned(), 14.0)[1] == pytest.approx(0.12 * np.exp(-4.0), rel=0.1)
+
+
+def test_what_runs_agree_in_stays_whole_and_what_they_differ_in_does_not():
+    alike = learned(4, np.full((1, 10), 3.0))  # by no more than their noise
+    assert gain(alike, 5.0)[1] == pytest.approx(0.2, rel=0.01)
+    # Means of four runs that differ by twice the learned sd err as much as was learned.
+    apart = learned(4, np.full((1, 10), 9.0))
+    assert gain(apart, 5.0)[1] == pytest.approx(0.0, abs=1e-6)

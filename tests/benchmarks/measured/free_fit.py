@@ -30,7 +30,7 @@ class FreeFit:
 
     def error(self, measured: Histories, direction: str) -> Floats:
         """Rms of predicted less measured accelerations over that of the measured, (f,)."""
-        base, floors = _channels(measured, direction)
+        base, floors = channels(measured, direction)
         count = base.shape[-1]
         frequency = _frequencies(measured)
         moved = _modes(frequency, self.frequency_hz, self.damping) * np.fft.rfft(base, 2 * count)
@@ -68,7 +68,7 @@ _Spectra = tuple[Floats, Floats, Floats]
 
 def _spectra(one: Histories, direction: str, band_hz: tuple[float, float]) -> _Spectra:
     """Frequencies (k,), the base (k,) and the floors against it (f, k), these of unit rms."""
-    base, floors = _channels(one, direction)
+    base, floors = channels(one, direction)
     frequency = _frequencies(one)
     inside = (frequency >= band_hz[0]) & (frequency <= band_hz[1])
     size = np.sqrt(((floors - base) ** 2).sum(axis=1, keepdims=True))
@@ -100,7 +100,7 @@ def _frequencies(one: Histories) -> Floats:
     return np.asarray(np.fft.rfftfreq(2 * one.acceleration.shape[1], one.time_step), np.float64)
 
 
-def _channels(one: Histories, direction: str) -> tuple[Floats, Floats]:
+def channels(one: Histories, direction: str) -> tuple[Floats, Floats]:
     """The base (1, n) and the floors (f, n), sensors averaged."""
     mean = [
         one.acceleration[one.rows(name, direction)].mean(axis=0) for name in (BASE, *one.floors)

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
+from femupdate.dynamics.spectra import floor_spectra
 from femupdate.dynamics.system import System
 from femupdate.inference.event_scatter import EventScatter
 from femupdate.inference.posterior import Posterior
@@ -32,12 +33,14 @@ from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSourc
 
 from ..result import Job, Report, markdown_table
 from .free_fit import FreeFit, fit_free
+from .impulse_filter import ImpulseFilter, fit_filter
 
 # Events whose base peaks differ by less than this factor are of like strength.
 _LIKE = 2.0
 # Of the model's band, where free modes begin.
 _LOWEST = 0.02
-_FREE = "of free modes"
+# Of oscillators on the floors, as floor spectra for equipment have it.
+_SPECTRUM_DAMPING = 0.05
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,7 @@ class MeasuredPlan:
         particles: posterior draws.
         samples: histories of a prediction.
         several: whether each event is predicted from all others together.
+        leave_out: floor that no calibration sees, and that is predicted all the same.
     """
 
     building: str
@@ -61,6 +65,7 @@ class MeasuredPlan:
     particles: int
     samples: int
     several: bool = False
+    leave_out: str | None = None
 
 
 @dataclass(frozen=True)
@@ -74,20 +79,41 @@ class Event:
     model: StudyModel
     posterior: Posterior
     free: FreeFit
+    rival: ImpulseFilter
 
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """One floor of one event, predicted from another."""
+    """One floor of one event, predicted from another.
+
+    Attributes:
+        calibrated, predicted: events.
+        floor: that was measured.
+        unseen: whether the calibration was kept from this floor.
+        within: share of the samples within two standard deviations.
+        peak_within: whether the peak lies in its 90 % interval.
+        peak_ratio: measured peak over the median predicted one.
+        spectrum_within: share of the frequencies at which the measured floor spectrum (5 % damping)
+            lies in its 90 % interval.
+        score, filter_score: continuous ranked probability score over the rms, ours and of an
+            impulse response.
+        error, free, filter_error: rms of the best estimate's error over the rms measured: ours, of
+            free modes and of an impulse response.
+    """
 
     calibrated: str
     predicted: str
     floor: str
+    unseen: bool
     within: float
     peak_within: bool
+    peak_ratio: float
+    spectrum_within: float
     score: float
+    filter_score: float
     error: float
     free: float
+    filter_error: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,6 +147,7 @@ def run_measured(job: Job, plan: MeasuredPlan) -> Report:
             pairs.append(pair_of(one, other, job.seed))
             job.progress.advance()
     name = f"measured_{events[0].model.building.name}{'_from_several' if plan.several else ''}"
+    name += f"_without_{plan.leave_out}" if plan.leave_out else ""
     # Results are kept with the project: names of files, not where they lie.
     names = {"building": Path(plan.building).name, "files": [path.name for path in plan.files]}
     content = {**names, "predictions": predictions, "pairs": pairs}
@@ -139,20 +166,19 @@ def _calibrated(plan: MeasuredPlan, paths: tuple[Path, ...], folder: Path, seed:
     study = Study(folder)
     model = open_study(study, plan.building)
     path = paths[0]
-    source = ObservationSource(path, columns=plan.columns, further=paths[1:])
+    events = [_histories(plan, each) for each in paths]
+    direction = direction_of(model.building)
+    floors = events[0].floors if plan.leave_out else ()
+    seen = tuple(floor for floor in floors if floor != plan.leave_out)
+    source = ObservationSource(path, columns=plan.columns, further=paths[1:], sensors=seen)
     settings = CalibrationSettings(particles=plan.particles, exact=True, chains=2, seed=seed)
     report = calibrate_study(study, model, source, settings)
     peak = read_record(path, None, _channel(plan)).peak
-    free = free_of(plan, paths, model)
-    return Event(folder.name, path, peak, study, model, report.posterior, free)
-
-
-def free_of(plan: MeasuredPlan, paths: tuple[Path, ...], model: StudyModel) -> FreeFit:
-    """As many free modes as there are floors, in the band of the model."""
-    events = [_histories(plan, path) for path in paths]
     top = float(model.frequency_hz[-1])
     band = max(float(model.frequency_hz[0]), _LOWEST * top), top
-    return fit_free(events, direction_of(model.building), band, len(events[0].floors))
+    free = fit_free(events, direction, band, len(events[0].floors))
+    rival = fit_filter(events, direction)
+    return Event(folder.name, path, peak, study, model, report.posterior, free, rival)
 
 
 def _histories(plan: MeasuredPlan, path: Path) -> Histories:
@@ -170,31 +196,45 @@ def _predicted(plan: MeasuredPlan, event: Event, other: Event) -> list[Predictio
         event.study,
         event.model,
         RecordSource(other.path, channel=_channel(plan)),
-        PredictionSettings(samples=plan.samples),
+        PredictionSettings(samples=plan.samples, spectrum_damping=_SPECTRUM_DAMPING),
         measured=other.path,
         columns=plan.columns,
-    ).comparison
-    assert found is not None
-    measured = _histories(plan, other.path)
-    free = dict(
+    )
+    scores, spectra, seen = found.comparison, found.floor_spectra, found.measured
+    assert scores is not None
+    assert spectra is not None
+    assert seen is not None
+    measured, direction = _histories(plan, other.path), direction_of(event.model.building)
+    free = dict(zip(measured.floors, event.free.error(measured, direction), strict=True))
+    filters = dict(
         zip(
-            measured.floors,
-            event.free.error(measured, direction_of(event.model.building)),
-            strict=True,
+            measured.floors, zip(*event.rival.scores(measured, direction), strict=True), strict=True
         )
     )
+    rows = [found.summary.floors.index(floor) for floor in scores.floors]
+    motion = found.motion
+    true = floor_spectra(seen[None, rows], motion.acceleration, motion.time_step, spectra.damping)
+    low, high = spectra.acceleration.q05[rows], spectra.acceleration.q95[rows]
+    inside = ((low <= true.acceleration.mean) & (true.acceleration.mean <= high)).mean(axis=1)
+    median = np.median(found.summary.peak_acceleration[:, rows], axis=0)
+    peaks = np.abs(seen[rows]).max(axis=1) / median
     return [
         Prediction(
             calibrated=event.name,
             predicted=other.name,
             floor=floor,
-            within=float(found.within_band[k]),
-            peak_within=bool(found.peak_within[k]),
-            score=float(found.score[k]),
-            error=float(found.relative_error[k]),
+            unseen=floor == plan.leave_out,
+            within=float(scores.within_band[k]),
+            peak_within=bool(scores.peak_within[k]),
+            peak_ratio=float(peaks[k]),
+            spectrum_within=float(inside[k]),
+            score=float(scores.score[k]),
+            filter_score=float(filters[floor][1]),
+            error=float(scores.relative_error[k]),
             free=float(free[floor]),
+            filter_error=float(filters[floor][0]),
         )
-        for k, floor in enumerate(found.floors)
+        for k, floor in enumerate(scores.floors)
     ]
 
 
@@ -234,39 +274,60 @@ def _fundamental(system: System, theta: torch.Tensor, sizes: torch.Tensor) -> Fl
 
 def _answer(predictions: list[Prediction], pairs: list[Pair]) -> dict[str, float]:
     like = [pair for pair in pairs if pair.like]
-    return {
-        "within_2_sd": float(np.mean([one.within for one in predictions])),
-        "peaks_within_90": float(np.mean([one.peak_within for one in predictions])),
-        "crps_over_rms": float(np.mean([one.score for one in predictions])),
-        "error_rms": float(np.mean([one.error for one in predictions])),
-        "error_rms_of_free_modes": float(np.mean([one.free for one in predictions])),
-        "factors_of_others_within_90": float(np.mean([one.factors for one in pairs])),
-        "frequency_of_others_within_90": float(np.mean([one.frequency for one in pairs])),
-        "frequency_of_like_within_90": float(np.mean([one.frequency for one in like or pairs])),
+    shares = {
+        "within_2_sd": [row.within for row in predictions],
+        "peaks_within_90": [row.peak_within for row in predictions],
+        "peaks_below_the_median": [row.peak_ratio < 1.0 for row in predictions],
+        "spectra_within_90": [row.spectrum_within for row in predictions],
+        "crps_over_rms": [row.score for row in predictions],
+        "crps_over_rms_of_filter": [row.filter_score for row in predictions],
+        "error_rms": [row.error for row in predictions],
+        "error_rms_of_filter": [row.filter_error for row in predictions],
+        "error_rms_of_free_modes": [row.free for row in predictions],
+        "factors_of_others_within_90": [pair.factors for pair in pairs],
+        "frequency_of_others_within_90": [pair.frequency for pair in pairs],
+        "frequency_of_like_within_90": [pair.frequency for pair in like or pairs],
     }
+    return {name: float(np.mean(values)) for name, values in shares.items()}
 
 
 def _text(predictions: list[Prediction], pairs: list[Pair]) -> str:
-    head = ("floor", "within 2 sd", "least", "peaks in 90 %", "CRPS / rms", "error rms", _FREE)
+    head = (
+        *("floor", "within 2 sd", "least", "peaks in 90 %", "peaks below the median"),
+        *("spectra in 90 %", "CRPS / rms", "of the filter"),
+        *("error rms", "of the filter", "of free modes", "best"),
+    )
     rows = []
-    for floor in dict.fromkeys(one.floor for one in predictions):
-        some = [one for one in predictions if one.floor == floor]
-        within = [one.within for one in some]
+    for floor, unseen in dict.fromkeys((row.floor, row.unseen) for row in predictions):
+        some = [row for row in predictions if row.floor == floor]
+
+        def mean(name: str, some: list[Prediction] = some) -> float:
+            return float(np.mean([getattr(row, name) for row in some]))
+
+        errors = {
+            "ours": mean("error"),
+            "the filter": mean("filter_error"),
+            "free modes": mean("free"),
+        }
         rows.append(
             (
-                floor,
-                f"{np.mean(within):.1%}",
-                f"{np.min(within):.1%}",
-                f"{np.mean([one.peak_within for one in some]):.0%}",
-                f"{np.mean([one.score for one in some]):.3f}",
-                f"{np.mean([one.error for one in some]):.3f}",
-                f"{np.mean([one.free for one in some]):.3f}",
+                f"{floor}, which no calibration saw" if unseen else floor,
+                f"{mean('within'):.1%}",
+                f"{min(row.within for row in some):.1%}",
+                f"{mean('peak_within'):.0%}",
+                f"{np.mean([row.peak_ratio < 1.0 for row in some]):.0%}",
+                f"{mean('spectrum_within'):.0%}",
+                f"{mean('score'):.3f}",
+                f"{mean('filter_score'):.3f}",
+                *(f"{value:.3f}" for value in errors.values()),
+                min(errors, key=lambda name: errors[name]),
             )
         )
     answer = _answer(predictions, pairs)
     others = "all others" if pairs[0].calibrated.startswith("all_but") else "another"
     return (
-        f"{len(pairs)} predictions of one event from {others}.\n\n{markdown_table(head, rows)}\n\n"
+        f"{len(pairs)} predictions of one event from {others}. The filter is an impulse response "
+        f"fitted to the same events.\n\n{markdown_table(head, rows)}\n\n"
         f"Estimates of another event within the 90 % interval of the next: factors "
         f"{answer['factors_of_others_within_90']:.0%}, first frequency "
         f"{answer['frequency_of_others_within_90']:.0%} "

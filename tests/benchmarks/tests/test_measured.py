@@ -43,7 +43,7 @@ def event(tmp_path):
             ),
             settings={},
         )
-        return Event(name, BUILDING, 1.0, study, model, posterior, None)
+        return Event(name, BUILDING, 1.0, study, model, posterior, None, None)
 
     return made
 
