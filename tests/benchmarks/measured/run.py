@@ -274,7 +274,7 @@ def _fundamental(system: System, theta: torch.Tensor, sizes: torch.Tensor) -> Fl
 
 def _answer(predictions: list[Prediction], pairs: list[Pair]) -> dict[str, float]:
     like = [pair for pair in pairs if pair.like]
-    shares = {
+    shares: dict[str, list[float]] = {
         "within_2_sd": [row.within for row in predictions],
         "peaks_within_90": [row.peak_within for row in predictions],
         "peaks_below_the_median": [row.peak_ratio < 1.0 for row in predictions],
