@@ -24,12 +24,27 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
+# What takes longest goes first, so that no process ends long after the others. The walk through all
+# commands that tests/cli shares is made by its first file.
+FIRST = ("cli/test_commands", "test_tutorial", "workflow", "discrepancy", "benchmarks", "cli")
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
     """Files as a whole: what the tests of one share is made once, by one process."""
     from xdist.scheduler import LoadFileScheduling
 
+    config.option.loadscopereorder = False
     return LoadFileScheduling(config, log)
+
+
+def pytest_collection_modifyitems(items):
+    def rank(item):
+        starts = (item.nodeid.startswith(f"tests/{name}") for name in FIRST)
+        return next((place for place, found in enumerate(starts) if found), len(FIRST))
+
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        items.sort(key=rank)
 
 
 class Recorded:
