@@ -109,40 +109,6 @@ def test_pooled_runs_have_the_likelihood_of_each_other_s_product_at_any_theta(to
     torch.testing.assert_close(both, sum(apart), rtol=1e-10, atol=1e-8)
 
 
-def test_two_runs_know_by_the_root_of_two_more(tmp_path):
-    """Four stories, all floors, noise of .2: every factor's standard deviation."""
-    study = Study(tmp_path / "study")
-    model = open_study(study, "shear_4dof")
-    rng, floors = np.random.default_rng(1), model.building.floors
-    theta = torch.tensor([[0.8, 1.1, 1.3, 0.9]], dtype=torch.float64)
-    zeta = torch.tensor([model.building.damping.ratio], dtype=torch.float64)
-    clean = model.system.log_frf(theta, zeta, model.frequency_hz)[0].numpy()
-    paths = [
-        write_table(
-            tmp_path / f"{k}.csv",
-            clean + 0.2 * rng.normal(size=clean.shape),
-            0.2,
-            floors,
-            model.frequency_hz.numpy(),
-        )
-        for k in range(2)
-    ]
-    settings = CalibrationSettings(particles=1000, exact=True, chains=2)
-    sources = (source_of(*paths), *map(ObservationSource, paths))
-    reports = [calibrate_study(study, model, source, settings) for source in sources]
-    both, *alone = (report.posterior.samples for report in reports)
-    one = np.sqrt(np.prod([draws.std(axis=0) for draws in alone], axis=0))
-    # 1,000 draws each: an sd to 2.5 %, the ratio to 3 %; three times that.
-    np.testing.assert_allclose(one / both.std(axis=0), np.sqrt(2.0), rtol=0.1)
-    error = (both.mean(axis=0) - theta[0].numpy()) / both.std(axis=0)
-    assert np.abs(error).max() < 4.0
-    middle = np.mean([draws.mean(axis=0) for draws in alone], axis=0)
-    np.testing.assert_allclose((both.mean(axis=0) - middle) / both.std(axis=0), 0.0, atol=0.3)
-    assert reports[0].misfit == pytest.approx(1.0, abs=0.1)
-    assert 0.001 < reports[0].check.whole < 0.999
-    assert any("They agree" in note for note in reports[0].notes)
-
-
 def test_what_is_kept_names_every_file(tmp_path, tower_model, tables):
     study = Study(tmp_path)
     report = calibrate_study(study, tower_model, source_of(*tables[:2]), QUICK)
@@ -180,17 +146,6 @@ def test_floors_may_be_of_one_run_only(tower_model, tables, tower_frf, tmp_path)
     assert "cannot be told" in both.notes[0]
     more = observation_of(tower_model.building, source_of(tables[0], roof, sensors=("RF",)))
     assert more.floors == ("RF",)
-
-
-def test_names_that_repeat_are_told_apart_by_their_folders(tmp_path, tower_model, tables):
-    paths = []
-    for number, table in enumerate(tables[:2]):
-        folder = tmp_path / str(number)
-        folder.mkdir()
-        paths.append(folder / "run.csv")
-        paths[-1].write_bytes(table.read_bytes())
-    both = observation_of(tower_model.building, source_of(*paths))
-    assert both.source == f"{paths[0]}, {paths[1]}"
 
 
 def test_runs_that_cannot_be_taken_together(tmp_path, tower_model, tables):
@@ -246,17 +201,12 @@ def test_a_building_with_effects_takes_several_runs(tmp_path, tower_file, tables
     study = Study(tmp_path / "study")
     model = open_study(study, str(path))
     settings = replace(QUICK, particles=400)
-    reports = [
-        calibrate_study(study, model, source, settings)
-        for source in (source_of(tables[0]), source_of(*tables[:2]))
-    ]
-    one, both = (report.posterior.samples for report in reports)
-    assert reports[1].posterior.names[-1] == "added_mass@RF.size"
-    # Noise of .1 and .15 together is .083 and not .1.
-    assert (both.std(axis=0) / one.std(axis=0))[:2].mean() == pytest.approx(0.83, abs=0.12)
-    assert (np.abs(both.mean(axis=0) - [*TRUTH, 0.0]) < 4 * both.std(axis=0)).all()
-    assert reports[1].check.names == ("2F", "RF")
-    assert 0.01 < reports[1].check.whole < 0.99
-    assert reports[1].posterior.observation.source == "one.csv, two.csv"
+    report = calibrate_study(study, model, source_of(*tables[:2]), settings)
+    draws = report.posterior.samples
+    assert report.posterior.names[-1] == "added_mass@RF.size"
+    assert (np.abs(draws.mean(axis=0) - [*TRUTH, 0.0]) < 4 * draws.std(axis=0)).all()
+    assert report.check.names == ("2F", "RF")
+    assert 0.01 < report.check.whole < 0.99
+    assert report.posterior.observation.source == "one.csv, two.csv"
     assert "observation 2" in study.artefacts()["posterior"].made_from
-    assert any("They agree" in note for note in reports[1].notes)
+    assert any("They agree" in note for note in report.notes)
