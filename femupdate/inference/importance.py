@@ -8,6 +8,7 @@ maxima: Geweke 1989, Econometrica 57, 1317).
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -384,12 +385,12 @@ def importance_sample(
     seed: Seed,
     *,
     least_round: int = 200,
+    apart: bool = True,
 ) -> WeightedDraws:
     """`count` weighted parameters, after rounds in which the proposal is fitted to its own draws.
 
-    Fits use tempered weights (Koblents & Miguez 2015, Stat. Comput. 25, 407), and each solution of
-    the first proposal is fitted apart: none is lost however few the draws are. Solutions that it
-    does not reach are missed.
+    Fits use tempered weights (Koblents & Miguez 2015, Stat. Comput. 25, 407), each solution of the
+    first proposal apart: none is lost however few the draws are. Others are missed.
 
     Args:
         prior: of the parameters.
@@ -399,13 +400,14 @@ def importance_sample(
         seed: of everything random.
         least_round: draws of a round of fitting, at least; a hundred for every parameter of up to
             four solutions.
+        apart: whether each Student stands for a solution of its own, and is fitted alone.
 
     Raises:
         InferenceError: no draw has a finite likelihood.
     """
     generator = torch_generator(seed, proposal.gaussian.mean.device)
-    first, size = proposal, 100 * prior.size * min(4, len(proposal.gaussian.mean))
-    size, spent, best = max(least_round, size), 0, (0.0, proposal)
+    first, solutions = proposal, len(proposal.gaussian.mean) if apart else 1
+    size, spent = max(least_round, 100 * prior.size * min(4, solutions)), 0
     constant = 0.5 * prior.size * math.log(2.0 * math.pi)
 
     def target(xi: Tensor) -> tuple[Tensor, Tensor]:
@@ -421,13 +423,11 @@ def importance_sample(
     for _ in range(8):
         tried = possible(weighted_draws(target, proposal, size, generator))
         spent += size
-        best = max(best, (tried.effective, proposal), key=lambda judged: judged[0])
-        if tried.effective > 0.8 * size:
-            break
         power = next_increment(tried.log_weight, 1.0, 0.4)
         weight = torch.softmax(power * tried.log_weight, 0)
         points = tried.points[systematic_rows(weight, generator)]
-        proposal = _refitted(first, points, generator)
+        fit = partial(_refitted, first) if solutions > 1 else students_of
+        proposal = fit(points, generator)
         if tried.effective > 0.5 * size:
             break
     found = possible(weighted_draws(target, proposal, count, generator))
@@ -448,5 +448,5 @@ def draws_about_particles(
     xi = prior.to_normal(particles).clamp(-EDGE, EDGE)
     proposal = students_of(xi, torch_generator(fitting, xi.device))
     return importance_sample(
-        prior, log_likelihood, proposal, count, drawing, least_round=len(particles)
+        prior, log_likelihood, proposal, count, drawing, least_round=len(particles), apart=False
     )
