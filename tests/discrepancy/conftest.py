@@ -1,8 +1,5 @@
 """Chains solved by hand, observed with noise whose size is known, posed to the effect finder."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,17 +9,13 @@ from femupdate.dynamics.reduced import lumped
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.inference.frf_data import COMPARING, frf_data
 from femupdate.measurement.observation import Observation
+from tests.discrepancy import chain
 
 
 @pytest.fixture(scope="session")
 def chains():
-    """The module `chain`, which no package holds."""
-    spec = importlib.util.spec_from_file_location(
-        "discrepancy_chain", Path(__file__).with_name("chain.py")
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    """The module `chain`."""
+    return chain
 
 
 @pytest.fixture(scope="session")

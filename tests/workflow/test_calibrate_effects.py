@@ -114,16 +114,18 @@ def test_what_is_missing_is_told_and_kept_with_the_posterior(calibrate, listed, 
     assert 0.01 < report.check.whole < 0.99
     kept = study.artefacts()["posterior"].settings
     assert (kept["particles"], kept["exact"], kept["seed"]) == (1000, True, 0)
+    content = json.loads(study.result("posterior_summary.json").read_text())
+    assert content["drawn_by"]["way"] == "importance sampling about the maxima"
+    assert content["drawn_by"]["evaluations"] == report.posterior.drawn.evaluations
 
 
-def test_errors_of_the_next_event_are_those_of_this_one(calibrate, listed, tower_file, table):
+def test_errors_of_the_next_event_are_those_of_this_one(calibrate, listed, table):
     """What |H| of 2F has beside the model's, a wave over frequency, with its sign and size."""
     wave = 0.25 * np.sin(2.0 * np.pi * GRID / 4.0)
     path = table((0.8, 1.3), 6, off=wave)
-    for building in (tower_file, listed):
-        found = calibrate(building, path)[1].posterior.model_error.amplitude.mean
-        assert np.corrcoef(found[0], wave)[0, 1] > 0.95
-        assert found[0].std() == pytest.approx(wave.std(), rel=0.2)
+    found = calibrate(listed, path)[1].posterior.model_error.amplitude.mean
+    assert np.corrcoef(found[0], wave)[0, 1] > 0.95
+    assert found[0].std() == pytest.approx(wave.std(), rel=0.2)
 
 
 def test_a_file_of_another_building_is_refused(calibrate, listed, table, tower_frf, tmp_path):
@@ -134,26 +136,13 @@ def test_a_file_of_another_building_is_refused(calibrate, listed, table, tower_f
         calibrate(listed, path)
 
 
-def test_every_solution_is_drawn_as_without_effects(calibrate, listed, tower_file, table):
+def test_every_solution_is_drawn(calibrate, listed, table):
     """The roof alone knows k_1 / m_1 and k_2 (1 / m_1 + 1 / m_2), not which of them is which."""
     other = np.array([2.5 * (1 / 3 + 1 / 2) * 1.1 * 3 / 4, 0.9 * 4 / 3 / (1 / 3 + 1 / 2) / 2.5])
-    path = table((0.9, 1.1), 4)
-    shares = []
-    for building in (tower_file, listed):
-        draws = calibrate(building, path, sensors=("RF",))[1].posterior.samples[:, :2]
-        away = [np.abs(draws / theta - 1.0).max(axis=1) for theta in ((0.9, 1.1), other)]
-        assert (np.minimum(*away) < 0.15).all()
-        shares.append((away[0] < away[1]).mean())
-    assert 0.05 < shares[0] < 0.95
-    # A thousand draws each, of which half count.
-    assert shares[1] == pytest.approx(shares[0], abs=0.08)
-
-
-def test_the_summary_says_how_the_draws_were_made(calibrate, listed, table):
-    study, report = calibrate(listed, table((0.8, 1.3), 5))
-    content = json.loads(study.result("posterior_summary.json").read_text())
-    assert content["drawn_by"]["way"] == "importance sampling about the maxima"
-    assert content["drawn_by"]["evaluations"] == report.posterior.drawn.evaluations
+    draws = calibrate(listed, table((0.9, 1.1), 4), sensors=("RF",))[1].posterior.samples[:, :2]
+    away = [np.abs(draws / theta - 1.0).max(axis=1) for theta in ((0.9, 1.1), other)]
+    assert (np.minimum(*away) < 0.15).all()
+    assert 0.05 < (away[0] < away[1]).mean() < 0.95
 
 
 @pytest.fixture(scope="module")
