@@ -49,7 +49,7 @@ def build_model(
       femupdate build-model my_building.toml --study mine
     """
     from femupdate.workflow.build import build_study, export_opensees
-    from femupdate.workflow.pictures_modes import draw_model
+    from femupdate.workflow.render import draw_model
 
     report = build_study(study, building, bars)
     drawn = draw_model(study, report.model, report.modes, bars) if pictures else ()

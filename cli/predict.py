@@ -144,8 +144,8 @@ def render(
 ) -> Answer:
     """Draw the mode shapes of the posterior off screen: mean shape and its spread.
 
-    The modes that matter most to the data come first, or those asked for are drawn. They have
-    the numbers of the full model, as `femupdate build-model` lists them.
+    The modes that move most of the mass are drawn, or those asked for. They have the numbers of
+    the full model, as `femupdate build-model` lists them.
 
     \b
     Examples:

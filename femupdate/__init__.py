@@ -24,7 +24,7 @@ _NOUNS = {
     "Observation": "measurement.observation",
     "Parameters": "inference.parameters",
     "Posterior": "inference.posterior",
-    "Prediction": "workflow.predict",
+    "Prediction": "report.prediction",
     "Recording": "measurement.recording",
     "Structure": "effects.structure",
     "Study": "study",
@@ -61,9 +61,9 @@ if _TYPE_CHECKING:
     from femupdate.measurement.observation import Observation
     from femupdate.measurement.record import GroundMotion
     from femupdate.measurement.recording import Recording
+    from femupdate.report.prediction import Prediction
     from femupdate.study import Study
     from femupdate.surrogate.storage import Surrogate
-    from femupdate.workflow.predict import Prediction
 
 
 __getattr__ = _lazily(__name__, {**_NOUNS, **dict.fromkeys(_VERBS, "interface")})

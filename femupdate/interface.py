@@ -17,13 +17,13 @@ from femupdate.progress import SILENT, Progress
 from femupdate.study import MAIN_POSTERIOR, Study
 
 if TYPE_CHECKING:
+    from femupdate.report.prediction import Prediction
     from femupdate.simulation.simulate import WrittenSimulation
     from femupdate.workflow.calibration_report import CalibrationReport
     from femupdate.workflow.compare import CompareReport
     from femupdate.workflow.diagnose import DiagnosisReport
     from femupdate.workflow.inspect_files import InspectedFiles
     from femupdate.workflow.model import StudyModel
-    from femupdate.workflow.predict import Prediction
     from femupdate.workflow.repair import RepairReport
     from femupdate.workflow.report import ReportReport
     from femupdate.workflow.train import TrainReport

@@ -1,4 +1,4 @@
-"""What a command has found, described once; terminal, JSON and CSV read its items."""
+"""What a command has found, described once; terminal, page, JSON and CSV read its items."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -21,10 +21,14 @@ class Note:
     Attributes:
         text: as it stands on the terminal; empty for programs alone.
         content: figures by their keys in JSON.
+        detail: on the terminal it is shown to those who ask for more.
+        page: the page has it as well.
     """
 
     text: str = ""
     content: Mapping[str, Any] = field(default_factory=dict)
+    detail: bool = False
+    page: bool = True
 
     def lines(self) -> list[str]:
         """For the terminal."""
@@ -39,11 +43,15 @@ class Notes:
         sentences: all of them.
         rest: where those are that the terminal leaves out; it shows all where this is empty.
         key: in JSON.
+        detail: on the terminal they are shown to those who ask for more.
+        warning: they stand out on the page.
     """
 
     sentences: tuple[str, ...]
     rest: str = ""
     key: str = ""
+    detail: bool = False
+    warning: bool = False
 
     @property
     def content(self) -> Mapping[str, Any]:
@@ -90,26 +98,27 @@ class Result:
         """For programs: what `--json` holds."""
         content: dict[str, Any] = {}
         for item in self.items():
-            if isinstance(item, Table):
-                content.update(item.as_dict())
-            else:
-                content.update(item.content)
+            content.update(item.as_dict() if isinstance(item, Table) else item.content)
         return dict(plain(content))
 
-    def lines(self) -> tuple[str, ...]:
-        """For people, on the terminal."""
-        told: list[str] = []
-        for item in self.items():
-            if isinstance(item, Table):
-                told += [item.text()] if item.rows[: item.most] else []
-            else:
-                told += item.lines()
-        return tuple(told)
+    def lines(self, details: bool = False) -> tuple[str, ...]:
+        """For people, on the terminal.
+
+        Args:
+            details: those as well that few ask for.
+        """
+        shown = [item for item in self.items() if details or not item.detail]
+        return tuple(line for item in shown for line in item.lines())
 
     def tables(self) -> tuple[Table, ...]:
         """Those for spreadsheets."""
         tables = [item for item in self.items() if isinstance(item, Table)]
         return tuple(table for table in tables if any(column.csv for column in table.columns))
+
+
+def took(seconds: float) -> str:
+    """How long something took, after a comma; nothing of what was read back."""
+    return "" if math.isnan(seconds) else f", {seconds:.1f} s"
 
 
 def plain(value: Any) -> Any:

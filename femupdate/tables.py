@@ -65,6 +65,7 @@ class Table:
         corner: heading of the first column on the terminal, where another says what it is.
         words_last: the last column is of words, which stand to the left.
         most: rows that the terminal shows; None for all, 0 where the page alone shows it.
+        detail: on the terminal it is shown to those who ask for more.
     """
 
     name: str
@@ -75,7 +76,7 @@ class Table:
     corner: str | None = None
     words_last: bool = False
     most: int | None = None
-    kind: str = "table"
+    detail: bool = False
 
     @classmethod
     def of(
@@ -107,11 +108,14 @@ class Table:
             for column in self._shown
         )
 
-    def text(self) -> str:
+    def lines(self) -> list[str]:
         """For the terminal."""
+        rows = self.rows[: self.most]
+        if not rows:
+            return []
         first, *others = self.head
         head = (first if self.corner is None else self.corner, *others)
-        return table(head, self.rows[: self.most], words_last=self.words_last)
+        return [table(head, rows, words_last=self.words_last)]
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: a list of rows by keys, or without a key of its own the columns by theirs."""

@@ -71,12 +71,6 @@ def capital(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}"
 
 
-def ordinal(number: int) -> str:
-    """A place in an order for people, such as "2nd"."""
-    teens = 10 <= number % 100 <= 20
-    return f"{number}{'th' if teens else _ENDINGS.get(number % 10, 'th')}"
-
-
 _ENDINGS = {1: "st", 2: "nd", 3: "rd"}
 
 

@@ -30,14 +30,12 @@ def mode_animation(
     path: Path,
     *,
     title: str = "Mode shape",
-    note: str = "",
     renderer: Renderer = "auto",
 ) -> Path:
     """Write one cycle of a mode of a mesh, which repeats.
 
     Args:
         shape: (N, 3) displacement of every node, any scale.
-        note: under the title.
         renderer: as for `mode_shape_figure`.
 
     Raises:
@@ -60,7 +58,7 @@ def mode_animation(
         for panel, state in zip(panels, states, strict=True):
             drawing_matplotlib.draw(panel, geometry, *state, MAGNITUDE_MAP, 1.0)
             panel.set(xlim=_limits(reach[:, 0]), ylim=_limits(reach[:, 1]))
-    return _write(_and_back([_frame(figure, title, note) for figure, _ in stages]), path)
+    return _write(_and_back([_frame(figure, title) for figure, _ in stages]), path)
 
 
 @styled
@@ -113,9 +111,9 @@ def _limits(values: Floats) -> tuple[float, float]:
     return float(values.min()) - room, float(values.max()) + room
 
 
-def _frame(figure: Figure, title: str, note: str = "") -> Pixels:
+def _frame(figure: Figure, title: str) -> Pixels:
     """The pixels (h, w, 3) of a figure under its title."""
-    add_head(figure, title, note=note)
+    add_head(figure, title)
     figure.set_dpi(_DOTS)
     canvas: Any = figure.canvas
     canvas.draw()

@@ -1,62 +1,29 @@
-"""The page: sections of text, tables, charts and a model that turns, in one HTML file.
+"""The page: sections of what results tell and draw, and a model that turns, in one HTML file.
 
-Everything is inside the file: data, styles, scripts and the plotting library. All text is escaped.
+Everything is inside the file: data, styles, scripts and pictures. All text is escaped.
 """
 
 import json
 import math
 import re
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from femupdate.errors import ReportError
+from femupdate.result import Item, Note, Notes, Picture
 from femupdate.study import write_text
 from femupdate.tables import Table
 
 BUDGET = 8_000_000  # bytes: what mail servers and phones still take
 _DIGITS = 5
-
-
-@dataclass(frozen=True)
-class Text:
-    """Paragraphs."""
-
-    paragraphs: tuple[str, ...]
-    kind: str = "text"
-
-
-@dataclass(frozen=True)
-class Remarks:
-    """A list of sentences; `warning` makes them stand out."""
-
-    sentences: tuple[str, ...]
-    warning: bool = False
-    kind: str = "remarks"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Chart:
-    """Panels of a plot, one shown at a time behind tabs.
-
-    Attributes:
-        name: of its CSV file, without ending.
-        caption: what it shows.
-        panels: title of the tab and Plotly figure, a mapping with `data` and `layout`.
-        note: how to read it, and what was left out for the screen.
-        height: px.
-    """
-
-    name: str
-    caption: str
-    panels: tuple[tuple[str, Mapping[str, Any]], ...]
-    note: str = ""
-    height: int = 380
-    kind: str = "chart"
+_DOTS = 110  # an inch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,21 +39,26 @@ class Scene:
     caption: str
     content: Mapping[str, Any]
     note: str = ""
-    kind: str = "scene"
 
 
-Block = Text | Remarks | Table | Chart | Scene
+@dataclass(frozen=True)
+class Image:
+    """A picture that is drawn already, a PNG file."""
+
+    path: Path
+
+    @property
+    def name(self) -> str:
+        """Of the file, without ending."""
+        return self.path.stem
+
+
+Block = Item | Picture | Image | Scene
 
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page that collapses.
-
-    Attributes:
-        name: anchor.
-        title: heading.
-        blocks: from top to bottom; a section without blocks is left out.
-    """
+    """A part of the page that collapses, by its anchor; without blocks it is left out."""
 
     name: str
     title: str
@@ -95,14 +67,7 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """A whole page.
-
-    Attributes:
-        title: of the page.
-        subtitle: one line under it.
-        made: when and by what.
-        sections: from top to bottom.
-    """
+    """A whole page; `made` says when and by what."""
 
     title: str
     subtitle: str
@@ -120,16 +85,40 @@ def page_html(page: Page) -> str:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["data"] = lambda value: Markup(data_json(value))
+    environment.filters["drawn"] = _picture_data
     environment.filters["prose"] = lambda text: Markup(prose_html(text))
     template = environment.from_string((assets / "page.html").read_text(encoding="utf-8"))
 
     def asset(name: str) -> Markup:
         return Markup((assets / name).read_text(encoding="utf-8"))
 
-    sections = [section for section in page.sections if section.blocks]
-    return template.render(
-        page=page, sections=sections, asset=asset, plotly=Markup(_plotly()), scene=_has_scene(page)
-    )
+    shown = [
+        (part, [(type(block).__name__.lower(), block) for block in part.blocks if _shows(block)])
+        for part in page.sections
+    ]
+    sections = [(part, blocks) for part, blocks in shown if blocks]
+    scene = any(kind == "scene" for _, blocks in sections for kind, _ in blocks)
+    return template.render(page=page, sections=sections, asset=asset, scene=scene)
+
+
+def _shows(block: Block) -> bool:
+    """Whether a block has anything for people."""
+    if isinstance(block, Note):
+        return block.page and bool(block.text)
+    if isinstance(block, Notes):
+        return bool(block.sentences)
+    return not isinstance(block, Table) or bool(block.rows)
+
+
+def _picture_data(picture: Picture | Image) -> str:
+    """A picture as the address of its own content."""
+    if isinstance(picture, Image):
+        png = picture.path.read_bytes()
+    else:
+        content = BytesIO()
+        picture.figure().savefig(content, format="png", dpi=_DOTS)
+        png = content.getvalue()
+    return f"data:image/png;base64,{b64encode(png).decode()}"
 
 
 def prose_html(text: str) -> str:
@@ -185,12 +174,3 @@ def _rounded(value: float) -> float | int | None:
         return None
     short = float(f"{value:.{_DIGITS}g}")
     return int(short) if short.is_integer() and abs(short) < 1e15 else short
-
-
-def _plotly() -> str:
-    """The plotting library, as its Python package brings it."""
-    return (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
-
-
-def _has_scene(page: Page) -> bool:
-    return any(isinstance(block, Scene) for part in page.sections for block in part.blocks)

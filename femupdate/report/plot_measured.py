@@ -1,20 +1,20 @@
 """What is in a measured file: histories, spectra, response to the base and its coherence."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import ReportError
 from femupdate.measurement.inspection import InspectedChannel, Inspection
 from femupdate.measurement.modes import in_phase
 from femupdate.measurement.names import BASE
 from femupdate.measurement.recording import RecordedFunction, RecordedMode
 from femupdate.report.figure import add_head, frequency_ticks, new_figure
-from femupdate.report.page_charts import thinned
 from femupdate.report.style import hue, look, styled
 
 MOST_LINES = 24
@@ -160,7 +160,7 @@ def _draw_histories(axes: Axes, channels: Sequence[InspectedChannel]) -> None:
     spacing = 2.0 * max(float(np.abs(own - own.mean()).max()) for own in histories)
     spacing = spacing or 1.0
     for k, (each, own) in enumerate(zip(channels, histories, strict=True)):
-        kept = thinned(own, POINTS)
+        kept = thinned(own)
         height = own[kept] - own.mean() - k * spacing
         axes.plot(kept * each.channel.time_step, height, color=hue(k), linewidth=0.6)
     axes.set_yticks([-k * spacing for k in range(len(channels))], [_label(c) for c in channels])
@@ -217,6 +217,22 @@ def _beside(driver: InspectedChannel | None, each: InspectedChannel) -> bool:
         return False
     own, other = driver.channel, each.channel
     return own.values.size == other.values.size and own.time_step == other.time_step
+
+
+def thinned(values: Floats, most: int = POINTS) -> Integers:
+    """Which of the points (n,) to show, at most about `most`: the least and largest of each bin.
+
+    So every peak stays, of the largest value in magnitude too.
+    """
+    if len(values) <= most:
+        return np.arange(len(values))
+    edges = np.linspace(0, len(values), most // 2 + 1).astype(np.int64)
+    kept = [
+        (start + int(part.argmin()), start + int(part.argmax()))
+        for start, end in pairwise(edges)
+        if len(part := values[start:end])
+    ]
+    return np.unique([0, *np.ravel(kept), len(values) - 1])
 
 
 def _segment(each: InspectedChannel) -> int:

@@ -21,7 +21,6 @@ def stick_mode_shapes(
     shapes_sd: Floats | None = None,
     floors: Sequence[str] | None = None,
     title: str = "Mode shapes",
-    note: str = "",
 ) -> Figure:
     """Draw the modes of a building that is a stick of masses, each with its top to the right.
 
@@ -31,7 +30,6 @@ def stick_mode_shapes(
         headings: k texts over the modes: number, frequency, share of the mass.
         shapes_sd: (k, f) standard deviations in the scale of the shapes, or None.
         floors: f names, the base first, or None.
-        note: under the title.
     """
     count, shown = len(shapes), upright(shapes)
     largest = np.maximum(np.abs(shapes).max(axis=1, keepdims=True), 1e-300)
@@ -44,7 +42,7 @@ def stick_mode_shapes(
     _finish(axes, levels, floors)
     figure.supxlabel("Displacement over its largest", fontsize=10.0)
     thin = "" if shapes_sd is None else thin_band_note(2.0 * nearly_all(shapes_sd / largest))
-    add_head(figure, title, note="\n".join(one for one in (note, thin) if one))
+    add_head(figure, title, note=thin)
     return figure
 
 

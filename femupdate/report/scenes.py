@@ -38,7 +38,6 @@ def mode_shape_figure(
     *,
     shape_sd: Floats | None = None,
     title: str = "Mode shape",
-    note: str = "",
     renderer: Renderer = "auto",
 ) -> Figure:
     """Draw a mode shape, and beside it its spread across posterior samples.
@@ -48,7 +47,6 @@ def mode_shape_figure(
     Args:
         shape_mean: (N, 3) displacement of every node, any scale.
         shape_sd: (N,) standard deviation of the displacement, in the scale of the mean, or None.
-        note: under the title, before how displacements are drawn.
         renderer: "auto", or one of the two by name.
     """
     fields, moved = _fields(shape_mean, shape_sd), deformed(geometry, shape_mean)
@@ -62,8 +60,7 @@ def mode_shape_figure(
             drawing_matplotlib.draw(panel, *look)
     for panel, field in zip(panels, fields, strict=True):
         _finish(figure, panel, field)
-    drawn = "Displacements are enlarged; grey lines: the building at rest"
-    add_head(figure, title, note="\n".join(one for one in (note, drawn) if one))
+    add_head(figure, title, note="Displacements are enlarged; grey lines: the building at rest")
     return figure
 
 

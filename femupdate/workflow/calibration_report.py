@@ -12,25 +12,26 @@ from numpy.random import default_rng
 
 from femupdate.arrays import Floats
 from femupdate.building.parameters import factor_titles
-from femupdate.dynamics.system import System
-from femupdate.inference.diagnostics import Identifiability, PredictiveCheck
+from femupdate.inference.diagnostics import Identifiability, PredictiveCheck, r_hat
 from femupdate.inference.next_event import drawn_error
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
 from femupdate.report.curves import Curve, response_curves
-from femupdate.report.scale import plus_minus
-from femupdate.result import Item, Note, Notes, Picture, Result, plain
+from femupdate.report.quantities import DrawnQuantity, floor_table, tidy_table
+from femupdate.result import Item, Note, Notes, Picture, Result, plain, took
 from femupdate.seeds import spawn
-from femupdate.study import Study, write_text
-from femupdate.tables import Column, Table
+from femupdate.study import Study, as_written, write_text
+from femupdate.tables import Table
 from femupdate.workflow.calibrate_draws import predictive_log_frf
+from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.prediction_quantities import DrawnQuantity, floor_table, tidy_table
 from femupdate.workflow.summary import (
     SUMMARY,
     identifiability_record,
+    identified,
+    kept_posterior,
+    kept_summary,
     parameter_table,
-    parameter_titles,
     short_name,
 )
 
@@ -55,6 +56,7 @@ class CalibrationReport(Result):
         seconds: all the time taken.
         invalid: evaluations without a number.
         files: the observations.
+        details: those notes that few ask for.
     """
 
     model: StudyModel
@@ -68,6 +70,7 @@ class CalibrationReport(Result):
     seconds: float
     invalid: int
     files: tuple[Path, ...]
+    details: tuple[str, ...] = ()
 
     def with_settings(self, more: Mapping[str, Any]) -> "CalibrationReport":
         """The same, whose posterior keeps more settings."""
@@ -77,34 +80,51 @@ class CalibrationReport(Result):
     @cached_property
     def curves(self) -> tuple[Curve, ...]:
         """|H| of every floor, the top floor first, measured and predicted."""
-        return fitted_curves(self.model.system, self.model, self.posterior)
+        model, posterior = self.model, self.posterior
+        predicted = predictive_log_frf(model.system, model, posterior)
+        seen = on_all_floors(posterior.observation, model.building.floors)
+        return response_curves(predicted, seen, _with_errors(model, posterior, predicted))
 
     def items(self) -> Iterator[Item]:
-        """The posterior in a table, what it is worth, notes and tables."""
+        """The verdict, the posterior in a table, what to do, what it is worth, and notes."""
         posterior, seen = self.posterior, self.posterior.observation
-        drawn, zeta = posterior.drawn, self.posterior.zeta_samples
+        drawn, zeta, draws = posterior.drawn, posterior.zeta_samples, posterior.samples
         yield Note(
             f"{drawn.likelihood.capitalize()} posterior of {self.model.building.name} "
             f"from {', '.join(seen.floors) or 'frequencies'} of {seen.source}: "
-            f"{len(posterior.samples)} draws, {self.seconds:.1f} s",
+            f"{len(draws)} draws{took(self.seconds)}",
             {"likelihood": drawn.likelihood, "floors": seen.floors, "seconds": self.seconds},
         )
-        yield self._parameters()
+        wrong = bool(posterior.warnings)
+        verdict = "to be used with care, as the notes say" if wrong else "the data are explained"
+        yield Note(f"  Verdict: {verdict}.")
+        q05, q95 = np.quantile(draws, [0.05, 0.95], axis=0)
+        figures = {"mean": draws.mean(axis=0), "sd": draws.std(axis=0), "q05": q05, "q95": q95}
+        yield Note(content={"parameters": posterior.names, **figures, "r_hat": self.r_hat})
+        yield parameter_table(self.model.building, posterior, self.r_hat)
         if zeta is not None:
-            ratio = {"zeta": {"mean": zeta.mean(), "sd": zeta.std()}}
-            yield Note(f"  damping ratio {plus_minus(zeta.mean(), zeta.std())}", ratio)
+            yield Note(content={"zeta": {"mean": zeta.mean(), "sd": zeta.std()}})
+        files = " ".join(str(path) for path in self.files)
+        look = f"`femupdate diagnose {files}` looks for what is missing."
+        go = "`femupdate predict --record RECORD`, or `femupdate report` for the page."
+        yield Note(f"  Next: {look if wrong else go}", page=False)
         content: dict[str, Any] = {"evaluations": drawn.evaluations, "invalid": self.invalid}
         if drawn.log_evidence is not None:
             content["log_evidence"] = drawn.log_evidence
             content["log_evidence_error"] = drawn.log_evidence_error
-        told = "\n".join(f"  {sentence}" for sentence in drawn.sentences())
-        yield Note(told, {**content, "particles": len(posterior.samples)})
-        yield Note(content=self._worth())
+        ways = "\n".join(f"  {sentence}" for sentence in drawn.sentences())
+        yield Note(ways, {**content, "particles": len(draws), **self._worth()}, detail=True)
         if self.check is not None:
-            yield Note(f"  {self.check.sentence()}")
-        yield Notes(self.notes, f"{SUMMARY} in the study", key="notes")
-        yield Note(f"  {self.path}", {"posterior": self.path, "files": self.files})
-        yield parameter_table(self.model.building, posterior)
+            yield Note(f"  {self.check.sentence()}", detail=True)
+        yield Note(content={"notes": self.notes})
+        yield Notes(posterior.warnings, f"{SUMMARY} in the study", warning=True)
+        told = {*posterior.warnings, *self.details}
+        others = tuple(note for note in self.notes if note not in told)
+        yield Notes(others, f"{SUMMARY} in the study")
+        yield Notes(self.details, detail=True)
+        yield Note(f"  {self.path}", {"posterior": self.path, "files": self.files}, page=False)
+        if seen.valid.any():
+            yield self._quality()
         yield from self._stiffness()
         yield self._responses()
 
@@ -117,27 +137,22 @@ class CalibrationReport(Result):
             "identifiability": identifiability_record(self.identified),
         }
 
-    def _parameters(self) -> Table:
-        """For people, with the agreement of the runs."""
-        draws, names = self.posterior.samples, self.posterior.names
-        low, high = np.quantile(draws, [0.05, 0.95], axis=0)
-        values = {"mean": draws.mean(axis=0), "sd": draws.std(axis=0), "q05": low, "q95": high}
-        heads = {"q05": "5 %", "q95": "95 %"}
-        titles = parameter_titles(self.model.building, names)
-        columns = [
-            Column(own, heads.get(key, key), [f"{v:.4f}" for v in own], key=key)
-            for key, own in values.items()
-        ]
-        hats = None if self.r_hat is None else [f"{hat:.3f}" for hat in self.r_hat]
-        return Table(
-            name="parameters",
-            columns=(
-                Column(names, "", key="parameters"),
-                *columns,
-                Column(self.r_hat, None if hats is None else "r-hat", hats, key="r_hat"),
-                Column([titles[name] for name in names], "of"),
-            ),
-            words_last=True,
+    def _quality(self) -> Table:
+        """How good the data of every floor are, for the page."""
+        seen, rows = self.posterior.observation, []
+        for k, (floor, used) in enumerate(zip(seen.floors, seen.valid, strict=True)):
+            noise = np.median(seen.noise_sd[k][used]) if used.any() else np.nan
+            coherence = "not measured"
+            if seen.coherence is not None and used.any():
+                coherence = f"{np.nanmedian(seen.coherence[k][used]):.3f}"
+            rows.append((floor, f"{used.sum()}", f"{used.size}", f"{noise:.3f}", coherence))
+        return Table.of(
+            ("floor", "points used", "of", "median noise of ln|H|", "median coherence"),
+            rows,
+            name="data_quality",
+            caption="Quality of the data by floor",
+            note="Points are left out for low coherence or little power in the base motion.",
+            most=0,
         )
 
     def _stiffness(self) -> Iterator[Table]:
@@ -199,7 +214,7 @@ class CalibrationReport(Result):
     def write_summary(self, study: Study) -> None:
         """Keep in a study as JSON what is read again of the posterior without its draws."""
         posterior = self.posterior
-        head, rows = parameter_table(self.model.building, posterior).sheet()
+        head, rows = parameter_table(self.model.building, posterior, self.r_hat).sheet()
         kept = rows[: len(posterior.names)]
         content = {
             **self._worth(),
@@ -212,11 +227,36 @@ class CalibrationReport(Result):
         write_text(study.result(SUMMARY), json.dumps(plain(content), indent=1) + "\n")
 
 
-def fitted_curves(system: System, model: StudyModel, posterior: Posterior) -> tuple[Curve, ...]:
-    """|H| of every floor, the top floor first, measured and predicted."""
-    predicted = predictive_log_frf(system, model, posterior)
-    seen = on_all_floors(posterior.observation, model.building.floors)
-    return response_curves(predicted, seen, _with_errors(model, posterior, predicted))
+def kept_calibration(study: Study, model: StudyModel) -> CalibrationReport:
+    """What a study keeps of a calibration, as the calibration told it.
+
+    Raises:
+        StudyError: there is none, or what is kept is damaged.
+    """
+    posterior, kept = kept_posterior(study, model.building), kept_summary(study)
+    with as_written(study.result(SUMMARY)):
+        check = kept.get("posterior_predictive_p")
+        if check is not None:
+            names, floors = zip(*check["floors"].items(), strict=True)
+            values = tuple(np.nan if value is None else float(value) for value in floors)
+            over = float(check["over_allowed"]) ** 2
+            check = PredictiveCheck(float(check["whole"]), values, names, over)
+        # A repair and older versions keep theirs with the posterior.
+        notes = [*kept.get("notes", ()), *posterior.warnings]
+        notes += [*posterior.settings.get("notes", ()), *posterior.observation.notes]
+        return CalibrationReport(
+            model=replace(model, system=open_system(study, model)),
+            posterior=posterior,
+            path=study.result("posterior.nc"),
+            r_hat=r_hat(posterior.theta),
+            identified=identified(posterior),
+            misfit=kept.get("misfit", np.nan),
+            check=check,
+            notes=tuple(dict.fromkeys(map(str, notes))),
+            seconds=np.nan,
+            invalid=0,
+            files=(),
+        )
 
 
 def _with_errors(

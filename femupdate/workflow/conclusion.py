@@ -84,6 +84,7 @@ def concluded(
         seconds=0.0,
         invalid=sum(run.invalid for run in sampled.runs),
         files=(),
+        details=sampled.notes,
     )
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from femupdate.building.parameters import factor_titles
 from femupdate.progress import SILENT, Progress
+from femupdate.report.prediction import Prediction
+from femupdate.report.quantities import quantity_tables
 from femupdate.report.scale import plus_minus
 from femupdate.result import Item, Note, Result
 from femupdate.study import Study
@@ -18,11 +20,9 @@ from femupdate.workflow.calibrate import CalibrationReport, calibrate_study
 from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.model import DEFAULT_BUILDING
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.pictures_modes import draw_model
-from femupdate.workflow.predict import Prediction, predict_study
+from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import RecordSource
-from femupdate.workflow.prediction_quantities import quantity_tables
-from femupdate.workflow.render import RenderReport, render_study
+from femupdate.workflow.render import RenderReport, draw_model, render_study
 from femupdate.workflow.summary import short_name
 
 _OBSERVATION = "six_story_white_noise.csv"

@@ -24,7 +24,7 @@ from femupdate.measurement.observation import on_all_floors
 from femupdate.storage import read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
 from femupdate.tables import Column, Table
-from femupdate.units import ordinal, percent
+from femupdate.units import percent
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import direction_of
 
@@ -53,16 +53,6 @@ class StudyMode:
     rank: int | None = None
 
     @property
-    def matters(self) -> str:
-        """How much it matters to the data, in words; empty where no FRF was measured."""
-        if self.influence is None or self.rank is None:
-            return ""
-        return (
-            f"{ordinal(self.rank)} in influence: without this mode, the fit would miss the data by "
-            f"{self.influence:.3g} times their noise"
-        )
-
-    @property
     def name(self) -> str:
         """Such as "mode 3 (X)"."""
         return f"mode {self.label}" + (f" ({self.direction})" if self.direction else "")
@@ -83,8 +73,7 @@ def mode_table(modes: Sequence[StudyMode], pictures: Sequence[Path] = ()) -> Tab
     if any(mode.influence is not None for mode in modes):
         note = (
             "Influence: by how many times their noise the fit would miss the measured ln|H| "
-            "without the mode. Unless they were asked for by number, the modes that matter most "
-            f"to the data come first. {note}"
+            f"without the mode. {note}"
         )
     mean, sd = ([getattr(m.tracked, f"frequency_{of}") for m in modes] for of in ("mean", "sd"))
     share, found = [m.effective_mass for m in modes], [m.tracked.found for m in modes]
@@ -172,10 +161,17 @@ MODES = StudyPart(
 
 
 def modes_of_model(model: StudyModel, full: FullModes, count: int) -> tuple[StudyMode, ...]:
-    """The lowest modes that the base motion drives, at factors 1."""
+    """The modes that move most of the mass, the lowest first, at factors 1."""
     found = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters)))
-    chosen = driven_modes(model.reduced, found, count)
+    chosen = _heaviest(model, found, count)
     return _named(model, full, found, found, chosen, np.arange(model.reduced.size))
+
+
+def _heaviest(model: StudyModel, at_one: ReducedModes, count: int) -> list[int]:
+    """So many modes that the base motion drives: those of the largest effective mass."""
+    driven = driven_modes(model.reduced, at_one, model.reduced.size)
+    mass = (model.reduced.excitation @ at_one.vectors[0]) ** 2
+    return sorted(sorted(driven, key=lambda k: -mass[k])[:count])
 
 
 def posterior_modes(
@@ -188,12 +184,11 @@ def posterior_modes(
     samples: int = 60,
     seed: int = 0,
 ) -> tuple[StudyMode, ...]:
-    """Modes followed through draws of the posterior, those that matter most to the data first.
+    """Modes followed through draws of the posterior: where none is wanted, those of the model.
 
     Args:
         full: numbers of the modes.
-        count: how many of those that the base motion drives, where none is wanted; the lowest
-            where no FRF was measured.
+        count: how many, as `modes_of_model` chooses them, where none is wanted.
         wanted: numbers of modes; those that the reduced model does not have are left out.
     """
     # These shapes do not show parameters of effects.
@@ -205,20 +200,19 @@ def posterior_modes(
     reference = ReducedModes(found.frequency_hz[[nearest]], found.vectors[[nearest]])
     origin = modes_at_one(model.reduced, theta[nearest])
     influence = _influence(model, posterior, reference)
-    chosen = driven_modes(model.reduced, reference, model.reduced.size)
-    if influence is not None:
-        chosen.sort(key=lambda k: -influence[k])
-        order = np.argsort(-influence).tolist()
-    chosen = chosen[:count]
+    at_one = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters)))
+    heaviest = _heaviest(model, at_one, count)
+    chosen = [k for k, first in enumerate(origin) if first in heaviest]
     if wanted:
         numbers = _numbers(model, full, origin)
         chosen = [numbers.index(one) for one in wanted if one in numbers]
     named = _named(model, full, found, reference, chosen, origin)
     if influence is None:
         return named
+    order = np.argsort(-influence).tolist()
     return tuple(
-        replace(one, influence=float(influence[k]), rank=order.index(k) + 1)
-        for one, k in zip(named, chosen, strict=True)
+        replace(mode, influence=float(influence[k]), rank=order.index(k) + 1)
+        for mode, k in zip(named, chosen, strict=True)
     )
 
 

@@ -7,34 +7,18 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from femupdate import __version__
-from femupdate.building.document import Building
 from femupdate.errors import StudyError
-from femupdate.inference.posterior import Posterior
 from femupdate.progress import SILENT, Progress
-from femupdate.report.page import Page, Section, write_page
+from femupdate.report.page import Page, write_page
 from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import BUILDING_FILE, Study
+from femupdate.workflow.calibration_report import kept_calibration
 from femupdate.workflow.model import open_study
-from femupdate.workflow.page_building import building_section
-from femupdate.workflow.page_parts import PageStudy, done_section, finder_section, warnings_section
-from femupdate.workflow.page_posterior import data_section, fit_section, posterior_section
-from femupdate.workflow.page_prediction import prediction_section
-from femupdate.workflow.page_summary import summary_section
-from femupdate.workflow.status import DAMAGED, MISSING, STALE, StatusReport, study_status
-from femupdate.workflow.summary import kept_posterior
+from femupdate.workflow.page import PageStudy, page_sections
+from femupdate.workflow.predict import kept_prediction
+from femupdate.workflow.status import DAMAGED, MISSING, STALE, study_status
 
 PAGE = "report.html"
-_SECTIONS = (
-    summary_section,
-    done_section,
-    building_section,
-    data_section,
-    fit_section,
-    posterior_section,
-    prediction_section,
-    finder_section,
-    warnings_section,
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,19 +70,24 @@ def report_study(
         )
     status = study_status(study)
     model = open_study(study, None, progress)
-    page = PageStudy(study, model, status, _posterior(study, model.building, status))
-    progress.start("Writing the page", len(_SECTIONS))
-    sections: list[Section] = []
-    for make in _SECTIONS:
-        sections.append(make(page))
-        progress.advance()
+    whole = status.state(study.key("posterior")) not in (None, MISSING, DAMAGED)
+    page = PageStudy(
+        study,
+        model,
+        status,
+        kept_calibration(study, model) if whole else None,
+        None if status.state(study.key("prediction")) is None else kept_prediction(study, model),
+    )
+    progress.start("Writing the page", 2)
+    sections = tuple(page_sections(page))
+    progress.advance()
     building = model.building
     written = write_page(
         Page(
             title=building.title or building.name,
             subtitle="Stiffness from measured vibration, with its uncertainty",
             made=f"femupdate {__version__}, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-            sections=tuple(sections),
+            sections=sections,
         ),
         path or study.result(PAGE),
     )
@@ -109,10 +98,3 @@ def report_study(
         stale=tuple(f"{one.name}: {one.state}" for one in status.holds if one.state == STALE),
         seconds=time.monotonic() - started,
     )
-
-
-def _posterior(study: Study, building: Building, status: StatusReport) -> Posterior | None:
-    """The posterior, where it is whole."""
-    if status.state(study.key("posterior")) in (None, MISSING, DAMAGED):
-        return None
-    return kept_posterior(study, building)

@@ -96,24 +96,28 @@ def parameter_titles(building: Building, names: Sequence[str]) -> Mapping[str, s
     return {name: known.get(name) or effect_title(name) for name in names}
 
 
+def placed_effect(label: str) -> Placed | None:
+    """The effect at its place that a label such as "added_mass@3F" is; None of another text."""
+    name, _, place = label.partition("@")
+    return Placed(CATALOGUE[name], place) if name in CATALOGUE else None
+
+
 def effect_parameter(name: str) -> EffectParameter | None:
     """The parameter of the catalogue that one such as "added_mass@3F.size" is."""
-    effect_name, _, rest = name.partition("@")
-    effect = CATALOGUE.get(effect_name)
-    known = () if effect is None else effect.parameters
-    return next((one for one in known if one.name == rest.rpartition(".")[2]), None)
+    label, _, own = name.rpartition(".")
+    placed = placed_effect(label)
+    known = () if placed is None else placed.effect.parameters
+    return next((parameter for parameter in known if parameter.name == own), None)
 
 
 def effect_title(name: str) -> str:
     """What a parameter such as "added_mass@3F.size" is of; the name itself where it is another."""
-    effect_name, _, rest = name.partition("@")
-    place, effect = rest.rpartition(".")[0], CATALOGUE.get(effect_name)
-    if effect is None:
+    placed, known = placed_effect(name.rpartition(".")[0]), effect_parameter(name)
+    if placed is None:
         return name
-    own = effect_parameter(name)
-    text = "" if own is None else f": {own.text or own.name}"
-    unit = "" if own is None or own.unit == "1" else f" ({own.unit})"
-    return f"{Placed(effect, place).in_words}{text}{unit}"
+    text = "" if known is None else f": {known.text or known.name}"
+    unit = "" if known is None or known.unit == "1" else f" ({known.unit})"
+    return f"{placed.in_words}{text}{unit}"
 
 
 def short_name(name: str) -> str:
@@ -125,14 +129,22 @@ def short_name(name: str) -> str:
     return f"{effect.replace('_', ' ')}, {place}" + (f": {parameter}" if parameter else "")
 
 
-def parameter_table(building: Building, posterior: Posterior) -> Table:
-    """Every parameter with its posterior and its prior, the damping ratio last."""
+def parameter_table(
+    building: Building, posterior: Posterior, agreement: Floats | None = None
+) -> Table:
+    """Every parameter with its posterior and its prior, the damping ratio last.
+
+    Args:
+        agreement: (p,) r-hat of the runs, where there are several.
+    """
     titles, names = parameter_titles(building, posterior.names), posterior.names
     priors = [f"{low:.3g} to {high:.3g}" for low, high in posterior.bounds]
+    hats = [] if agreement is None else [f"{value:.3f}" for value in agreement]
     draws = posterior.samples.T
     if posterior.zeta_samples is not None:
         draws, names = np.vstack([draws, posterior.zeta_samples]), (*names, "zeta")
         priors.append("")
+    hats += [""] * (len(names) - len(hats))
     sd = draws.std(axis=1)
     q05, median, q95 = np.quantile(draws, [0.05, 0.5, 0.95], axis=1)
     # With two figures of the standard deviation.
@@ -149,8 +161,8 @@ def parameter_table(building: Building, posterior: Posterior) -> Table:
     return Table(
         name="posterior",
         caption="Parameters",
+        note="A factor of 1 is the stiffness in the building file.",
         columns=(
-            Column(of, "of"),
             Column(names, "parameter", csv="parameter"),
             Column(of, csv="of"),
             column(draws.mean(axis=1), "mean", "mean"),
@@ -158,7 +170,10 @@ def parameter_table(building: Building, posterior: Posterior) -> Table:
             column(q05, "q05", "5 %"),
             column(median, "median"),
             column(q95, "q95", "95 %"),
+            *([] if agreement is None else [Column(hats, "r-hat")]),
             Column(priors, "prior"),
+            Column(of, "of"),
         ),
-        most=0,
+        corner="",
+        words_last=True,
     )

@@ -5,20 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from femupdate.report import page as page_module
-from femupdate.report.curves import Curve, Interval
+from femupdate.report.figure import new_figure
 from femupdate.report.geometry import Geometry
-from femupdate.report.page import (
-    Chart,
-    Page,
-    Remarks,
-    Section,
-    Text,
-    page_html,
-    prose_html,
-)
-from femupdate.report.page_charts import curve_figure, interval_figure, thinned
+from femupdate.report.page import Page, Section, page_html, prose_html
 from femupdate.report.page_scene import ElementField, scene_content, thinned_geometry
+from femupdate.report.plot_measured import thinned
+from femupdate.result import Note, Notes, Picture
 from femupdate.tables import Table
 
 NASTY = '</script><img src=x onerror=alert(1)> & "quotes" \'n all'
@@ -27,22 +19,28 @@ NASTY = '</script><img src=x onerror=alert(1)> & "quotes" \'n all'
 @pytest.fixture
 def nasty_page():
     """Every place that a text can come to holds markup."""
-    one = Interval(name=NASTY, mean=np.ones(1), low=np.zeros(1), high=np.full(1, 2.0))
-    figure = interval_figure([NASTY], [one], NASTY)
     table = Table.of(
         name=NASTY, caption=NASTY, head=(NASTY, "b"), rows=((NASTY, NASTY),), note=NASTY
     )
-    chart = Chart(name=NASTY, caption=NASTY, panels=((NASTY, figure), ("other", figure)))
-    blocks = (Text((NASTY,)), Remarks((NASTY,), warning=True), table, chart)
+    picture = Picture(NASTY, lambda: new_figure(1.0, 1.0))
+    blocks = (Note(NASTY), Notes((NASTY,), warning=True), table, picture)
     return Page(title=NASTY, subtitle=NASTY, made=NASTY, sections=(Section("s", NASTY, blocks),))
 
 
 def test_text_from_files_is_escaped(nasty_page):
     html = page_html(nasty_page)
-    own = html.replace(page_module._plotly(), "")
-    assert "onerror=alert(1)>" not in own
-    assert "<img" not in own
-    assert own.count("<script") == own.count("</script>")
+    assert "onerror=alert(1)>" not in html
+    assert re.findall(r"<img [^s]", html) == []
+    assert html.count("<script") == html.count("</script>")
+
+
+def test_what_the_terminal_alone_shows_is_not_on_the_page():
+    parts = (Note("told"), Note("a path", page=False), Note(content={"key": 1.0}), Notes(()))
+    page = Page(title="", subtitle="", made="", sections=(Section("s", "", parts),))
+    html = page_html(page)
+    assert "<p>told</p>" in html
+    assert "a path" not in html
+    assert "<ul" not in html
 
 
 def test_a_sentence_is_escaped_before_anything_in_it_is_marked_up():
@@ -51,8 +49,8 @@ def test_a_sentence_is_escaped_before_anything_in_it_is_marked_up():
 
 
 def test_a_page_needs_nothing_else(nasty_page):
-    html = page_html(nasty_page).replace(page_module._plotly(), "")
-    assert re.findall(r"(?:src|href)=[\"'](?!#)", html) == []
+    html = page_html(nasty_page)
+    assert re.findall(r"(?:src|href)=[\"'](?!#|data:image/png)", html) == []
     assert "default-src 'none'" in html
 
 
@@ -65,29 +63,6 @@ def test_thinning_keeps_every_peak():
     assert (np.diff(kept) > 0).all()
     assert {0, 1234, 15_000, 19_999} <= set(kept.tolist())
     assert thinned(values[:400], 500).tolist() == list(range(400))
-
-
-def test_a_curve_shows_what_was_measured_and_what_was_not_used():
-    x = np.arange(4.0)
-    curve = Curve(
-        title="RF",
-        across="f",
-        up="H",
-        x=x,
-        mean=x,
-        measured=np.array([1.0, 2.0, 3.0, np.nan]),
-        noise=np.full(4, 0.1),
-        used=np.array([True, False, True, False]),
-    )
-    data = curve_figure(curve, log="x", limits=(0.1, 10.0))
-    drawn = {trace["name"]: trace["x"].tolist() for trace in data["data"]}
-    assert drawn == {
-        "measured, left out": [1.0],
-        "measured": [0.0, 2.0],
-        "predicted, mean": [0.0, 1.0, 2.0, 3.0],
-    }
-    assert data["data"][1]["error_y"]["array"] == pytest.approx([0.1, 0.3])
-    assert data["layout"]["xaxis"]["range"] == [-1.0, 1.0]
 
 
 def grid(count):

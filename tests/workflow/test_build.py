@@ -15,7 +15,7 @@ from femupdate.workflow.model import (
     choose_building,
     open_study,
 )
-from femupdate.workflow.pictures_modes import draw_model
+from femupdate.workflow.render import draw_model
 
 
 @pytest.mark.parametrize(

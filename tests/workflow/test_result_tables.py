@@ -11,12 +11,12 @@ from femupdate.building import load_building
 from femupdate.dynamics.members import CutMember, MemberForces
 from femupdate.dynamics.summary import Statistics
 from femupdate.inference.posterior import load_posterior
-from femupdate.result import Result
-from femupdate.workflow.prediction_quantities import (
+from femupdate.report.quantities import (
     member_tables,
     quantities,
     tidy_table,
 )
+from femupdate.result import Result
 
 
 def rows_of(path):

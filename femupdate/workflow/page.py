@@ -1,0 +1,503 @@
+"""The sections of the page: a summary, what every result tells, and how all of it was made."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femupdate.building.parameters import factor_titles
+from femupdate.discrepancy.diagnose import NAMED, PARTLY
+from femupdate.dynamics.tracking import mean_shape, node_displacements
+from femupdate.effects.drawn_building import DrawnBuilding
+from femupdate.effects.effect import Placed
+from femupdate.effects.registry import building_effects
+from femupdate.effects.structure import Structure, structure_of
+from femupdate.report.geometry import Geometry
+from femupdate.report.glyphs import Glyphs, drawn
+from femupdate.report.page import Block, Image, Scene, Section
+from femupdate.report.page_scene import ElementField, MovingShape, scene_content, thinned_geometry
+from femupdate.report.prediction import Prediction
+from femupdate.report.quantities import DrawnQuantity, heights_of
+from femupdate.report.scale import interval_text, mass_scale, plus_minus
+from femupdate.result import Note, Notes, Result
+from femupdate.study import BUILDING_FILE, REPAIRED, Artefact, Study, as_written, file_hash
+from femupdate.tables import Table
+from femupdate.units import percent
+from femupdate.workflow.calibration_report import CalibrationReport
+from femupdate.workflow.model import StudyModel
+from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes
+from femupdate.workflow.status import CURRENT, StatusReport, files_beside_of, sources_of
+from femupdate.workflow.summary import effect_parameter, parameter_titles, placed_effect
+
+_MODES = 6
+_SHOWN = 8  # effects
+_SHORT = 16  # figures of a hash
+_LEAST_P = 1e-6  # below it a p-value says no more
+
+
+@dataclass(frozen=True, eq=False)
+class PageStudy:
+    """A study as the page sees it; results that it does not hold are None."""
+
+    study: Study
+    model: StudyModel
+    status: StatusReport
+    calibration: CalibrationReport | None
+    prediction: Prediction | None
+
+    @cached_property
+    def modes(self) -> tuple[StudyMode, ...]:
+        """Some modes over the posterior."""
+        if self.calibration is None:
+            return ()
+        full = find_modes(self.study, self.model)
+        return posterior_modes(self.model, self.calibration.posterior, full, _MODES)
+
+    @property
+    def searched(self) -> Study:
+        """The study whose diagnosis and repair the page shows."""
+        inside = self.study.folder.name == REPAIRED
+        if inside and not self.study.path("repair.json").exists():
+            return Study(self.study.folder.parent)
+        return self.study
+
+    def state(self, name: str) -> str | None:
+        """State of a thing that the study may hold, of the posterior that the page shows."""
+        return self.status.state(self.study.key(name))
+
+
+def page_sections(page: PageStudy) -> Iterator[Section]:
+    """From what a reader with one minute should know to the hashes of files."""
+    yield Section("summary", "In short", tuple(_summary(page)))
+    yield Section("building", "The building", tuple(_building(page)))
+    missing = "There is no posterior yet; run `femupdate calibrate`."
+    yield Section("posterior", "Posterior", tuple(_told(page.calibration, missing)))
+    missing = "Nothing was predicted; `femupdate predict --record FILE` does."
+    blocks = [*_told(page.prediction, missing)]
+    if page.prediction is not None:
+        blocks += _kept_pictures(page.study, page.prediction.path, ("story_shear", "member_forces"))
+    yield Section("prediction", "Prediction", tuple(blocks))
+    yield Section("finder", "What the model lacks", tuple(_finder(page)))
+    yield Section("done", "How it was made", tuple(_done(page)))
+
+
+def _told(result: Result | None, missing: str) -> Iterator[Block]:
+    """What a result tells and draws."""
+    if result is None:
+        yield Note(missing)
+        return
+    yield from result.items()
+    yield from result.figures()
+
+
+def _kept_pictures(study: Study, made: Path, names: Sequence[str]) -> list[Image]:
+    """Pictures that were drawn when a file was made, and cannot be drawn from what it holds."""
+    folder = study.result("pictures")
+    paths = [path for name in names for path in sorted(folder.glob(f"{name}*.png"))]
+    return [Image(path) for path in paths if path.stat().st_mtime >= made.stat().st_mtime]
+
+
+def _summary(page: PageStudy) -> Iterator[Block]:
+    sentences = [*_of_posterior(page), *_of_prediction(page), *_of_finder(page)]
+    yield Notes(tuple(sentences) or ("Nothing was calibrated yet.",))
+    stale = [
+        f"The {item.name} is {item.state}{': ' if item.reason else ''}{item.reason}. What this page"
+        " shows of it does not hold."
+        for item in page.status.holds
+        if item.state != CURRENT
+    ]
+    warned = () if page.calibration is None else page.calibration.posterior.warnings
+    yield Notes((*stale, *warned, *page.status.unfinished), warning=True)
+
+
+def _of_posterior(page: PageStudy) -> Iterator[str]:
+    if page.calibration is None:
+        return
+    posterior = page.calibration.posterior
+    seen, factors, effects = (
+        posterior.observation,
+        posterior.of("stiffness"),
+        posterior.of("effect"),
+    )
+    titles = parameter_titles(page.model.building, posterior.names)
+    draws = factors.samples
+    mean = draws.mean(axis=0)
+    source = f"{seen.source}, floors {', '.join(seen.floors)}" if seen.floors else seen.source
+    if len(mean) == 1:
+        yield f"Measured {source}: the stiffness is {_interval(draws[:, 0])} times the file's."
+    else:
+        least, most = int(mean.argmin()), int(mean.argmax())
+        spread = 100.0 * draws.std(axis=0) / mean
+        low, high = titles[factors.names[least]], titles[factors.names[most]]
+        yield (
+            f"Calibrated to {source}. Of the stiffness in the building file, {low} has least, "
+            f"{_interval(draws[:, least])} times, and {high} most, {_interval(draws[:, most])} "
+            "times (5 to 95 % in brackets)."
+        )
+        yield (
+            f"The data determine the factors to {spread.min():.2g} to {spread.max():.2g} % (one "
+            "standard deviation)."
+        )
+    listed = []
+    for name, sizes in zip(effects.names, effects.samples.T, strict=True):
+        known, (where, _, what) = effect_parameter(name), titles[name].partition(": ")
+        if known is None:
+            listed.append(f"{titles[name]}, {_interval(sizes)}")
+        else:
+            factor, _, unit = known.as_read(1.0, 0.0)
+            listed.append(f"{where}: {_interval(factor * sizes)} {unit} ({known.text or what})")
+    if listed:
+        yield f"The model holds effects: {'; '.join(listed)}."
+    if page.modes:
+        mode = max(page.modes, key=lambda mode: mode.effective_mass)
+        yield (
+            f"The mode that moves most of the mass, {mode.name}, is at "
+            f"{mode.tracked.frequency_mean:.2f} Hz (standard deviation "
+            f"{mode.tracked.frequency_sd:.2g} Hz) and moves {percent(mode.effective_mass)} of it."
+        )
+
+
+def _interval(draws: np.ndarray) -> str:
+    low, high = np.quantile(draws, [0.05, 0.95])
+    return interval_text(float(draws.mean()), float(draws.std()), float(low), float(high))
+
+
+def _of_prediction(page: PageStudy) -> Iterator[str]:
+    if page.prediction is None:
+        return
+    found = page.prediction.quantities
+    keys = ("acceleration", "ratio" if "ratio" in found else "drift", "base")
+    largest = "; ".join(_largest(found[key]) for key in keys)
+    yield f"Under {page.prediction.motion.title}: {largest}."
+
+
+def _largest(quantity: DrawnQuantity) -> str:
+    k = int(quantity.statistics.mean.argmax())
+    place = "" if quantity.places[k] == "base" else f" at {quantity.places[k]}"
+    return f"{quantity.name}{place} {quantity.cells()[k]} {quantity.unit}"
+
+
+def _of_finder(page: PageStudy) -> Iterator[str]:
+    """The verdict on this model, and the repair that followed or that made it."""
+    folder = page.searched
+    if page.state("diagnosis") is not None:
+        with as_written(path := folder.path("diagnosis.json")):
+            found = read_json(path)
+            yield f"What the model lacks: {found['verdict']}. {found['sentence']}"
+    with as_written(path := folder.path("repair.json")):
+        done = read_json(path)
+        if done.get("rounds"):
+            here = folder.folder != page.study.folder
+            which = "This model was repaired" if here else "A repaired model has a page of its own"
+            yield f"{which}. {_added(done)}"
+
+
+def _building(page: PageStudy) -> Iterator[Block]:
+    building = page.model.building
+    yield Note(f"{building.title or building.name}: {len(building.story_names)} stories.")
+    yield from (Note(" ".join(part.split())) for part in building.description.split("\n\n"))
+    heights, above = heights_of(building), page.model.reduced.story_mass
+    scale = mass_scale(above)
+    nominal = "nominal " if building.forces_are_relative else ""
+    rows = [
+        (
+            name,
+            floor,
+            "not given" if heights is None else f"{heights[k]:.3g}",
+            f"{above[k] / scale.factor:.4g}",
+        )
+        for k, (name, floor) in enumerate(zip(building.story_names, building.floors, strict=True))
+    ]
+    yield Table.of(
+        ("story", "floor above", "height, m", f"{nominal}mass above its middle, {scale.unit}"),
+        rows,
+        name="stories",
+        caption="Stories, from the bottom",
+    )
+    listed = building_effects(building).placed
+    yield Notes(tuple(f"The building file lists: {placed.in_words}." for placed in listed))
+    if page.modes:
+        yield mode_table(page.modes)
+    yield _scene(page)
+
+
+def _scene(page: PageStudy) -> Scene:
+    """The model that turns, with factors, modes, sensors and effects."""
+    building = page.model.building
+    drawing = DrawnBuilding(structure_of(building))
+    full = Geometry.of_building(drawing)
+    thin = thinned_geometry(full)
+    signs: list[tuple[Glyphs, bool]] = []
+    if page.calibration is not None:
+        floors = ",".join(page.calibration.posterior.observation.floors)
+        signs.append((drawn(drawing.sensors(floors)), False))
+    for placed in (*building_effects(building).placed, *_named(page)):
+        signs.append((drawn(placed.effect.glyphs(drawing, placed.place)), True))
+    content = scene_content(
+        thin,
+        _fields(page, drawing.structure, full),
+        [_moving(page, drawing, mode) for mode in page.modes],
+        signs,
+        list(zip(("base", *building.floors), drawing.levels.tolist(), strict=True)),
+    )
+    shown = len(thin.faces) + len(thin.lines)
+    every = len(full.shells) + len(full.beams)
+    size = f"All {every} elements are drawn."
+    if shown < every:
+        size = f"Thinned for the screen: {shown} of {every} elements are drawn."
+    note = "Drag or use the arrow keys to turn it. Displacements are enlarged."
+    return Scene(caption="The model", content=content, note=f"{size} {note}")
+
+
+def _fields(page: PageStudy, structure: Structure, full: Geometry) -> list[ElementField]:
+    """Mean and spread of the stiffness factor of every element."""
+    if page.calibration is None:
+        return []
+    draws = page.calibration.posterior.of("stiffness").samples
+    count = draws.shape[1]
+    # The factor of every face and line; NaN where none scales it.
+    groups = [np.full(len(full.shells), -1), np.tile(np.arange(count), 4)]
+    if structure.mesh is not None:
+        none, elements = np.zeros(0, dtype=np.int64), structure.mesh.model.elements
+        groups = [
+            np.concatenate([none, *(each.group for each in elements if each.dimension() == size)])
+            for size in (2, 1)
+        ]
+    mean, spread = draws.mean(axis=0), 100.0 * draws.std(axis=0) / draws.mean(axis=0)
+    named = (("stiffness factor", "", mean, "factor"), ("its spread", "%", spread, "spread"))
+    fields = []
+    for name, unit, values, colors in named:
+        faces, lines = (np.append(values, np.nan)[own] for own in groups)
+        fields.append(ElementField(name=name, unit=unit, faces=faces, lines=lines, map=colors))
+    return fields
+
+
+def _moving(page: PageStudy, drawing: DrawnBuilding, shown: StudyMode) -> MovingShape:
+    """A mode with the spread of its displacement over the draws."""
+    mode = shown.tracked
+    model = page.model.reduced
+    if model.node_shapes is not None:
+        shapes = node_displacements(model, mode.recognised)
+    else:
+        floors = mode.recognised @ model.floor_shapes.T
+        levels = np.column_stack([np.zeros(len(floors)), floors])
+        shapes = np.zeros((len(floors), 4 * levels.shape[1], 3))
+        shapes[:, :, drawing.structure.direction] = np.repeat(levels, 4, axis=1)
+    mean, spread = mean_shape(shapes)
+    frequency = "" if shown.number is None else f", {mode.frequency_mean:.2f} Hz"
+    title = f"{shown.name}{frequency}"
+    return MovingShape(name=title, shape=mean, spread=100.0 * spread)
+
+
+def _named(page: PageStudy) -> list[Placed]:
+    """The effect that a diagnosis of this study named, whole or partly, if any."""
+    if page.state("diagnosis") is None:
+        return []
+    with as_written(path := page.study.path("diagnosis.json")):
+        found = read_json(path)
+        if found["verdict"] not in (NAMED, PARTLY):
+            return []
+        first = found["effects"][0]
+        placed = placed_effect(f"{first['name']}@{first['place']}")
+    return [] if placed is None else [placed]
+
+
+def _finder(page: PageStudy) -> Iterator[Block]:
+    """Diagnosis and repair of this study; of a repaired one, the repair that made it."""
+    folder, there = page.searched, False
+    with as_written(path := folder.path("diagnosis.json")):
+        if found := read_json(path):
+            there = True
+            yield from _diagnosis(found)
+            yield from _kept_pictures(folder, path, ("residual_map", "effect_ranking"))
+    with as_written(path := folder.path("repair.json")):
+        if done := read_json(path):
+            there = True
+            yield from _repair(done, list(factor_titles(page.model.building).values()))
+            yield from _kept_pictures(folder, path, ("gap_before_after", "gap_residuals"))
+    if not there:
+        yield Note("Nobody has looked for effects that the model lacks; `femupdate diagnose` does.")
+
+
+def _diagnosis(found: Mapping[str, Any]) -> Iterator[Block]:
+    """What `diagnose` has kept as JSON."""
+    yield Note(f"Verdict: {found['verdict']}. {found['sentence']}")
+    yield Note(
+        f"The residuals of the model as it was add up to {found['chi2']:.0f} over "
+        f"{found['independent_points']:.0f} independent points{p_text(found['p_value'])}."
+    )
+    elsewhere = {True: "holds", False: "too little", None: ""}
+    rows = [
+        (
+            _words(effect),
+            f"{effect['log_evidence_over_none']:.1f}",
+            effect.get("size_in_words", ""),
+            elsewhere[effect.get("certified")],
+            percent(effect["absorbed_by_theta"]),
+        )
+        for effect in found["effects"][:_SHOWN]
+    ]
+    yield Table.of(
+        ("effect", "log evidence", "size", "on other data", "hidden by the stiffness factors"),
+        rows,
+        name="effects",
+        caption="Effects",
+        note="Log evidence over the model as it was: a difference of 5 is strong evidence; one of "
+        "1 says little.",
+    )
+    cells = sorted(found["where"], key=lambda cell: -float(cell["excess"]))
+    places = [
+        (
+            ", ".join(str(part) for part in (cell["floor"], cell.get("data")) if part),
+            # A band in Hz, or the frequency of a mode.
+            " to ".join(dict.fromkeys(f"{edge:.3g}" for edge in cell["band_hz"])),
+            f"{np.sqrt(max(cell['excess'] + 1.0, 0.0)):.2f}",
+        )
+        for cell in cells
+    ]
+    yield Table.of(
+        ("floor", "band, Hz", "residual over noise (rms)"),
+        places,
+        name="where",
+        caption="Where the model as it was and the data disagree by more than noise",
+    )
+    remarks = [*found["would_decide"], *found["screen"]]
+    for key, text in (
+        ("cannot_be_seen", "These sensors cannot show"),
+        ("cannot_be_told_from_the_first", "The data cannot tell the first effect from"),
+    ):
+        effects = [(placed_effect(label), label) for label in found[key]]
+        if effects:
+            told = ", ".join(placed.in_words if placed else label for placed, label in effects)
+            remarks.append(f"{text}: {told}.")
+    yield Notes(tuple(remarks))
+
+
+def _words(kept: Mapping[str, Any]) -> str:
+    """An effect at its place, as a diagnosis or a repair has kept it."""
+    label = f"{kept.get('name') or kept.get('effect')}@{kept['place']}"
+    placed = placed_effect(label)
+    return str(kept.get("in_words") or (placed.in_words if placed else label))
+
+
+def _repair(done: Mapping[str, Any], titles: Sequence[str]) -> Iterator[Block]:
+    """What `repair` has kept as JSON."""
+    if not done["rounds"]:
+        yield Note(f"A repair added nothing ({done['verdict']}). {done['sentence']}")
+        return
+    yield Note(_added(done))
+    yield Note(f"What remains: {done['remaining']['sentence']}")
+    before, after = done["holdout_error_before"], done["holdout_error_after"]
+    # What an older femupdate wrote has no halves.
+    halves = [done.get(f"halves_chi2_{when}") for when in ("before", "after")]
+    if None not in halves:
+        yield Note(
+            "Each half of the data was kept out in turn: by a fit to the other, its mean squared "
+            f"residual was {halves[0]:.1f} before the repair and is {halves[1]:.1f} after it."
+        )
+    elif before is not None and after is not None:
+        own = [percent(done[f"holdout_own_error_{when}"]) for when in ("before", "after")]
+        yield Note(
+            "On a measurement that was kept out, the error of the histories was "
+            f"{percent(before)} before the repair and is {percent(after)} after it; with that "
+            f"measurement's own stiffness and damping it was {own[0]} and is {own[1]}."
+        )
+    columns = [
+        [plus_minus(*pair) for pair in zip(done[f"theta_{w}"], done[f"theta_sd_{w}"], strict=True)]
+        for w in ("before", "after")
+    ]
+    yield Table.of(
+        ("factor of", "before", "after"),
+        list(zip(titles, *columns, strict=False)),
+        name="before_after",
+        caption="Stiffness factors before and after the repair",
+    )
+
+
+def _added(done: Mapping[str, Any]) -> str:
+    """What a repair added, and what that did."""
+    names = "; ".join(_words(record) for record in done["rounds"])
+    return (
+        f"Added to the model: {names}. Residuals fell from {done['chi2_before']:.0f} to "
+        f"{done['chi2_after']:.0f} over {done['independent_points']:.0f} independent points."
+    )
+
+
+def p_text(value: float) -> str:
+    """A p-value in brackets: two decimals, or an exponent where it is small.
+
+    Nothing where it is 1: the noise that is allowed for is then larger than that of the data.
+    """
+    if value >= 0.995:
+        return ""
+    if value < _LEAST_P:
+        return f" (p-value under {_LEAST_P:.0e})".replace("e-0", "e-")
+    return f" (p-value {value:.2f})" if value >= 0.01 else f" (p-value {value:.1g})"
+
+
+def _done(page: PageStudy) -> Iterator[Block]:
+    """Steps with version, time and files."""
+    yield Note(
+        "Intervals are those of the posterior: with the model, the priors and the noise as stated, "
+        "the value lies inside with the probability given. They do not cover errors that the notes "
+        "name and that nothing on this page accounts for."
+    )
+    recorded = page.study.artefacts()
+    steps = [
+        (
+            item.name,
+            f"femupdate {item.command}",
+            item.version,
+            item.created.replace("T", " ")[:16],
+            item.state,
+            item.file,
+            recorded[item.name].sha256[:_SHORT],
+        )
+        for item in page.status.holds
+    ]
+    yield Table.of(
+        ("result", "by", "version", "time (UTC)", "state", "file", "SHA-256"),
+        steps,
+        name="what_was_done",
+        caption="Steps, in the order in which they were made",
+        note=f"The first {_SHORT} figures of each hash; the whole ones are in study.json.",
+    )
+    building = (BUILDING_FILE, file_hash(page.study.path(BUILDING_FILE))[:_SHORT])
+    used: dict[tuple[str, str], list[str]] = {building: ["the building, as the study keeps it"]}
+    makers = [(item.name, recorded[item.name]) for item in page.status.holds]
+    if page.searched.folder != page.study.folder:
+        above = page.searched.artefacts()
+        makers += [
+            (f"{name} that made this model", above[name])
+            for name in ("diagnosis", "repair")
+            if name in above
+        ]
+    for name, artefact in makers:
+        for file in _sources(artefact):
+            used.setdefault(file, []).append(name)
+    yield Table.of(
+        ("file", "for", "SHA-256 when used"),
+        [(file, ", ".join(names), digest) for (file, digest), names in used.items()],
+        name="files_used",
+        caption="Files that were used",
+    )
+
+
+def _sources(artefact: Artefact) -> list[tuple[str, str]]:
+    """Files outside the study, each with the hash that it had."""
+    sources, recorded = sources_of(artefact), artefact.made_from
+    hashes = [recorded[key] for key in recorded if key.startswith(("observation", "record"))]
+    hashes += [""] * (len(sources) - len(hashes))
+    beside = files_beside_of(artefact)
+    hashes += [recorded.get(option, "") for option in beside]
+    pairs = zip((*sources, *beside.values()), hashes, strict=True)
+    return [(Path(name).name, digest[:_SHORT]) for name, digest in pairs]
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object of the study; empty where the file is missing."""
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
