@@ -29,7 +29,7 @@ class Answer:
     files: Sequence[Path] = ()
     tables: tuple[Path, ...] | None = None
 
-    def show(self, as_json: bool) -> None:
+    def show(self, as_json: bool, details: bool = False) -> None:
         """Print it, for scripts or for people."""
         drawn = {} if self.pictures is None else {"pictures": self.pictures}
         if self.tables is not None:
@@ -38,7 +38,7 @@ class Answer:
             content = {**self.result.as_dict(), **plain({**drawn, **self.more})}
             click.echo(json.dumps(content, indent=2))
             return
-        click.echo("\n".join(self.result.lines()))
+        click.echo("\n".join(self.result.lines(details)))
         print_pictures((*(self.pictures or ()), *self.files, *(self.tables or ())))
 
 

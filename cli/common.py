@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import click
 
 from femupdate.errors import FemupdateError
+from femupdate.progress import SILENT
 from femupdate.result import Result
 from femupdate.study import MAIN_POSTERIOR, Study, copied, locked
 from femupdate.tables import require_xlsx, write_tables
@@ -62,10 +63,10 @@ channel_option = click.option(
 scale_option = click.option(
     "--scale", type=float, default=1.0, show_default=True, help="Factor on the record."
 )
-replace_option = click.option(
-    "--replace", "--force", is_flag=True, help="Replace an existing file."
+overwrite_option = click.option(
+    "--overwrite", "--replace", "overwrite", is_flag=True, help="Overwrite an existing file."
 )
-"""Of commands that write one file, with `check_free`; --force is what it was called before."""
+"""Of commands that write one file, with `check_free`; --replace is what it was called before."""
 
 
 def output_option(text: str, *, required: bool = True) -> Callable[[F], F]:
@@ -78,14 +79,14 @@ def output_option(text: str, *, required: bool = True) -> Callable[[F], F]:
     return click.option("-o", "--output", type=path, required=required, help=text)
 
 
-def check_free(output: Path, replace: bool) -> None:
-    """Refuse a file that is there, unless it is to be replaced.
+def check_free(output: Path, overwrite: bool) -> None:
+    """Refuse a file that is there, unless it is to be overwritten.
 
     Raises:
         Failure: it is there.
     """
-    if output.exists() and not replace:
-        raise Failure(f"{output} is there already; choose another name, or replace it by --replace")
+    if output.exists() and not overwrite:
+        raise Failure(f"{output} is there already; choose another name, or add --overwrite")
 
 
 _POSTERIOR = click.option(
@@ -160,9 +161,9 @@ def study_options(
                     study.check_writable()
                     stack.enter_context(locked(study.folder, _command_name()))
                 stack.enter_context(shared_out(kwargs.pop("dask", None)))
-                bars = stack.enter_context(Bars())
+                bars = progress_bars(stack)
                 answer = function(*args, study=study, bars=bars, **kwargs)
-            answer.show(as_json)
+            answer.show(as_json, asked_for("verbose"))
 
         return functools.reduce(lambda made, option: option(made), options, wrapper)
 
@@ -185,6 +186,16 @@ def shared_out(address: str | None) -> Iterator[None]:
         yield
 
 
+def asked_for(name: str) -> bool:
+    """Whether the running command was given a flag that all commands have."""
+    return bool(click.get_current_context().params.get(name))
+
+
+def progress_bars(stack: ExitStack) -> Any:
+    """Progress on stderr, or none where it was asked for quiet."""
+    return SILENT if asked_for("quiet") else stack.enter_context(Bars())
+
+
 def _command_name() -> str:
     return click.get_current_context().info_name or "command"
 
@@ -195,7 +206,7 @@ def plain_options(function: Callable[..., Answer]) -> Callable[..., None]:
     @_reporting
     @functools.wraps(function)
     def wrapper(*args: Any, as_json: bool, **kwargs: Any) -> None:
-        function(*args, **kwargs).show(as_json)
+        function(*args, **kwargs).show(as_json, asked_for("verbose"))
 
     return wrapper
 
@@ -314,8 +325,9 @@ def _reporting(function: F) -> F:
 
     @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
     @click.option("-v", "--verbose", count=True, help="Say more; -vv for debugging.")
+    @click.option("-q", "--quiet", is_flag=True, help="Show no progress, only the answer.")
     @functools.wraps(function)
-    def wrapper(*args: Any, verbose: int, **kwargs: Any) -> Any:
+    def wrapper(*args: Any, verbose: int, quiet: bool, **kwargs: Any) -> Any:
         _start_logging(verbose)
         try:
             _require_inputs()

@@ -17,15 +17,15 @@ _HEADINGS = {
     ),
     "What is written": (
         *("name", "output", "xlsx", "no-pictures", "picture", "export", "shell", "gif"),
-        *("write-mapping", "json", "replace"),
+        *("write-mapping", "json", "overwrite"),
     ),
-    "General": ("seed", "verbose", "help", "version"),
+    "General": ("seed", "verbose", "quiet", "help", "version"),
 }
 _SETTINGS = "How it is done"
 _ORDER = ("What is read", _SETTINGS, "What is written", "General")
 
 # A study that is recorded in knows its folder and its building, and not how it was told of them.
-_NOT_NOTED = {"study", "copy", "building", "as_json", "verbose"}
+_NOT_NOTED = {"study", "copy", "building", "as_json", "verbose", "quiet"}
 _WORDS = f"{__name__}.words"
 
 

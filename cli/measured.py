@@ -12,8 +12,8 @@ from .common import (
     check_free,
     columns_options,
     output_option,
+    overwrite_option,
     plain_options,
-    replace_option,
     unit_option,
 )
 from .group import GroupedCommand
@@ -92,7 +92,7 @@ def inspect(
     show_default=True,
     help="Largest order of the models.",
 )
-@replace_option
+@overwrite_option
 @click.option("--no-pictures", is_flag=True, help="Draw no pictures.")
 @plain_options
 def identify(
@@ -101,7 +101,7 @@ def identify(
     columns: dict[str, str] | None,
     band: tuple[float, float] | None,
     order: int,
-    replace: bool,
+    overwrite: bool,
     no_pictures: bool,
 ) -> Answer:
     """Identify modes from RECORD, floor motions whose excitation is unknown (ambient vibration).
@@ -118,7 +118,7 @@ def identify(
     from femupdate.workflow.identify import draw_identified
     from femupdate.workflow.identify import identify as identify_file
 
-    check_free(output, replace)
+    check_free(output, overwrite)
     report = identify_file(record, output, columns=columns, band_hz=band, order=order)
     if no_pictures:
         return Answer(report)

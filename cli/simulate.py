@@ -13,7 +13,7 @@ from .common import (
     channel_option,
     check_free,
     output_option,
-    replace_option,
+    overwrite_option,
     scale_option,
     study_options,
     unit_option,
@@ -81,7 +81,7 @@ from .parameters import Band, BuildingName, InputFile, Numbers, SizedEffect
     type=SizedEffect(),
     help="Hidden effect and its size, such as added_mass@3F=0.1; may be given several times.",
 )
-@replace_option
+@overwrite_option
 @click.option(
     "--sensor-noise",
     "sensor_noise_m_s2",
@@ -98,7 +98,7 @@ def command(
     channel: int | str | None,
     unit: str | None,
     scale: float,
-    replace: bool,
+    overwrite: bool,
     study: Study,
     bars: Bars,
     **settings: Any,
@@ -112,18 +112,20 @@ def command(
     Example:
       femupdate simulate -o obs.csv --building shear_4dof --effect added_mass@3F=0.1
     """
-    check_free(output, replace)
+    check_free(output, overwrite)
     from femupdate.measurement.record import read_record
     from femupdate.simulation.simulate import (
         SimulationSettings,
         simulate_observation,
         write_simulation,
     )
-    from femupdate.workflow.model import choose_building
+    from femupdate.workflow.model import choose_building, require_named, say_building
 
     if record is not None:
         motion = read_record(record, unit, channel).scaled(scale)
         settings.update(base_motion=motion, sampling_hz=1.0 / motion.time_step)
+    require_named(study, building)
     chosen = choose_building(study, building)
+    say_building(study, building, chosen, bars)
     simulation = simulate_observation(chosen, SimulationSettings(**settings), bars)
     return Answer(write_simulation(simulation, output))

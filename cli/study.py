@@ -8,8 +8,7 @@ import click
 from femupdate.study import Study, locked
 
 from .answer import Answer
-from .bars import Bars
-from .common import output_option, plain_options, posterior_options, study_option
+from .common import output_option, plain_options, posterior_options, progress_bars, study_option
 from .group import GroupedCommand
 
 
@@ -83,5 +82,5 @@ def report(study: Study, output: Path | None) -> Answer:
         if output is None:
             study.check_writable()
             stack.enter_context(locked(study.folder, "report"))
-        bars = stack.enter_context(Bars())
+        bars = progress_bars(stack)
         return Answer(interface.write_report(study, output, progress=bars))

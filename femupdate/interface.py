@@ -111,7 +111,6 @@ def calibrate(
 
     Raises:
         MeasurementError: a file cannot be used, or belongs to another building.
-        SurrogateError: no surrogate fits the building, and one is needed.
         InferenceError: the sampler cannot go on.
     """
     from femupdate.workflow.calibrate import calibrate_study, check_calibration
@@ -194,11 +193,13 @@ def diagnose(
     """
     from femupdate.discrepancy.thresholds import DiagnosisSettings
     from femupdate.workflow.diagnose import diagnose_study
+    from femupdate.workflow.model import require_named
     from femupdate.workflow.observed import readable
 
     how, opened = reading or {}, _study(study)
     source = readable(how, *map(Path, files))
     other = None if second is None else readable(how, Path(second))
+    require_named(opened, _name(building))
     model = reduce(opened, building, progress=progress)
     chosen = DiagnosisSettings(**settings)
     return diagnose_study(opened, model, source, chosen, progress, use_phase, other)
@@ -226,6 +227,7 @@ def repair(
         BuildingError: an effect of the building's file cannot be.
     """
     from femupdate.discrepancy.thresholds import DiagnosisSettings
+    from femupdate.workflow.model import require_named
     from femupdate.workflow.observed import readable
     from femupdate.workflow.repair import repair_study
 
@@ -233,6 +235,7 @@ def repair(
     source = readable(how, *map(Path, files))
     kept_out = None if holdout is None else readable(how, Path(holdout))
     other = None if second is None else readable(how, Path(second))
+    require_named(opened, _name(building))
     model = reduce(opened, building, progress=progress)
     chosen = DiagnosisSettings(**settings)
     return repair_study(opened, model, source, kept_out, chosen, progress, use_phase, other)

@@ -20,7 +20,13 @@ from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import BUILDING_FILE, Study, atomic_path, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
-from femupdate.workflow.model import StudyModel, choose_building, keep_reduction, reduce_building
+from femupdate.workflow.model import (
+    StudyModel,
+    choose_building,
+    keep_reduction,
+    reduce_building,
+    say_building,
+)
 from femupdate.workflow.modes import full_modes, keep_modes
 from femupdate.workflow.observed import direction_of
 
@@ -107,6 +113,7 @@ def build_study(
     """
     # Without a name a study keeps its own building: the default never replaces it.
     chosen = load_building(building) if building else choose_building(study, None)
+    say_building(study, building, chosen, progress)
     _refuse_other(study, chosen)
     structure = structure_of(chosen)
     mesh, operators = structure.mesh, structure.operators

@@ -9,8 +9,8 @@ from femupdate.inference.encoder_input import encoder_input
 from femupdate.inference.posterior import save_posterior
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
-from femupdate.study import BUILDING_FILE, Study
-from femupdate.surrogate.storage import require_surrogate
+from femupdate.study import Study
+from femupdate.surrogate.storage import find_surrogate
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.calibrate_effects import fitted_effects, with_levels
 from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings, unserved
@@ -34,7 +34,6 @@ def calibrate_study(
 
     Raises:
         MeasurementError: the observation cannot be used.
-        SurrogateError: no surrogate fits the building (latent likelihood).
         InferenceError: the sampler cannot go on.
     """
     started = time.monotonic()
@@ -43,8 +42,16 @@ def calibrate_study(
     source = source.opened()
     measured = read_measured_of(study, model, source, progress)
     # Surrogates know FRFs under a base that translates.
-    why = "" if settings.exact else unserved(model.building)
-    settings = replace(settings, exact=settings.exact or measured.beyond_surrogates or bool(why))
+    why, exact = "", settings.exact or measured.beyond_surrogates
+    if not exact and (why := unserved(model.building)):
+        why = f"{model.building.name} {why}: the likelihood of the data themselves was sampled."
+    elif not exact and find_surrogate(study, model.building) is None:
+        progress.say("No surrogate is trained: sampling the likelihood of the data, up to minutes")
+        why = (
+            f"No surrogate of {model.building.name} is trained, so the likelihood of the data "
+            "themselves was sampled; many calibrations are quicker after `femupdate train`."
+        )
+    settings = replace(settings, exact=exact or bool(why))
     fitted = None
     if model.building.effects:
         measured = with_levels(model, source, measured)
@@ -59,8 +66,7 @@ def calibrate_study(
     else:
         sampled = sample_latent(study, model, measured, settings, sampling, progress)
     if why:
-        note = f"{model.building.name} {why}: the likelihood of the data themselves was sampled."
-        sampled = replace(sampled, notes=(note, *sampled.notes))
+        sampled = replace(sampled, notes=(why, *sampled.notes))
     report = concluded(
         model, measured, settings, sampled, drawing, study.result("posterior.nc")
     ).with_settings(level_settings(model, model.system.placed, source, measured.levels))
@@ -85,7 +91,6 @@ def check_calibration(
     Raises:
         MeasurementError: the observation cannot be used, or belongs to another building.
         BuildingError: the building cannot be read.
-        SurrogateError: no surrogate fits the building, and one is needed.
         InferenceError: the device is not there.
         StudyError: the study is of another building, or cannot be written.
     """
@@ -94,10 +99,9 @@ def check_calibration(
     check_readable(source)
     chosen = choose_building(study, building)
     measured = measured_of(chosen, source)
-    if not (settings.exact or measured.beyond_surrogates or unserved(chosen)):
-        known = study.path(BUILDING_FILE).exists()
-        surrogate = require_surrogate(study, chosen, None if known else building)
-        encoder_input(measured.base, surrogate.info.floors)
+    needless = settings.exact or measured.beyond_surrogates or unserved(chosen)
+    if not needless and (found := find_surrogate(study, chosen)) is not None:
+        encoder_input(measured.base, found[0].info.floors)
 
 
 def check_device(name: str) -> None:

@@ -92,6 +92,7 @@ class DiagnosisReport(Result):
                 "theta": found.base.theta()[0],
                 "seconds": self.seconds,
             },
+            detail=True,
         )
         yield _effects(found.findings)
         told = ""

@@ -150,6 +150,7 @@ def open_study(
         BuildingError, StructureError: the building cannot be read or cannot stand.
     """
     chosen = choose_building(study, building)
+    say_building(study, building, chosen, progress)
     kept = study.kept(REDUCED, {"building": mechanics_hash(chosen)})
     if kept is not None:
         return on_kept_finer(study, _study_model(chosen, kept))
@@ -204,6 +205,27 @@ def reduce_building(
     """Make the reduced model of any building, without its effects."""
     plain = structure or structure_of(building)
     return reduce_structure(plain, reduction_target(building), progress=progress)
+
+
+def require_named(study: Study, building: str | None) -> None:
+    """Make sure that a building is named or kept, where the default one is never what was meant.
+
+    Raises:
+        StudyError: there is none.
+    """
+    if building is None and not study.path(BUILDING_FILE).exists():
+        raise StudyError(
+            f"the study {study.folder} has no building yet; name one with --building, or run "
+            "`femupdate build-model NAME` first"
+        )
+
+
+def say_building(study: Study, name: str | None, chosen: Building, progress: Progress) -> None:
+    """Say first of all which building a command works on, and where it was only assumed."""
+    title = "" if chosen.title in ("", chosen.name) else f" ({chosen.title})"
+    assumed = name is None and not study.path(BUILDING_FILE).exists()
+    doubt = ", the default: name your own with --building" if assumed else ""
+    progress.say(f"Building {chosen.name}{title}{doubt}")
 
 
 def choose_building(study: Study, name: str | None) -> Building:

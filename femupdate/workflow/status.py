@@ -4,13 +4,11 @@ import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from femupdate.building.document import Building, mechanics_hash, without_effects
 from femupdate.building.files import load_building
-from femupdate.building.shipped import shipped_buildings
 from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import (
     BESIDE,
@@ -24,7 +22,6 @@ from femupdate.study import (
 )
 from femupdate.tables import Table
 from femupdate.units import capital
-from femupdate.workflow.calibrate_settings import unserved
 from femupdate.workflow.summary import kept_summary
 
 CURRENT, STALE, DAMAGED, MISSING = "current", "stale", "changed by hand", "missing"
@@ -257,7 +254,8 @@ class _Look:
         if again:
             return tuple(dict(again).items())
         if not self.study.posteriors():
-            return self._first_calibration()
+            reason = "Nothing is calibrated yet; OBSERVATION is a measured file."
+            return ((self._say("calibrate OBSERVATION"), reason),)
         shown = self._shown()
         option = "" if shown.posterior == MAIN_POSTERIOR else f" --posterior {shown.posterior}"
         if shown.key("prediction") not in self.artefacts:
@@ -277,25 +275,6 @@ class _Look:
         if self.study.posterior in have:
             return self.study
         return Study(self.study.folder, have[0])
-
-    def _first_calibration(self) -> tuple[tuple[str, str], ...]:
-        """Before there is a posterior."""
-        reason = "Nothing is calibrated yet; OBSERVATION is a measured file."
-        assert self.building is not None
-        if unserved(self.building) or "surrogate" in self.artefacts or self._ships_a_surrogate():
-            return ((self._say("calibrate OBSERVATION"), reason),)
-        return (
-            (self._say("calibrate OBSERVATION --exact"), reason),
-            (self._say("train"), "Or train a surrogate once; then --exact is not needed."),
-        )
-
-    def _ships_a_surrogate(self) -> bool:
-        assert self.building is not None
-        name = self.building.name
-        weights = files("femupdate.models") / f"{name}.safetensors"
-        if name not in shipped_buildings() or not weights.is_file():
-            return False
-        return mechanics_hash(load_building(name)) == self.hashes[0]
 
     def _say(self, command: str, item: Holding | None = None) -> str:
         where = self.study.folder

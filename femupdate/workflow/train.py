@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from femupdate import __version__
-from femupdate.errors import StudyError, SurrogateError
+from femupdate.errors import SurrogateError
 from femupdate.progress import SILENT, Progress
 from femupdate.result import Item, Note, Result
 from femupdate.seeds import DATA_SET, stream
-from femupdate.study import BUILDING_FILE, Study, file_hash
+from femupdate.study import Study, file_hash
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
 from femupdate.surrogate.network import NetworkSizes
 from femupdate.surrogate.storage import (
@@ -31,7 +31,7 @@ from femupdate.surrogate.training import (
 )
 from femupdate.workflow.calibrate_settings import unserved
 from femupdate.workflow.mesh_error import with_finer_mesh
-from femupdate.workflow.model import StudyModel, choose_building
+from femupdate.workflow.model import StudyModel, choose_building, require_named
 
 _CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
@@ -91,9 +91,13 @@ class TrainReport(Result):
             )
             return
         yield Note(
-            f"Data set {self.dataset_seconds:.0f} s, training {self.training_seconds:.0f} s, "
-            f"best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}, validation loss "
-            f"{metrics['validation_loss']:.1f}"
+            f"Trained: data set {self.dataset_seconds:.0f} s, "
+            f"training {self.training_seconds:.0f} s"
+        )
+        yield Note(
+            f"  best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}, validation loss "
+            f"{metrics['validation_loss']:.1f}",
+            detail=True,
         )
         yield Note(f"  {self.path}")
 
@@ -127,12 +131,7 @@ def check_training(
             written.
     """
     study.check_writable()
-    if building is None and not study.path(BUILDING_FILE).exists():
-        # The default building has a shipped surrogate: to train one is never what was meant.
-        raise StudyError(
-            f"the study {study.folder} has no building yet; name one with --building, or run "
-            "`femupdate build-model NAME` first"
-        )
+    require_named(study, building)
     check_samples(samples, TrainingSettings(batch=batch))
     chosen = choose_building(study, building)
     if why := unserved(chosen):

@@ -33,7 +33,8 @@ class Outcome:
     @property
     def progress(self) -> list[str]:
         """Lines on stderr that tell of progress."""
-        return [line for line in self.err.splitlines() if line.endswith(" ...")]
+        lines = self.err.splitlines()
+        return [line for line in lines if line.endswith(" ...") or line.startswith("Building ")]
 
     @property
     def complaint(self) -> str:

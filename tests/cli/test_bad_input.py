@@ -173,17 +173,14 @@ def test_a_calibration_that_cannot_be_asked_for(femupdate, bench, study, snapsho
     assert study.exists() == bool(before)
 
 
-def test_a_building_without_surrogate(femupdate, bench, study, snapshot):
-    """The sentence is a command that can be pasted."""
-    before = snapshot(study)
-    done = femupdate(
-        "calibrate", bench.observation(), "--building", bench.tower, "--study", study, "--json"
-    )
-    named = "" if before else f" --building {bench.tower}"
-    assert f"`femupdate train --study {study}{named}`" in done.complaint
-    assert "--exact" in done.complaint
-    assert snapshot(study) == before
-    assert study.exists() == bool(before)
+@pytest.mark.parametrize("command", ["diagnose", "repair", "simulate", "train"])
+def test_without_a_building_none_is_assumed(command, femupdate, bench, tmp_path):
+    """A finding or a record of the default building is never what was meant."""
+    files = {"simulate": ["-o", tmp_path / "made.csv"], "train": []}
+    study = tmp_path / "new"
+    done = femupdate(command, *files.get(command, [bench.observation()]), "--study", study)
+    assert "has no building yet; name one with --building" in done.complaint
+    assert not study.exists()
 
 
 def test_another_building_than_the_study_has(femupdate, bench, calibrated, snapshot):

@@ -69,10 +69,41 @@ def test_simulate_replaces_a_file_only_when_it_is_told_to(femupdate, tmp_path, t
     file.write_text("measured with care")
     arguments = ("simulate", "-o", file, "--building", tower_file, "--duration", 10)
     refused = femupdate(*arguments, "--band", "0.5,20").complaint
-    assert refused == f"{file} is there already; choose another name, or replace it by --replace"
+    assert refused == f"{file} is there already; choose another name, or add --overwrite"
     assert file.read_text() == "measured with care"
-    assert femupdate(*arguments, "--band", "0.5,20", "--replace").code == 0
+    assert femupdate(*arguments, "--band", "0.5,20", "--overwrite").code == 0
     assert "synthetic" in file.read_text()
+
+
+def test_simulate_takes_the_building_of_the_study(femupdate, calibrated, tmp_path):
+    file = tmp_path / "observation.csv"
+    words = ("simulate", "-o", file, "--study", calibrated, "--duration", 10, "--sampling", 50)
+    done = femupdate(*words, "--band", "0.5,20")
+    assert done.code == 0
+    assert done.err.splitlines()[0].startswith("Building tower")
+    quiet = femupdate(*words, "--band", "0.5,20", "--overwrite", "--quiet")
+    assert (quiet.out, quiet.err) == (done.out, "")
+    assert done.out.splitlines()[0] == str(file)
+    assert "time_s,base,2F,RF" in file.read_text()
+
+
+def test_a_calibration_without_a_surrogate_says_three_things_first(
+    femupdate, tower_file, tower_observation, tmp_path
+):
+    """It samples the data themselves, in place of stopping, and says so where more is asked for."""
+    words = ("calibrate", tower_observation.path, "--building", tower_file, "--study", tmp_path)
+    words = (*words, "--particles", 200, "--no-pictures")
+    short, long = femupdate(*words), femupdate(*words, "-v")
+    assert short.code == 0, short.err
+    first = short.out.splitlines()
+    assert first[0].startswith("Exact posterior of tower from 2F, RF")
+    assert first[1] == "  Verdict: the data are explained."
+    assert [line.split()[0] for line in first[3:6]] == ["theta_1", "theta_2", "zeta"]
+    assert first[6].startswith("  Next: `femupdate predict --record RECORD`")
+    assert "No surrogate is trained" in short.err
+    for jargon in ("effective sample size", "p-value", "No surrogate of tower is trained"):
+        assert jargon not in short.out
+        assert jargon in long.out
 
 
 def test_calibrate(walk, tower_observation):
