@@ -62,13 +62,13 @@ def cabin(cabin_study):
 
 
 def full_frequencies(model, theta):
-    """Driven modes of the full model, not the reduced one, at one theta."""
+    """The two modes that move most mass, of the full model, not the reduced one, at one theta."""
     from femupdate.fe import lowest_modes
 
     parts = structure_of(model.building)
-    modes = lowest_modes(parts.operators, theta, 6)
+    modes = lowest_modes(parts.operators, theta, 20)
     effect = modes.shapes.T @ parts.operators.inertia(parts.mesh.direction)
-    return modes.frequency_hz[effect**2 > 0.01 * (effect**2).sum()]
+    return modes.frequency_hz[np.sort(np.argsort(-(effect**2))[:2])]
 
 
 def test_the_modes_of_a_frame(cabin):
@@ -76,11 +76,11 @@ def test_the_modes_of_a_frame(cabin):
     study, model, theta = cabin
     report = render_study(study, model, modes=2, samples=20)
     rendered = [mode.tracked for mode in report.modes]
-    assert [path.name for path in report.pictures] == ["mode_2.png", "mode_3.png"]
+    assert [path.name for path in report.pictures] == ["mode_2.png", "mode_15.png"]
     pictures = [shown(path) for path in report.pictures]
     assert not np.array_equal(pictures[0], pictures[1])
     # Modes across the motion are not among them: the lowest of all is one of those.
-    expected = full_frequencies(model, theta.mean(axis=0))[:2]
+    expected = full_frequencies(model, theta.mean(axis=0))
     # 20 draws of 3 %: a frequency, half of that, is known to .4 %.
     np.testing.assert_allclose([m.frequency_mean for m in rendered], expected, rtol=0.02)
     assert all(0.0 < m.frequency_sd < 0.03 * m.frequency_mean for m in rendered)
