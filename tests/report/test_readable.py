@@ -37,11 +37,9 @@ def test_a_stick_says_that_its_bands_are_thin():
             np.array([[0.0, 1.0]]),
             ["Mode 1"],
             shapes_sd=np.array([[0.0, sd]]),
-            note="First.",
         )
         texts = " ".join(text.get_text() for text in figure.texts)
         assert ("thinner than the lines" in texts) == told
-        assert "First." in texts
 
 
 def test_long_names_of_parameters_do_not_run_into_one_another():

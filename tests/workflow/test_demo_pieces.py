@@ -62,7 +62,7 @@ def shown(tmp_path_factory, shipped, tower_file, recorder):
 
 
 def test_the_steps_are_told_in_order(shown):
-    steps = [text.split()[0] for text in shown[2].said]
+    steps = [text.split()[0] for text in shown[2].said if text[0].isdigit()]
     assert steps == [f"{k}/5" for k in range(1, 6)]
 
 
