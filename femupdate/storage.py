@@ -85,7 +85,10 @@ def toml_content(text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"this is not valid TOML: {error}; correct that line") from None
+        mend = "correct that line"
+        if any(word in str(error) for word in ("Unescaped", "hex value", "Escaped")):
+            mend = "in double quotes a backslash starts a special character: write / in its place"
+        raise ValueError(f"this is not valid TOML: {error}; {mend}") from None
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
     except ValueError as error:  # such as a number of more digits than Python reads

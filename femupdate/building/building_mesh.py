@@ -10,6 +10,7 @@ from femupdate.building.blocks import DeadWall
 from femupdate.building.connections import connected
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import FrameBuilding
+from femupdate.building.members import SPRING_KEYS, Supports
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.parameters import StiffnessFactor, stiffness_factors, with_factors
 from femupdate.building.references import resolve
@@ -17,6 +18,7 @@ from femupdate.fe.model import FiniteElementModel, PointMasses
 
 Massive = FrameBuilding | MeshBuilding
 _ROUNDING = 1e-9  # of a floor's mass
+_SLOWEST_HZ = 0.05  # isolated buildings and tall towers move at .1 Hz and more
 
 
 def self_mass(model: FiniteElementModel, dead: Iterable[DeadWall]) -> Floats:
@@ -66,7 +68,8 @@ def place_masses(
                 text = (
                     f"{floor} weighs {weights[group] / 1e3:.4g} t by itself (its slab and beams, "
                     "and the columns and walls below it), more than the "
-                    f"{mass.total / 1e3:.4g} t in all; raise the total"
+                    f"{mass.total / 1e3:.4g} t in all; raise the total, or correct the member that "
+                    "is too heavy"
                 )
                 raise Complaint(f"{key}.total", text)
             area = _tributary(model, group)
@@ -80,6 +83,24 @@ def place_masses(
             np.add.at(at_node, wall.below, wall.share)
     node = np.flatnonzero(at_node)
     return PointMasses(node=node, mass=at_node[node], inertia=np.zeros((len(node), 3)))
+
+
+def _refuse_soft_springs(
+    model: FiniteElementModel, masses: PointMasses, base: Integers, supports: Supports
+) -> None:
+    """Raise Complaint for a footing on whose springs the whole building would hardly stand."""
+    middle = model.nodes[base].mean(axis=0)
+    mass = np.concatenate([masses.mass, *(part.mass(model.nodes) for part in model.elements)])
+    points = [model.nodes[part.nodes].mean(axis=1) for part in model.elements]
+    arm = np.concatenate([model.nodes[masses.node], *points]) - middle
+    turned = mass @ (np.sum(arm**2, axis=1, keepdims=True) - arm**2)
+    inertia = np.concatenate([np.full(3, mass.sum()), turned])
+    for key, spring, moved in zip(SPRING_KEYS, supports.springs, inertia, strict=True):
+        if spring is not None and (hz := np.sqrt(spring / moved) / (2.0 * np.pi)) < _SLOWEST_HZ:
+            text = f"the whole building would move at {hz:.1g} Hz on this spring"
+            raise Complaint(
+                f"supports.{key}", f"{text}, and no foundation is that soft; is the unit wrong?"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,6 +143,7 @@ def finished(
         Complaint: a floor lighter than its self weight, or one without a slab.
     """
     masses, factors = place_masses(building, model, dead), stiffness_factors(building)
+    _refuse_soft_springs(model, masses, base, building.supports)
     held = connected(model, base, building.supports, diaphragms)
     if building.by_kind:
         held = with_factors(held, factors)

@@ -233,10 +233,6 @@ class Building(Entry):
         base = "fixed" if self.supports is None else self.supports.base
         return {"slides": "slides", "free": "is free"}.get(base, "")
 
-    def doubts(self) -> tuple[str, ...]:
-        """What an engineer would ask about the figures, a sentence each."""
-        return ()
-
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
         seen: list[str] = []
@@ -289,11 +285,6 @@ class MeshedBuilding(Building):
                     text = f"floor_mass[{given[floor]}] gives the mass of {floor} already"
                     raise Complaint(key, f"{text}; remove one")
                 given[floor] = n
-
-    def doubts(self) -> tuple[str, ...]:
-        """What an engineer would ask about the figures, a sentence each."""
-        asked = {f"materials.{name}": material.doubt() for name, material in self.materials.items()}
-        return tuple(f"{key}: {text}" for key, text in asked.items() if text)
 
     def check_material(self, name: str | None, key: str) -> None:
         """Raise Complaint where a member names no material, or one that is not there."""

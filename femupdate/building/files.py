@@ -1,6 +1,7 @@
 """Building files: TOML in and out, by path or by the name of a shipped model."""
 
 import logging
+import re
 import shutil
 from collections.abc import Mapping, MutableMapping
 from functools import cache
@@ -14,10 +15,16 @@ from femupdate.building.document import Building, from_document, to_document
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import check_mesh
 from femupdate.building.own_mesh import MeshBuilding
+from femupdate.building.plausible import doubts
 from femupdate.building.shipped import building_text
 from femupdate.errors import BuildingError
 from femupdate.storage import atomic_path, toml_content
 
+# How the text of other programs' models begins.
+_FOREIGN = {
+    "ETABS": re.compile(r'^\s*(\$ (File|PROGRAM|STORIES)|PROGRAM\s+"ETABS")', re.MULTILINE),
+    "OpenSees": re.compile(r"^\s*(wipe\s*$|model\s+basic|ops\.model\()", re.M | re.I),
+}
 _log = logging.getLogger(__name__)
 
 
@@ -35,7 +42,7 @@ def load_building(path_or_name: str | Path) -> Building:
     try:
         document = toml_content(text)
     except ValueError as error:
-        raise BuildingError(f"{where}: {error}") from None
+        raise BuildingError(f"{where}: {_foreign(text) or error}") from None
     try:
         building = from_document(document, where, from_file=True)
     except RecursionError:
@@ -46,18 +53,30 @@ def load_building(path_or_name: str | Path) -> Building:
     building.__dict__["source"] = text  # what a cached property of it would be
     if isinstance(building, MeshBuilding):
         building = _with_mesh_file(building, Path(where).expanduser().parent / building.mesh.file)
-    if isinstance(building, FrameBuilding | MeshBuilding):
-        try:
+    try:
+        for doubt in doubts(building):
+            _warn_once(f"{where}: {doubt}")
+        if isinstance(building, FrameBuilding | MeshBuilding):
             check_mesh(building)
-        except BuildingError as error:
-            raise BuildingError(f"{where}: {error}") from None
-    for doubt in building.doubts():
-        _warn_once(f"{where}: {doubt}")
+    except BuildingError as error:
+        raise BuildingError(f"{where}: {error}") from None
     _log.info("loaded the building %s from %s", building.name, where)
     return building
 
 
 AnyBuilding.load = staticmethod(load_building)
+
+
+def _foreign(text: str) -> str:
+    """What is wrong where a text is another program's model."""
+    for program, begins in _FOREIGN.items():
+        if begins.search(text):
+            return (
+                f"this is a model of {program}, which is not read; describe the building in a "
+                'file of kind "frame", or mesh it elsewhere (gmsh, Abaqus, MED, VTU) for one of '
+                'kind "mesh"'
+            )
+    return ""
 
 
 @cache

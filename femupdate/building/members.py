@@ -21,7 +21,6 @@ from femupdate.building.quantities import (
     Stress,
 )
 
-_USUAL_MODULUS = (1e9, 1e12)  # Pa
 _LOWEST_STORY = 0.02  # m, of a model on a bench
 
 
@@ -31,15 +30,6 @@ class Material(Entry):
     youngs_modulus: Stress
     poisson_ratio: Number
     density: Density
-
-    def doubt(self) -> str:
-        """What an engineer would ask about it; empty where nothing is odd."""
-        if not _USUAL_MODULUS[0] <= self.youngs_modulus <= _USUAL_MODULUS[1]:
-            return (
-                f"youngs_modulus is {self.youngs_modulus / 1e9:.3g} GPa, and steel has 210, "
-                "concrete 20 to 45, timber 5 to 15: is the unit wrong?"
-            )
-        return "" if self.density else "density is zero: the members made of it weigh nothing"
 
     @model_validator(mode="after")
     def _stable(self) -> "Material":

@@ -142,6 +142,9 @@ def _whole(value: Any) -> int:
 def _label(value: Any) -> str:
     if not isinstance(value, str) or not value.strip():
         raise ValueError(f"{value!r} is not a name; write some text in quotes")
+    if not value.isprintable():
+        text = "TOML reads a backslash in double quotes as the start of a special character"
+        raise ValueError(f"{value!r} is not what was meant: {text}; write / or single quotes")
     return value
 
 

@@ -113,7 +113,7 @@ def mean_shape(shapes: Floats) -> tuple[Floats, Floats]:
     return mean / largest, spread / largest
 
 
-X, Y, TORSION, SLABS = "X", "Y", "torsion", "slabs"
+X, Y, TORSION, SLABS, DIAGONAL = "X", "Y", "torsion", "slabs", "X+Y"
 _LEAST, _KEPT = 12, 80  # modes of a mesh; 80 of the six-story example fill its frequency grid
 _SAME = 0.5  # modal assurance criterion above which two shapes are of one mode
 _LEVEL = 1e-3  # of the height: nodes this near to a floor's level belong to it
@@ -126,7 +126,7 @@ class FullModes:
     frequency_hz: Floats  # (k,)
     shapes: Floats  # (k, d) displacements of the nodes, three a node; of a stick its coordinates
     effective_mass: Floats  # (k, 2) share of the mass that a motion along x and along y moves
-    direction: tuple[str, ...]  # (k,) what moves most: "X", "Y", "torsion" or "slabs"
+    direction: tuple[str, ...]  # (k,) what moves most: "X", "Y", "X+Y", "torsion" or "slabs"
 
     def direction_of(self, number: int | None) -> str:
         """What moves most in a mode; empty where it has no number."""
@@ -204,7 +204,8 @@ def _direction(shape: Floats, nodes: Floats, mass: Floats, levels: Floats) -> st
         on = (np.abs(nodes[:, 2] - level) < near) & (mass > 0.0)
         if on.any():
             energy += _plate(shape[on], nodes[on, :2], mass[on])
-    return (X, Y, TORSION, SLABS)[int(energy.argmax())]
+    most = (X, Y, TORSION, SLABS)[int(energy.argmax())]
+    return DIAGONAL if most in (X, Y) and energy[:2].min() > 0.5 * energy[:2].max() else most
 
 
 def _plate(moved: Floats, plan: Floats, mass: Floats) -> Floats:

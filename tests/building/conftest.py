@@ -68,6 +68,9 @@ thickness = "150 mm"
 [[floor_mass]]
 total = "60 t"
 
+[supports]
+base = "fixed"
+
 [mesh]
 size = "1 m"
 

@@ -5,12 +5,42 @@ import time
 
 import pytest
 
-from femupdate.building import load_building
+from femupdate.building import building_text, load_building
 from femupdate.errors import BuildingError
 
 ZETA = "[prior.zeta]\nlower = 0.01\nupper = 0.05\n"
 
 CASES = {
+    "modulus of concrete in MPa": (
+        '"25 GPa"',
+        '"28 MPa"',
+        "materials.concrete.youngs_modulus: 0.028 GPa is no concrete, of which 10 to 60 GPa are",
+    ),
+    "springs of one newton": (
+        'base = "fixed"',
+        'base = "springs"\nkx = "1 N/m"',
+        "supports.kx: the whole building would move at 0.0.* Hz on this spring",
+    ),
+    "springs without rocking stiffness": (
+        'base = "fixed"',
+        'base = "springs"\nkx = "1e8 N/m"\nkry = "1 N m/rad"',
+        "supports.kry: the whole building would move at",
+    ),
+    "path with backslashes": (
+        'name = "small"',
+        'name = "C:\\temp"',
+        "name: 'C:.temp' is not what was meant: TOML reads a backslash .*write / or single quotes",
+    ),
+    "path that is no TOML": (
+        'name = "small"',
+        'name = "C:\\models"',
+        "not valid TOML: Unescaped .*in double quotes a backslash starts a special character",
+    ),
+    "path with a name after U": (
+        'name = "small"',
+        'name = "C:\\Users"',
+        "not valid TOML: .*in double quotes a backslash starts a special character",
+    ),
     "no kind": ('kind = "frame"\n', "", "kind: the key is missing"),
     "wrong kind": ('"frame"', '"fram"', "kind: 'fram' is not a kind.*did you mean 'frame'"),
     "unknown key": (
@@ -414,6 +444,19 @@ ratio = 0.1
 
 
 @pytest.mark.parametrize(
+    ("text", "program"),
+    [
+        ('$ File C:\\a.e2k saved 1/1/2024\n  PROGRAM  "ETABS"  VERSION "20"\n', "ETABS"),
+        ("# comment\nmodel BasicBuilder -ndm 3 -ndf 6\nnode 1 0 0 0\n", "OpenSees"),
+        ("wipe\nmodel basic -ndm 2\n", "OpenSees"),
+    ],
+)
+def test_models_of_other_programs_are_recognised(tmp_path, text, program):
+    with pytest.raises(BuildingError, match=f"a model of {program}, which is not read; describe"):
+        load_building(write(tmp_path, text))
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("a = " + "[" * 100_000, "nested too deeply"),
@@ -453,16 +496,56 @@ def test_figures_that_no_building_has(tmp_path, small_text, old, new, message):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('"25 GPa"', '"210 MPa"', "youngs_modulus is 0.21 GPa, and steel has 210"),
-        ('"25 GPa"', '"210000 GPa"', "youngs_modulus is 2.1e+05 GPa, and steel has 210"),
-        ('"2400 kg/m3"', '"0 kg/m3"', "density is zero: the members made of it weigh nothing"),
+        (
+            '"25 GPa"',
+            '"8 GPa"',
+            "concrete: youngs_modulus is 8 GPa, and 10 to 60 GPa are",
+        ),
+        (
+            'materials.concrete]\nyoungs_modulus = "25 GPa"',
+            'materials.c]\nyoungs_modulus = "210 MPa"',
+            "materials.c: youngs_modulus is 0.21 GPa, and steel has 210",
+        ),
+        (
+            '"2400 kg/m3"',
+            '"0 kg/m3"',
+            "materials.concrete: density is zero: the members made",
+        ),
+        ('[supports]\nbase = "fixed"', "", "supports: the table is left out, so the base is fixed"),
+        (
+            'depth = "500 mm"',
+            'depth = "300 cm"',
+            "sections.column: a column 3 m wide stands in story high, which is 2.8 m high",
+        ),
+        (
+            'thickness = "150 mm"\n\n[[floor',
+            'thickness = "40 mm"\n\n[[floor',
+            "slabs[0]: bays of 4 by 5 m bend from about 1.9 Hz, far below the top",
+        ),
     ],
 )
 def test_figures_that_an_engineer_would_ask_about(tmp_path, small_text, caplog, old, new, message):
     for _ in range(2):  # told once, however often a command reads the file
         load_building(write(tmp_path, small_text.replace(old, new, 1)))
     (record,) = caplog.records
-    assert f"materials.concrete: {message}" in record.message
+    assert message in record.message
+
+
+@pytest.mark.parametrize(
+    ("names", "asked"),
+    [
+        (("S3", "S2", "S1"), True),
+        (("S1", "S2", "S3"), False),
+        (("B2", "B1", "S1"), False),
+        (("top", "low", "ground"), False),
+    ],
+)
+def test_story_names_that_count_downwards_are_asked_about(tmp_path, caplog, names, asked):
+    text = building_text("shear_3dof")[1]
+    for old, new in zip(("S1", "S2", "S3"), names, strict=True):
+        text = text.replace(f'name = "{old}"', f'name = "{new}!"')
+    load_building(write(tmp_path, text.replace("!", "")))
+    assert ("their names count downwards" in caplog.text) == asked
 
 
 def test_usual_figures_are_taken_in_silence(tmp_path, small_text, caplog):

@@ -1,0 +1,123 @@
+"""What an engineer would ask about the figures of a building file before anything is computed."""
+
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from femupdate.building.document import Building
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.members import Slab
+from femupdate.building.references import resolve
+from femupdate.building.shear import ShearBuilding
+from femupdate.errors import BuildingError
+
+# Young's moduli in GPa, by words in the name of a material.
+_USUAL = {
+    "steel": (150.0, 250.0),
+    "alumin": (60.0, 80.0),
+    "concrete": (10.0, 60.0),
+    "masonry": (0.3, 30.0),
+    "brick": (0.3, 30.0),
+    "timber": (3.0, 20.0),
+    "wood": (3.0, 20.0),
+    "": (1.0, 1000.0),
+}
+_WRONG_UNIT = 10.0  # times beyond what is usual, from where a named material is refused
+_BENDS_EARLY = 4.0  # times a floor's first frequency, above which a grid holds many of its modes
+
+
+def doubts(building: Building) -> Iterator[str]:
+    """Yield what is odd about a building's figures, a sentence each.
+
+    Raises:
+        BuildingError: a figure cannot be; names its key.
+    """
+    yield from _names(building)
+    if isinstance(building, ShearBuilding):
+        return
+    for name, material in building.materials.items():
+        kind = next(word for word in _USUAL if word in name.lower())
+        (low, high), modulus = _USUAL[kind], material.youngs_modulus / 1e9
+        key, usual = f"materials.{name}", f"{low:g} to {high:g} GPa are usual"
+        if kind and not low / _WRONG_UNIT <= modulus <= high * _WRONG_UNIT:
+            text = f"{modulus:.3g} GPa is no {name}, of which {usual}; is the unit wrong?"
+            raise BuildingError(f"{key}.youngs_modulus: {text} Correct it")
+        if not low <= modulus <= high:
+            text = usual if kind else "steel has 210, concrete 20 to 45, timber 5 to 15"
+            yield f"{key}: youngs_modulus is {modulus:.3g} GPa, and {text}: is the unit wrong?"
+        if not material.density:
+            yield f"{key}: density is zero: the members made of it weigh nothing"
+    if "supports" not in building.model_fields_set:
+        yield "supports: the table is left out, so the base is fixed in all six directions"
+    if isinstance(building, FrameBuilding):
+        yield from _wide_sections(building)
+        yield from _soft_slabs(building)
+
+
+def _names(building: Building) -> Iterator[str]:
+    """Stories are listed from the bottom; drawings list them from the top."""
+    parts = [re.fullmatch(r"(\D*)(\d+)", name) for name in building.story_names]
+    counts = [(part[1], int(part[2])) for part in parts if part is not None]
+    same = len(counts) == len(parts) > 1 and len({prefix for prefix, _ in counts}) == 1
+    if same and all(low > high for (_, low), (_, high) in pairwise(counts)):
+        names = building.story_names
+        yield (
+            f"stories: {names[0]} is the lowest and {names[-1]} the highest, as they are listed "
+            "from the bottom to the top, but their names count downwards: is the order right?"
+        )
+
+
+def _wide_sections(building: FrameBuilding) -> Iterator[str]:
+    height = dict(zip(building.story_names, building.stories, strict=True))
+    lowest: dict[str, tuple[float, str]] = {}
+    for columns in building.columns:
+        for story in resolve(columns.stories, building.story_names, "story", "columns"):
+            here = (height[story].height, story)
+            lowest[columns.section] = min(here, lowest.get(columns.section, here))
+    for name, (limit, story) in lowest.items():
+        size = max(building.sections[name].figures().size)
+        if size > limit:
+            yield (
+                f"sections.{name}: a column {size:.3g} m wide stands in story {story}, which is "
+                f"{limit:.3g} m high: is the unit wrong?"
+            )
+
+
+def _soft_slabs(building: FrameBuilding) -> Iterator[str]:
+    """Floors that bend far below the top of the grid, whose modes are many."""
+    totals = {
+        floor: mass.total
+        for mass in building.floor_mass
+        for floor in resolve(mass.floors, building.floors, "floor", "floor_mass")
+    }
+    areas = dict.fromkeys(building.floors, 0.0)
+    on = [resolve(slab.floors, building.floors, "floor", "slabs") for slab in building.slabs]
+    for slab, floors in zip(building.slabs, on, strict=True):
+        for floor in floors:
+            areas[floor] += float(np.prod([sum(bays) for bays in _bays(building, slab)]))
+    for number, (slab, floors) in enumerate(zip(building.slabs, on, strict=True)):
+        a, b = (max(bays) for bays in _bays(building, slab))
+        material = building.material(slab.material)
+        rigidity = material.youngs_modulus * slab.thickness**3 / 12.0
+        rigidity /= 1.0 - material.poisson_ratio**2
+        own = material.density * slab.thickness
+        mass = max([own, *(totals.get(floor, 0.0) / areas[floor] for floor in floors)])
+        # First mode of a simply supported plate (Leissa 1969, Vibration of Plates, section 4.1).
+        first = 0.5 * np.pi * (a**-2 + b**-2) * np.sqrt(rigidity / max(mass, 1e-9))
+        if building.frequency_grid.stop > _BENDS_EARLY * first:
+            yield (
+                f"slabs[{number}]: bays of {a:g} by {b:g} m bend from about {first:.2g} Hz, far "
+                f"below the top of the frequency grid, {building.frequency_grid.stop:g} Hz; "
+                f"should the reduction fail, let the grid end at about {2.0 * first:.2g} Hz"
+            )
+            return
+
+
+def _bays(building: FrameBuilding, slab: Slab) -> Iterator[list[float]]:
+    """Widths of the bays that a slab spans along x, and along y, m."""
+    for lines, (start, end) in ((building.grid.x, slab.x), (building.grid.y, slab.y)):
+        low, high = sorted((lines[start], lines[end]))
+        inside = sorted(value for value in lines.values() if low <= value <= high)
+        yield [after - before for before, after in pairwise(inside)]
