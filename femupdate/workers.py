@@ -62,7 +62,6 @@ def completed(task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[tuple[
 
     Args:
         task: what to do; it changes nothing that others read.
-        arguments: of each.
     """
     chosen = _CHOSEN.get()
     if chosen is None:

@@ -289,11 +289,7 @@ def _wall_stories(building: FrameBuilding) -> Iterator[_WallStory]:
 
 
 def wall_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
-    """Yield the walls that have stiffness, one block a story, without what is open.
-
-    Raises:
-        Complaint: the openings leave nothing of a wall.
-    """
+    """Yield the walls that have stiffness, one block a story, without what is open."""
     for part in _wall_stories(building):
         if not part.wall.is_stiff:
             continue

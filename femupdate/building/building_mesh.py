@@ -54,9 +54,6 @@ def place_masses(
     Half of such a wall goes to the nodes along it on the floor above and half to those on the
     floor below; on the ground the lower half is left out. Before that its whole mass counts as
     self weight of the floor above, like that of the walls with stiffness.
-
-    Raises:
-        Complaint: a floor lighter than its self weight, or one without a slab.
     """
     weights, at_node = self_mass(model, dead), np.zeros(len(model.nodes))
     for number, mass in enumerate(building.floor_mass):
@@ -138,9 +135,6 @@ def finished(
         base, floor_nodes, parts: as of a `BuildingMesh`.
         diaphragms: node indices of each slab that is rigid in plan.
         dead: walls without stiffness, on the model's nodes.
-
-    Raises:
-        Complaint: a floor lighter than its self weight, or one without a slab.
     """
     masses, factors = place_masses(building, model, dead), stiffness_factors(building)
     _refuse_soft_springs(model, masses, base, building.supports)

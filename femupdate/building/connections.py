@@ -23,7 +23,6 @@ def connected(
     """Return the model with its supports and rigid links.
 
     Args:
-        model: elements only.
         base: (n,) nodes at the base.
         supports: how they are held; a sprung footing adds one node, the last.
         diaphragms: node indices of each slab that is rigid in plan.

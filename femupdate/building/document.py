@@ -47,7 +47,6 @@ def from_document(
     """Return the validated building.
 
     Args:
-        document: the tables of a building file.
         where: what to call the document in a message, such as the file's name.
         from_file: refuse bare numbers where a quantity with its unit belongs.
 

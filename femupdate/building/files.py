@@ -31,9 +31,6 @@ _log = logging.getLogger(__name__)
 def load_building(path_or_name: str | Path) -> Building:
     """Return the building of a file, or a shipped one by its name.
 
-    Args:
-        path_or_name: a path to a TOML file, or a name such as "six_story_wall_frame".
-
     Raises:
         BuildingError: no such file, not TOML, or an entry that cannot be; the message names the
             file, the key and the mend.

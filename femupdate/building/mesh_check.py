@@ -22,7 +22,6 @@ def loose_pieces(count: int, cells: Iterable[Integers], base: Integers) -> list[
     """Return the nodes of each piece without a path of elements down to the base, largest first.
 
     Args:
-        count: number of nodes.
         cells: nodes of the elements of each type, (n, k).
         base: (b,) nodes at the base.
     """
@@ -68,12 +67,8 @@ def check_elements(nodes: Floats, cells: Mapping[str, Integers], *, doubles_allo
     """Refuse a mesh with elements that cannot be.
 
     Args:
-        nodes: (N, 3) m.
         cells: node indices of "line", "triangle" and "quad" cells.
         doubles_allowed: whether unmerged nodes in one place are meant.
-
-    Raises:
-        Complaint: flat, crossed or double elements, double nodes, or a node on another's side.
     """
     for kind, corners in cells.items():
         _refuse_degenerate(nodes, kind, corners)
@@ -104,12 +99,8 @@ def check_connected(nodes: Floats, cells: Sequence[Integers], base: Integers) ->
     """Refuse a mesh of which a piece has no way down to the base.
 
     Args:
-        nodes: (N, 3) m.
         cells: node indices of the elements of each type, (n, k).
         base: (b,) nodes at the base.
-
-    Raises:
-        Complaint: with the number of such pieces and a place in the largest.
     """
     pieces = loose_pieces(len(nodes), cells, base)
     if pieces:

@@ -42,7 +42,6 @@ def span_ends(nodes: Floats, lines: Integers, others: Integers) -> SpanEnds:
     lower coordinate along the axis (x, y or z) along which it runs most.
 
     Args:
-        nodes: (N, 3) m.
         lines: (n, 2) node indices.
         others: nodes of other line elements.
     """
@@ -84,11 +83,7 @@ def _breaks(nodes: Floats, lines: Integers, others: Integers) -> Flags:
 
 
 def beam_arms(part: Part, nodes: Floats, lines: Integers, spans: SpanEnds, key: str) -> Floats:
-    """Rigid arms from the nodes to the axes of a part's beams, (n, 2, 3) m.
-
-    Raises:
-        Complaint: a rigid end is as long as the element there.
-    """
+    """Rigid arms from the nodes to the axes of a part's beams, (n, 2, 3) m."""
     arms = np.zeros((len(lines), 2, 3))
     arms += part.eccentricity or (0.0, 0.0, 0.0)
     if part.rigid_ends is None:

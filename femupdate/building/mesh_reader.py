@@ -61,7 +61,6 @@ def read_mesh(path: Path, tags: str | None) -> RawMesh:
     """Read a mesh file: gmsh, Abaqus, MED, VTU or another format that meshio knows.
 
     Args:
-        path: the file; its ending tells the format.
         tags: cell data that holds the groups' numbers, if any.
 
     Raises:

@@ -59,11 +59,7 @@ def _crossing(grid: Grid, axis: int) -> Mapping[str, float]:
 
 
 def stretch_of(grid: Grid, line: str, bounds: tuple[str | None, str | None], key: str) -> Stretch:
-    """Return the stretch of a line between two crossing lines (None: its first, its last).
-
-    Raises:
-        Complaint: an unknown line, one that does not cross, or no length between the two.
-    """
+    """Return the stretch of a line between two crossing lines (None: its first, its last)."""
     require(line, [*grid.x, *grid.y], "grid line", f"{key}.along")
     axis = 0 if line in grid.y else 1
     crossing = _crossing(grid, axis)
@@ -102,11 +98,7 @@ def beam_stretches(grid: Grid, beams: BeamLines, key: str) -> tuple[Stretch, ...
 
 
 def intersection(grid: Grid, text: str, key: str) -> Intersection:
-    """Return the intersection that "X1-Y1" names (in either order).
-
-    Raises:
-        Complaint: the text is not two crossing lines of the grid.
-    """
+    """Return the intersection that "X1-Y1" names (in either order)."""
     parts = [part.strip() for part in text.split("-")]
     if len(parts) != 2:
         example = f"{next(iter(grid.y))}-{next(iter(grid.x))}"

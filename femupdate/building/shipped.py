@@ -23,9 +23,6 @@ def shipped_buildings() -> tuple[str, ...]:
 def building_text(path_or_name: str | Path) -> tuple[str, str]:
     """Return what to call a building file, and its text.
 
-    Args:
-        path_or_name: a path to a TOML file, or a name such as "six_story_wall_frame".
-
     Raises:
         BuildingError: there is no such file, or it is not UTF-8 text.
     """

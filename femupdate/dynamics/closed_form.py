@@ -84,7 +84,6 @@ class ClosedForm:
 
         Args:
             parts: real and imaginary part (N, f, k) as if the base only translated.
-            omega: (k,) rad/s.
             sizes: (N, q) of the effects.
             least: added to |H|^2.
             seen: what an estimate makes of complex FRFs, before the logarithm is taken.

@@ -141,7 +141,6 @@ def driven_system(
 
     Args:
         added: effects, each with its terms.
-        theta: (p,) stiffness factors.
         sizes: (q,) parameters of the effects.
         top_hz: up to where the response to every force must be right.
         sensors: what is observed; the floors where None.

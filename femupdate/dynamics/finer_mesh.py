@@ -49,7 +49,6 @@ def on_finer_mesh(
         fine: the building on a finer mesh.
         target: what `reduced` reproduces.
         thetas: (n, p) at which the finer mesh is solved.
-        progress: advances by one a full solution.
     """
     shapes = []
     progress.start("Carrying the model over to a finer mesh", len(thetas))

@@ -43,7 +43,6 @@ def rest_flexibility(
 
     Args:
         lower, upper: (p,) prior box.
-        progress: advances by one a full solution.
     """
     count = _SAMPLES_A_FACTOR * len(lower)
     unit = even_points(count, len(lower), 0)

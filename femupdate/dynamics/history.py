@@ -107,7 +107,6 @@ def floor_histories(
         parameters: (S, p + q) stiffness factors, then sizes of the effects.
         zeta: damping ratio, (S,) or one for all.
         acceleration: (n,) base acceleration, m/s2, or (2, n) with its rotation, rad/s2, below.
-        time_step: s.
         settings: accuracy and batch.
 
     Raises:
@@ -279,9 +278,7 @@ def displacement_histories(
     Args:
         system: the structure with its effects, whose modes are real.
         samples: parameters (S, p + q) and damping ratios (S,).
-        rows: o of them.
         acceleration: (n,) of the base along the motion.
-        time_step: s.
 
     Raises:
         StructureError: a stiffness is not positive definite.
@@ -362,7 +359,6 @@ def transformed_outputs(
         system: the structure with effects; what only its instruments do is left out.
         sample: theta (1, p), zeta (1,) and sizes (1, q).
         record: (n,) base acceleration, m/s2, or (2, n) with its rotation, rad/s2, below.
-        time_step: s.
         number: of the sample, for messages.
 
     Drifts are those against the base as it turns: its tilt strains no story.

@@ -62,7 +62,6 @@ def levels_in_run(base: Floats, floors: Floats, time_step: float) -> RunLevels:
     Args:
         base: (n,) acceleration.
         floors: (f, n).
-        time_step: s.
     """
     from scipy.ndimage import uniform_filter1d
     from scipy.signal import welch

@@ -72,7 +72,6 @@ def local_structure(
 
     Args:
         theta: (p,) story factors.
-        progress: advances by one a question.
         spread: half width of the neighbourhood in ln theta.
         present: effects that the model has, and the first parameter of each, where no others need
             act; several such sets where it may have one or another; None for the catalogue.

@@ -302,12 +302,7 @@ def member_forces(
 
     Args:
         parameters: (S, p + q) stiffness factors, then sizes of the building's effects.
-        zeta: (S,) damping ratios, for a law that does not fix them.
         top_hz: up to where the response must be right; what is stiffer follows statically.
-        progress: advances by one a draw.
-
-    Raises:
-        StructureError: the structure is a mechanism.
     """
     task = partial(_at_draw, chosen, motion, top_hz)
     found = []

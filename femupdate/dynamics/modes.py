@@ -113,7 +113,6 @@ def response(
     Args:
         modes: of the structure without what acts in its ports, which are its last rows.
         ratio: (N, m) damping ratios.
-        omega: (k,) rad/s.
         port_stiffness: (N, k) complex dynamic stiffness in each port, N/m.
         columns: of the base's acceleration: its translation, and its rotation.
         forced: the row on which a force acts in place of that.
@@ -247,7 +246,6 @@ class ModalData:
         """Real and imaginary part of H (N, f, k).
 
         Args:
-            omega: (k,) rad/s.
             ratio: (N, m) damping ratios of the modes.
         """
         inverse = self.omega.clamp_min(_SLOWEST) ** -2
@@ -277,7 +275,6 @@ def modal_sum(
         inverse: (N, m) 1 / omega_j^2.
         ratio: (N, m) damping ratios.
         pairs: (N, p, m) static displacement of an output in each mode.
-        omega: (k,) rad/s.
     """
     # Arrays of all modes at all frequencies are by far the largest: some frequencies at a time, so
     # that they stay in the processor's cache.
@@ -303,7 +300,6 @@ def keep_modes(
     Args:
         omega: (N, r) rad/s.
         effect: (N, f, r) floor shape times participation factor.
-        top_frequency_hz: top of the frequency grid.
     """
     if modes is None or modes >= omega.shape[1]:
         return ModalData(omega, effect, effect.new_zeros(*effect.shape[:2], SERIES_TERMS))

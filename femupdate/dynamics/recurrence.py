@@ -27,7 +27,6 @@ def interpolate_record(acceleration: Floats, factor: int) -> Floats:
     after the last sample is at rest.
 
     Args:
-        acceleration: (n,) samples.
         factor: points a step, 1 or more.
 
     Returns:
@@ -53,7 +52,6 @@ def step_matrices(omega: Tensor, ratio: Tensor, time_step: float) -> tuple[Tenso
 
     Args:
         omega, ratio: (...) rad/s and damping ratios.
-        time_step: s.
 
     Returns:
         transition (..., 2, 2) and load (..., 2, 2), whose last axis is start and end of the step.

@@ -308,8 +308,6 @@ def reduce_lumped(
 
     Args:
         stiffness_terms: (p, n, n), N/m, in displacements relative to the base.
-        mass: (n, n) diagonal, kg.
-        floors: n names, bottom to top.
         levels: (n,) heights of the floors, m; one a story where None.
     """
     masses, count = np.diag(mass), len(mass)

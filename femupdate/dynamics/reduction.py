@@ -79,7 +79,6 @@ def reduce_structure(
 
     Args:
         target: what must be met; its box holds stiffness factors, then sizes.
-        progress: advances by one a full solution.
 
     Raises:
         StructureError: no basis of up to 300 shapes meets the tolerance.

@@ -95,10 +95,8 @@ def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) 
     2011, SIAM Review 53, theorem 10.6).
 
     Args:
-        mass: (n, n).
         shapes: parts (n, c) each, which are never copied into one array: they may fill GB. Single
             precision does: energies go down to 1e-13 of the largest with it.
-        size: r at most.
     """
     count = sum(one.shape[1] for one in shapes)
     span = _orthonormal(mass, _combined(shapes, min(size + max(size // 2, _MORE), count)))
@@ -137,7 +135,6 @@ def log_even_samples(target: ReductionTarget, stories: int | None = None) -> Flo
     logarithm, sizes by themselves.
 
     Args:
-        target: box and number.
         stories: p; all parameters are factors where None.
     """
     size = len(target.lower)

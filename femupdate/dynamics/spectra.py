@@ -52,7 +52,6 @@ def floor_spectra(floors: Floats, base: Floats, time_step: float, damping: float
     Args:
         floors: (S, f, n) absolute accelerations, m/s2, from rest.
         base: (n,) of the ground, m/s2.
-        time_step: s.
     """
     top = min(_SPECTRUM_HZ[1], 0.4 / time_step)
     frequency = np.geomspace(_SPECTRUM_HZ[0], top, _SPECTRUM_POINTS)
@@ -71,9 +70,6 @@ def response_spectrum(
 
     Args:
         acceleration: (..., n) absolute acceleration of the supports, m/s2, from rest.
-        time_step: s.
-        frequency_hz: (k,) of the oscillators, Hz.
-        zeta: their damping ratio.
 
     Returns:
         (..., k) m/s2.

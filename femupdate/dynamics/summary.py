@@ -97,10 +97,6 @@ def story_stiffness(shear: Floats, drift: Floats) -> Floats:
 
     Both are taken about their mean, so that an offset of a measured drift does no harm.
 
-    Args:
-        shear: (..., n) N.
-        drift: (..., n) m.
-
     Returns:
         (...) N/m.
 

@@ -166,11 +166,7 @@ def stick_modes(model: ReducedModel, direction: int = 0) -> FullModes:
 
 
 def mesh_modes(structure: Structure) -> FullModes:
-    """The lowest modes of a structure that has a mesh.
-
-    Raises:
-        StructureError: it is a mechanism.
-    """
+    """The lowest modes of a structure that has a mesh."""
     mesh, operators = structure.mesh, structure.operators
     assert mesh is not None
     assert operators is not None

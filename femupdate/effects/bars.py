@@ -53,10 +53,7 @@ def rank_one_terms(
 
     Args:
         nodes: (n, 2) that each column acts on.
-        group: (n,) story.
-        columns: (n, 12).
         series: (n,) as in `Stiffness`.
-        sign: of all products.
     """
     level = np.round(np.log1p(series), _FINE)
     present = (columns != 0.0).any(axis=1)

@@ -339,7 +339,6 @@ class Effect(ABC):
         of a run, against the mean of the run, and changes the whole structure.
 
         Args:
-            sizes: (N, q) of the effect.
             level: doublings of the amplitude, one or (N,).
         """
         return None

@@ -52,7 +52,6 @@ def infills(
     """All walls that count as weight alone, one for each line and story.
 
     Args:
-        building: to which they belong.
         mesh, operators: of the building as it is.
         mesh_size: of that mesh, m; the building's own where None.
     """

@@ -140,11 +140,7 @@ class AffineOperators:
         return flat.reshape(len(self.free), *load.shape[1:])
 
     def rigid_translation(self, direction: int) -> Floats:
-        """Unit translation of all nodes along 0 (x), 1 (y) or 2 (z), (6N,).
-
-        Raises:
-            StructureError: another direction.
-        """
+        """Unit translation of all nodes along 0 (x), 1 (y) or 2 (z), (6N,)."""
         if direction not in (0, 1, 2):
             raise StructureError(f"direction {direction} is unknown; use 0 (ux), 1 (uy) or 2 (uz)")
         motion = np.zeros((self.dof // DOF_PER_NODE, DOF_PER_NODE))
@@ -160,12 +156,7 @@ class AffineOperators:
 
 
 def assemble(model: FiniteElementModel) -> AffineOperators:
-    """Assemble stiffness terms and mass of a model.
-
-    Raises:
-        StructureError: an element is impossible, a node belongs to no element, an index is out of
-            range, rigid links contradict each other, or no degree of freedom is free.
-    """
+    """Assemble stiffness terms and mass of a model."""
     check_model(model)
     stiffness, mass = _entries(model)
     expansion = link_expansion(model)

@@ -65,8 +65,6 @@ def driven_shapes(
 
     Args:
         factorization: of the stiffness (n, n), which is symmetric.
-        mass: (n, n).
-        forces: (n, c).
         rows: (o, n) that observe the motion.
         watched: groups of further rows (w, n) whose response must be right, such as the forces of
             a member each. They start no shapes. What is small beside the largest of its group, as a

@@ -91,14 +91,7 @@ class Elements(ABC):
 
     @abstractmethod
     def matrices(self, points: Floats) -> ElementMatrices:
-        """Stiffness and consistent mass in global axes, (n, 6k, 6k).
-
-        Args:
-            points: (N, 3) coordinates of the model's nodes, m.
-
-        Raises:
-            StructureError: an element is impossible.
-        """
+        """Stiffness and consistent mass in global axes, (n, 6k, 6k)."""
 
     def matrices_in_parts(self, points: Floats) -> Iterator[tuple[Integers, ElementMatrices]]:
         """As `matrices`, some elements at a time: which, and their matrices, or one for all."""
@@ -164,9 +157,6 @@ class Elements(ABC):
 
     def check(self, points: Floats) -> None:
         """Refuse values that are missing or impossible.
-
-        Args:
-            points: (N, 3) coordinates of the model's nodes, m.
 
         Raises:
             StructureError: names the first such element and its nodes.

@@ -35,8 +35,6 @@ def opensees_script(
     are in the moduli.
 
     Args:
-        theta: (p,) stiffness parameters.
-        name: of the building, for the heading.
         modes: how many to ask for by default.
         types: the element type to use for a kind of element, such as {"shell": "ShellMITC4"}; the
             first of its `opensees_types` for the others.

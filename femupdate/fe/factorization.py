@@ -224,7 +224,6 @@ def factorize(
     with pivots on the diagonal, rows are exchanged as well.
 
     Args:
-        matrix: (n, n).
         definite: False where the matrix is known not to be positive definite.
         backend: to try first; default the fastest at hand.
         ordered: whether rows and columns come in a good order of elimination.

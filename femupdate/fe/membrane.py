@@ -85,9 +85,6 @@ def membrane_stiffness(
 
     Args:
         plane: (n, 4, 2) corners in the element's plane, counter-clockwise, m.
-        thickness: (n,) m.
-        youngs_modulus: (n,) Pa.
-        poisson_ratio: (n,).
 
     Returns:
         (n, 12, 12) for u, v and the rotation about the normal, node by node.
@@ -104,9 +101,6 @@ def membrane_strain(
     """Strains (eps_x, eps_y, gamma_xy) at the Gauss points per unit motion of the corners.
 
     The internal modes follow the corners as they do in the stiffness.
-
-    Args:
-        plane, thickness, youngs_modulus, poisson_ratio: as for `membrane_stiffness`.
 
     Returns:
         (n, 4, 3, 12), columns in the order of `membrane_stiffness`, 1/m and -.

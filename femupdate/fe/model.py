@@ -216,7 +216,6 @@ def element_forces(
 
     Args:
         displacement: (6N,) or (N, 6), m and rad.
-        theta: (p,) stiffness parameters.
         chosen: (n,) which elements of the block; default all.
 
     Raises:

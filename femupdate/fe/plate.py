@@ -38,9 +38,6 @@ def plate_stiffness(
 
     Args:
         plane: (n, 4, 2) corners in the element's plane, counter-clockwise, m.
-        thickness: (n,) m.
-        youngs_modulus: (n,) Pa.
-        poisson_ratio: (n,).
 
     Returns:
         (n, 12, 12) for w and the rotations about x and y, node by node.
@@ -66,8 +63,6 @@ def plate_mass(plane: Floats, thickness: Floats, density: Floats) -> Floats:
 
     Args:
         plane: (n, 4, 2) corners in the element's plane, counter-clockwise, m.
-        thickness: (n,) m.
-        density: (n,) kg/m3.
 
     Returns:
         (n, 12, 12) for w and the rotations about x and y, node by node, kg, kg m and kg m2.
@@ -104,9 +99,6 @@ def _linked_deflection(plane: Floats, points: Floats) -> Floats:
 
 def plate_curvature(plane: Floats) -> Floats:
     """Curvatures (x, y, twice xy) at the Gauss points per unit motion of the corners.
-
-    Args:
-        plane: as for `plate_stiffness`.
 
     Returns:
         (n, 4, 3, 12), columns in the order of `plate_stiffness`, 1/m and 1/m2.

@@ -24,7 +24,6 @@ def element_for(cell_type: str, name: str | None = None) -> type[Elements]:
     """The kind of element that cells of a mesh file become.
 
     Args:
-        cell_type: such as "quad".
         name: of the kind; the standard one of this type where None.
 
     Raises:

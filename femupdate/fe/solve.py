@@ -39,7 +39,6 @@ def static_displacement(operators: AffineOperators, theta: Floats, load: Floats)
     """Displacement under loads at the nodes.
 
     Args:
-        theta: (p,) stiffness parameters.
         load: (6N,) or (6N, m) N and N m; what acts on supports is ignored.
 
     Returns:
@@ -65,7 +64,6 @@ def lowest_modes(
     A Sturm count confirms that no mode below the highest ones returned is missing.
 
     Args:
-        theta: (p,) stiffness parameters.
         shift_hz: None for a structure that stands by itself; a small negative value, such as -1.0,
             admits free structures, whose rigid motions come out with zero frequency.
 
@@ -146,8 +144,6 @@ def modes_below(
     law of inertia).
 
     Args:
-        theta: (p,) stiffness parameters.
-        top_hz: Hz.
         factorization: of K at theta, where there is one.
 
     Raises:

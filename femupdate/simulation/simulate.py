@@ -210,7 +210,6 @@ def write_simulation(
     """Write the observation file and, beside it, its truth as `<name>.truth.json`.
 
     Args:
-        path: of the CSV file.
         comments: lines to add at its top to those that say what it is.
 
     Raises:

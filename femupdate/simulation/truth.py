@@ -245,7 +245,6 @@ def truth_of(
     """The full model of a building at one theta.
 
     Args:
-        theta: (p,) stiffness factors.
         top_hz: up to where the response to every force must be right.
         effects: put into the model, each at its place, with all its parameters.
         turns: whether the base turns of itself.

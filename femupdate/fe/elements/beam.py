@@ -86,11 +86,7 @@ class Beams(Elements):
         return nodes if self.offset is None else nodes + self.offset
 
     def matrices(self, points: Floats) -> ElementMatrices:
-        """As `Elements.matrices`, (n, 12, 12).
-
-        Raises:
-            StructureError: a beam has no length, `up` along its axis or an impossible property.
-        """
+        """As `Elements.matrices`, (n, 12, 12)."""
         motion, local = self._local(points)
         return local.moved_by(motion)
 

@@ -68,11 +68,7 @@ class Shells(Surface):
     nodes: Integers = rows(4, dtype=np.int64)
 
     def matrices(self, points: Floats) -> ElementMatrices:
-        """As `Elements.matrices`, (n, 24, 24).
-
-        Raises:
-            StructureError: an element is flat, concave, folded or has an impossible property.
-        """
+        """As `Elements.matrices`, (n, 24, 24)."""
         whole = ElementMatrices(*(np.empty((len(self), 24, 24)) for _ in range(2)))
         for some, part in self.matrices_in_parts(points):
             whole.stiffness[some] = part.stiffness  # one matrix stands for all that are alike

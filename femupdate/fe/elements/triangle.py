@@ -53,11 +53,7 @@ class Triangles(Surface):
     nodes: Integers = rows(3, dtype=np.int64)
 
     def matrices(self, points: Floats) -> ElementMatrices:
-        """As `Elements.matrices`, (n, 18, 18).
-
-        Raises:
-            StructureError: an element has no area or an impossible property.
-        """
+        """As `Elements.matrices`, (n, 18, 18)."""
         self.check(points)
         shape = _Shape.of(self.corners(points))
         stiffness = np.zeros((len(self), 18, 18))
