@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from femupdate.building import load_building
-from femupdate.dynamics.system import System
+from femupdate.dynamics import System
 from femupdate.errors import WorkersError
 from femupdate.inference.parameters import theta_prior
 from femupdate.surrogate import dataset as room

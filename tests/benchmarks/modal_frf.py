@@ -3,8 +3,7 @@
 import torch
 from torch import Tensor
 
-from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.modes import ModalData
+from femupdate.dynamics import DampingLaw, ModalData
 
 
 def log_frf(modal: ModalData, frequency_hz: Tensor, law: DampingLaw, zeta: Tensor) -> Tensor:

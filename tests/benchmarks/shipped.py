@@ -5,8 +5,7 @@ from importlib.resources import as_file, files
 
 from femupdate.building import load_building
 from femupdate.building.document import Building
-from femupdate.dynamics.damping import damping_law
-from femupdate.dynamics.system import System
+from femupdate.dynamics import System, damping_law
 from femupdate.inference.parameters import damping_parameter, theta_prior
 from femupdate.surrogate.storage import Surrogate, load_surrogate
 from femupdate.workflow.model import StudyModel, reduce_building

@@ -68,9 +68,6 @@ thickness = "150 mm"
 [[floor_mass]]
 total = "60 t"
 
-[supports]
-base = "fixed"
-
 [mesh]
 size = "1 m"
 

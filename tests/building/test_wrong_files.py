@@ -9,6 +9,7 @@ from femupdate.building import building_text, load_building
 from femupdate.errors import BuildingError
 
 ZETA = "[prior.zeta]\nlower = 0.01\nupper = 0.05\n"
+FIXED = '[supports]\nbase = "fixed"\n'
 
 CASES = {
     "modulus of concrete in MPa": (
@@ -17,13 +18,13 @@ CASES = {
         "materials.concrete.youngs_modulus: 0.028 GPa is no concrete, of which 10 to 60 GPa are",
     ),
     "springs of one newton": (
-        'base = "fixed"',
-        'base = "springs"\nkx = "1 N/m"',
+        "[mesh]",
+        '[supports]\nbase = "springs"\nkx = "1 N/m"\n\n[mesh]',
         "supports.kx: the whole building would move at 0.0.* Hz on this spring",
     ),
     "springs without rocking stiffness": (
-        'base = "fixed"',
-        'base = "springs"\nkx = "1e8 N/m"\nkry = "1 N m/rad"',
+        "[mesh]",
+        '[supports]\nbase = "springs"\nkx = "1e8 N/m"\nkry = "1 N m/rad"\n\n[mesh]',
         "supports.kry: the whole building would move at",
     ),
     "path with backslashes": (
@@ -34,12 +35,12 @@ CASES = {
     "path that is no TOML": (
         'name = "small"',
         'name = "C:\\models"',
-        "not valid TOML: Unescaped .*in double quotes a backslash starts a special character",
+        "this is not valid TOML: Unescaped .*in double quotes a backslash starts a special",
     ),
     "path with a name after U": (
         'name = "small"',
         'name = "C:\\Users"',
-        "not valid TOML: .*in double quotes a backslash starts a special character",
+        "this is not valid TOML: .*in double quotes a backslash starts a special character",
     ),
     "no kind": ('kind = "frame"\n', "", "kind: the key is missing"),
     "wrong kind": ('"frame"', '"fram"', "kind: 'fram' is not a kind.*did you mean 'frame'"),
@@ -511,24 +512,23 @@ def test_figures_that_no_building_has(tmp_path, small_text, old, new, message):
             '"0 kg/m3"',
             "materials.concrete: density is zero: the members made",
         ),
-        ('[supports]\nbase = "fixed"', "", "supports: the table is left out, so the base is fixed"),
+        (FIXED, "", "supports: the table is left out, so the base is fixed"),
         (
-            'depth = "500 mm"',
-            'depth = "300 cm"',
+            'width = "300 mm"\ndepth = "500 mm"',
+            'width = "30 mm"\ndepth = "300 cm"',
             "sections.column: a column 3 m wide stands in story high, which is 2.8 m high",
         ),
         (
             'thickness = "150 mm"\n\n[[floor',
             'thickness = "40 mm"\n\n[[floor',
-            "slabs[0]: bays of 4 by 5 m bend from about 1.9 Hz, far below the top",
+            "slabs[0]: bays of 4 by 5 m bend from about 1.4 Hz, far below the top",
         ),
     ],
 )
 def test_figures_that_an_engineer_would_ask_about(tmp_path, small_text, caplog, old, new, message):
     for _ in range(2):  # told once, however often a command reads the file
-        load_building(write(tmp_path, small_text.replace(old, new, 1)))
-    (record,) = caplog.records
-    assert message in record.message
+        load_building(write(tmp_path, (small_text + FIXED).replace(old, new, 1)))
+    assert caplog.text.count(message) == 1
 
 
 @pytest.mark.parametrize(
@@ -549,5 +549,5 @@ def test_story_names_that_count_downwards_are_asked_about(tmp_path, caplog, name
 
 
 def test_usual_figures_are_taken_in_silence(tmp_path, small_text, caplog):
-    load_building(write(tmp_path, small_text))
+    load_building(write(tmp_path, small_text + FIXED))
     assert caplog.records == []

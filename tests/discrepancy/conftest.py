@@ -5,7 +5,7 @@ import pytest
 
 from femupdate.building import from_document
 from femupdate.discrepancy.finder_model import problem_of
-from femupdate.dynamics.reduced import lumped
+from femupdate.dynamics import lumped
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.inference.frf_data import COMPARING, frf_data
 from femupdate.measurement.observation import Observation

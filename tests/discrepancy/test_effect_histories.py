@@ -6,15 +6,15 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.building import load_building
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.history import (
+from femupdate.dynamics import (
+    ConstantDamping,
     ResponseHistories,
+    System,
     floor_histories,
-    transformed_outputs,
+    reduced_on,
     transformed_sensors,
 )
-from femupdate.dynamics.reduced import reduced_on
-from femupdate.dynamics.system import System
+from femupdate.dynamics.history import transformed_outputs
 from femupdate.effects import structure_of
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from femupdate.discrepancy.mesh_scatter import of_points_that_bend
-from femupdate.dynamics.system import System
+from femupdate.dynamics import System
 from femupdate.inference.frf_data import base_logs
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.maxima import settled

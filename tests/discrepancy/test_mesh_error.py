@@ -11,9 +11,7 @@ from femupdate.building import from_document
 from femupdate.discrepancy.fit import about, fit_baseline, settle
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error
 from femupdate.discrepancy.mesh_scatter import left_open
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.reduced import reduced_on
-from femupdate.dynamics.system import System
+from femupdate.dynamics import ConstantDamping, System, reduced_on
 from femupdate.effects import structure_of
 from femupdate.errors import StructureError
 from femupdate.fe import driven_shapes, factorize

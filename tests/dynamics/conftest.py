@@ -9,7 +9,7 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.building import from_document
-from femupdate.dynamics.reduced import reduce_lumped
+from femupdate.dynamics import reduce_lumped
 from femupdate.effects import structure_of
 
 

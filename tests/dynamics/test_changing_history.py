@@ -7,9 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.ndimage import uniform_filter1d
 
 from femupdate.building import from_document
-from femupdate.dynamics.history import OwnLevel, floor_histories, history_batches
-from femupdate.dynamics.reduced import lumped
-from femupdate.dynamics.system import System
+from femupdate.dynamics import OwnLevel, System, floor_histories, history_batches, lumped
 from femupdate.effects import CATALOGUE, Placed, structure_of
 
 MASS, SPRING, STEP = 2000.0, 8e5, 0.01

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from femupdate.dynamics.summary import compare
+from femupdate.dynamics import compare
 
 
 def test_scores_of_a_band_are_those_of_its_draws():

@@ -6,11 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from femupdate.building import load_building
-from femupdate.dynamics.damping import (
-    ConstantDamping,
-    RayleighDamping,
-    damping_law,
-)
+from femupdate.dynamics import ConstantDamping, RayleighDamping, damping_law
 
 
 @settings(deadline=None)

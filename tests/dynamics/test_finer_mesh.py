@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from femupdate.dynamics.finer_mesh import on_finer_mesh, on_nodes_of
-from femupdate.dynamics.reduction import reduce_structure
-from femupdate.dynamics.snapshots import ReductionTarget, log_even_samples
+from femupdate.dynamics import ReductionTarget, on_finer_mesh, on_nodes_of, reduce_structure
+from femupdate.dynamics.snapshots import log_even_samples
 from femupdate.effects import structure_of
 
 GRID = 0.2 * np.arange(1, 151)

@@ -5,12 +5,14 @@ import pytest
 import torch
 
 from femupdate.building import load_building, shear_operators
-from femupdate.dynamics.damping import RayleighDamping
-from femupdate.dynamics.excitation import Excitation
-from femupdate.dynamics.force_response import rest_flexibility
-from femupdate.dynamics.reduced import lumped
-from femupdate.dynamics.reduction import reduce_structure
-from femupdate.dynamics.system import System
+from femupdate.dynamics import (
+    Excitation,
+    RayleighDamping,
+    System,
+    lumped,
+    reduce_structure,
+    rest_flexibility,
+)
 from femupdate.effects import structure_of
 from femupdate.fe import factorize
 from femupdate.inference.parameters import reduction_target

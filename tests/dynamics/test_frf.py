@@ -5,8 +5,7 @@ import pytest
 import torch
 from femupdate.benchmarks.modal_frf import complex_frf, log_frf
 
-from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
-from femupdate.dynamics.system import System
+from femupdate.dynamics import ConstantDamping, RayleighDamping, System
 
 FREQUENCY = np.linspace(0.0, 20.0, 57)
 # Equal masses m and springs theta_i 1000 m, one roof curve for all four (Katafygiotis and Lam 2002,

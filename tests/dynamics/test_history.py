@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
-from femupdate.dynamics.history import (
+from femupdate.dynamics import (
+    ConstantDamping,
     HistorySettings,
+    RayleighDamping,
+    ReducedModel,
+    System,
     floor_histories,
     history_batches,
 )
 from femupdate.dynamics.recurrence import interpolate_record
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError, StructureError
 
 STRAIGHT = HistorySettings(oversampling=1, tolerance=0.0)

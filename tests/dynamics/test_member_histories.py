@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import from_document, to_document
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.members import (
-    BaseRecord,
-    choose_members,
-    member_forces,
-)
+from femupdate.dynamics import BaseRecord, ConstantDamping, choose_members, member_forces
 from femupdate.errors import BuildingError
 
 MASS, HEIGHT = 40e3, 3.0

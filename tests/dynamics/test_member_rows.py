@@ -6,15 +6,19 @@ import torch
 from scipy.sparse.linalg import splu
 
 from femupdate.building import from_document
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.equations import SensorRows, driven_system
-from femupdate.dynamics.history import HistorySettings, displacement_histories
+from femupdate.dynamics import (
+    ConstantDamping,
+    HistorySettings,
+    Rows,
+    SensorRows,
+    driven_system,
+    response_spectrum,
+)
+from femupdate.dynamics.history import displacement_histories
 from femupdate.dynamics.members import (
     beam_end_rows,
     cut_rows,
 )
-from femupdate.dynamics.spectra import response_spectrum
-from femupdate.dynamics.system import Rows
 from femupdate.effects import structure_of
 from femupdate.fe import Beams, static_displacement
 

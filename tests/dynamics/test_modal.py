@@ -6,10 +6,7 @@ import torch
 from femupdate.benchmarks.modal_frf import complex_frf
 from scipy.linalg import eigh
 
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.modes import modal_sum
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.system import System
+from femupdate.dynamics import ConstantDamping, ReducedModel, System, modal_sum
 
 
 def test_modes_are_those_of_scipy(chain, thetas, tensor):

@@ -7,11 +7,16 @@ from femupdate.benchmarks.modal_frf import complex_frf, log_frf
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
 
-from femupdate.dynamics.damping import ConstantDamping, RayleighDamping
-from femupdate.dynamics.equations import driven_system
-from femupdate.dynamics.reduction import CHOOSE, reduce_structure
-from femupdate.dynamics.snapshots import TOP, ReductionTarget
-from femupdate.dynamics.system import System
+from femupdate.dynamics import (
+    ConstantDamping,
+    RayleighDamping,
+    ReductionTarget,
+    System,
+    driven_system,
+    reduce_structure,
+)
+from femupdate.dynamics.reduction import CHOOSE
+from femupdate.dynamics.snapshots import TOP
 from femupdate.errors import StructureError
 from femupdate.fe import static_displacement
 from femupdate.progress import SILENT

@@ -6,9 +6,7 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.building import from_document
-from femupdate.dynamics.excitation import Excitation
-from femupdate.dynamics.reduced import lumped
-from femupdate.dynamics.system import System
+from femupdate.dynamics import Excitation, System, lumped
 from femupdate.effects import structure_of
 from femupdate.errors import BuildingError
 from femupdate.inference.modal_terms import shown_modes

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.dynamics.modes import Modes, response
+from femupdate.dynamics import Modes, response
 
 
 def modes(frequency_hz: np.ndarray, rows: int = 3, samples: int = 2, seed: int = 1) -> Modes:

@@ -5,10 +5,8 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from femupdate.dynamics import BaseRotation, ReducedModel, System, statistics, story_stiffness
 from femupdate.dynamics.history import story_rows
-from femupdate.dynamics.reduced import BaseRotation, ReducedModel
-from femupdate.dynamics.summary import statistics, story_stiffness
-from femupdate.dynamics.system import System
 
 
 @given(

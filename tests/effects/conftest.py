@@ -8,9 +8,7 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.building import from_document, load_building
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.reduced import ReducedStructure, lumped, reduced_on
-from femupdate.dynamics.system import System
+from femupdate.dynamics import ConstantDamping, ReducedStructure, System, lumped, reduced_on
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.fe import Beams, Shells, assemble
 

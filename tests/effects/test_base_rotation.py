@@ -8,11 +8,14 @@ import torch
 from scipy.integrate import solve_ivp
 
 from femupdate.building import from_document
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.excitation import Excitation
-from femupdate.dynamics.history import floor_histories, transformed_sensors
-from femupdate.dynamics.reduced import lumped
-from femupdate.dynamics.system import System
+from femupdate.dynamics import (
+    ConstantDamping,
+    Excitation,
+    System,
+    floor_histories,
+    lumped,
+    transformed_sensors,
+)
 from femupdate.effects import structure_of
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.histories import Histories

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.dynamics.damping import RayleighDamping
+from femupdate.dynamics import RayleighDamping
 from femupdate.effects import CATALOGUE
 from femupdate.fe import Beams, Shells
 

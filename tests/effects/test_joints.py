@@ -8,10 +8,7 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.building import from_document
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.equations import equations_at
-from femupdate.dynamics.reduced import lumped
-from femupdate.dynamics.system import System
+from femupdate.dynamics import ConstantDamping, System, equations_at, lumped
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.fe import Beams, RigidLinks, Springs, assemble
 

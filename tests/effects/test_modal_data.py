@@ -3,8 +3,7 @@
 import numpy as np
 import torch
 
-from femupdate.dynamics.damping import RayleighDamping
-from femupdate.dynamics.system import Responses
+from femupdate.dynamics import RayleighDamping, Responses
 
 ZETA = 0.03
 GROUND = ("base_sway@base", "foundation_rocking@base", "table_pitch@base", "channel_gain@RF")

@@ -5,7 +5,8 @@ import pytest
 from scipy.linalg import eigh
 
 from femupdate.building import from_document
-from femupdate.dynamics.equations import WithSprings, equations_at
+from femupdate.dynamics import equations_at
+from femupdate.dynamics.equations import WithSprings
 from femupdate.effects import CATALOGUE, structure_of
 from femupdate.fe import factorize
 

@@ -7,9 +7,7 @@ import pytest
 import torch
 
 from femupdate.building import from_document
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.reduced import reduced_on
-from femupdate.dynamics.system import System
+from femupdate.dynamics import ConstantDamping, System, reduced_on
 from femupdate.effects import CATALOGUE, Placed, structure_of
 
 ZETA = 0.04

@@ -8,13 +8,17 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.building import from_document
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.equations import equations_at
-from femupdate.dynamics.local_basis import KnownModes, local_structure, nearby_shapes
-from femupdate.dynamics.reduced import reduced_on
-from femupdate.dynamics.reduction import reduce_structure
-from femupdate.dynamics.snapshots import TOP, ReductionTarget
-from femupdate.dynamics.system import System
+from femupdate.dynamics import (
+    ConstantDamping,
+    ReductionTarget,
+    System,
+    equations_at,
+    local_structure,
+    reduce_structure,
+    reduced_on,
+)
+from femupdate.dynamics.local_basis import KnownModes, nearby_shapes
+from femupdate.dynamics.snapshots import TOP
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.errors import StructureError
 from femupdate.fe import modes_below

@@ -6,10 +6,7 @@ import torch
 from scipy.stats import qmc
 
 from femupdate.building import load_building
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.excitation import Excitation
-from femupdate.dynamics.reduced import lumped
-from femupdate.dynamics.system import System
+from femupdate.dynamics import ConstantDamping, Excitation, System, lumped
 from femupdate.effects import structure_of
 from femupdate.inference.frf_data import AT_ITS_WORD, forced_data
 from femupdate.inference.likelihood import likelihood_of

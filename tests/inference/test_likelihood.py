@@ -5,8 +5,7 @@ import pytest
 import torch
 from scipy.stats import chi2, kstest
 
-from femupdate.dynamics.reduced import reduce_lumped
-from femupdate.dynamics.system import System
+from femupdate.dynamics import System, reduce_lumped
 from femupdate.errors import SurrogateError
 from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, log_responses
 from femupdate.inference.latent_likelihood import LatentLikelihood

@@ -8,9 +8,7 @@ import torch
 from scipy.stats import qmc
 
 from femupdate.building import load_building, shear_operators
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.reduced import reduce_lumped
-from femupdate.dynamics.system import System
+from femupdate.dynamics import ConstantDamping, System, reduce_lumped
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.maxima import best_of_prior, draws_about, found_from
 from femupdate.inference.modal_terms import ModalErrors

@@ -7,7 +7,7 @@ import pytest
 import torch
 from scipy.stats import chi2
 
-from femupdate.dynamics.system import Responses
+from femupdate.dynamics import Responses
 from femupdate.inference.diagnostics import predictive_check
 from femupdate.inference.frf_data import AT_ITS_WORD, frf_data
 from femupdate.measurement.observation import Observation

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import from_document, load_building, mechanics_hash, mesh_building
-from femupdate.dynamics.damping import damping_law
+from femupdate.dynamics import damping_law
 from femupdate.errors import BuildingError, MeasurementError, StructureError
 from femupdate.fe import assemble
 from femupdate.measurement.frf import estimate_frf

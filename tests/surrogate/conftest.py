@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.dynamics.reduced import reduce_lumped
-from femupdate.dynamics.system import System
+from femupdate.dynamics import System, reduce_lumped
 from femupdate.inference.parameters import Parameters
 from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
 from femupdate.surrogate.network import NetworkSizes

@@ -5,8 +5,7 @@ import pytest
 import torch
 from femupdate.benchmarks.modal_frf import log_frf
 
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.modes import ModalData
+from femupdate.dynamics import ConstantDamping, ModalData
 from femupdate.surrogate.network import ModalDecoder, NetworkSizes
 
 SIZES = NetworkSizes(3, 40, 2, True, 2, width=16, decoder_width=16, blocks=2)

@@ -8,10 +8,7 @@ from scipy.optimize import bisect
 from scipy.signal import StateSpace, lsim
 
 from femupdate.building import from_document
-from femupdate.dynamics.damping import ConstantDamping
-from femupdate.dynamics.level import motion_level
-from femupdate.dynamics.reduced import reduced_on
-from femupdate.dynamics.system import System
+from femupdate.dynamics import ConstantDamping, System, motion_level, reduced_on
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.measurement.record import GroundMotion
 from femupdate.workflow.amplitude import at_own_level, changes_with_level, own_level

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building, save_building
-from femupdate.dynamics.tracking import reduced_modes
+from femupdate.dynamics import reduced_modes
 from femupdate.errors import StudyError
 from femupdate.study import Study
 from femupdate.workflow.build import build_study

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from femupdate.dynamics.tracking import reduced_modes
+from femupdate.dynamics import reduced_modes
 from femupdate.errors import MeasurementError
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings

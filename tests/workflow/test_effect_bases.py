@@ -16,9 +16,7 @@ from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.discrepancy.near_basis import structure_near
 from femupdate.discrepancy.score import score
 from femupdate.discrepancy.search import prepared, refined
-from femupdate.dynamics.local_basis import local_structure
-from femupdate.dynamics.reduced import reduced_on
-from femupdate.dynamics.system import System
+from femupdate.dynamics import System, local_structure, reduced_on
 from femupdate.effects import CATALOGUE, Placed, with_effect
 from femupdate.errors import BuildingError
 from femupdate.inference.frf_data import COMPARING, frf_data

@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 
 from femupdate.discrepancy.finder_model import FinderModel, plain_structure
 from femupdate.discrepancy.search import prepared, sought
-from femupdate.dynamics.equations import equations_at
+from femupdate.dynamics import equations_at
 from femupdate.effects import CATALOGUE
 from femupdate.progress import SILENT
 from femupdate.workflow.finder_data import read_given

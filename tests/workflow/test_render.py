@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from femupdate.dynamics.tracking import (
-    ReducedModes,
-    track_mode,
-)
+from femupdate.dynamics import ReducedModes, track_mode
 from femupdate.effects import structure_of
 from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import Observation

@@ -13,8 +13,7 @@ import pytest
 from femupdate.building import load_building
 from femupdate.discrepancy.repair import as_fitted
 from femupdate.discrepancy.residual_map import p_value
-from femupdate.dynamics.history import floor_histories
-from femupdate.dynamics.system import System
+from femupdate.dynamics import System, floor_histories
 from femupdate.effects import CATALOGUE
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.posterior import load_posterior
@@ -222,7 +221,7 @@ def test_predict_takes_the_repaired_study(repaired, tmp_path, write_record):
     report = predict_study(
         study, open_study(study), RecordSource(record), PredictionSettings(samples=20)
     )
-    from femupdate.dynamics.reduced import reduce_lumped
+    from femupdate.dynamics import reduce_lumped
 
     chain = reduce_lumped(
         np.stack([_unit(n) * SPRINGS[n] for n in range(3)]),

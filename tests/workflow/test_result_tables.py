@@ -8,8 +8,7 @@ from click.testing import CliRunner
 from femupdate.cli.main import group
 
 from femupdate.building import load_building
-from femupdate.dynamics.members import CutMember, MemberForces
-from femupdate.dynamics.summary import Statistics
+from femupdate.dynamics import CutMember, MemberForces, Statistics
 from femupdate.inference.posterior import load_posterior
 from femupdate.report.quantities import (
     member_tables,

@@ -5,8 +5,7 @@ import pytest
 import torch
 from scipy.signal import butter, sosfilt
 
-from femupdate.dynamics.history import OwnLevel, history_batches
-from femupdate.dynamics.level import motion_level
+from femupdate.dynamics import OwnLevel, history_batches, motion_level
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.study import Study

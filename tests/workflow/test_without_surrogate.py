@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from femupdate.building import load_building
-from femupdate.dynamics.history import floor_histories
+from femupdate.dynamics import floor_histories
 from femupdate.errors import SurrogateError
 from femupdate.measurement.record import GroundMotion
 from femupdate.report.figure import draw

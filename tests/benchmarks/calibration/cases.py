@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.system import Responses
+from femupdate.dynamics import Responses
 from femupdate.inference.diagnostics import PredictiveCheck, predictive_check
 from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
 from femupdate.inference.importance import draws_about_particles

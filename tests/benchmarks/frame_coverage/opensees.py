@@ -11,7 +11,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building import FrameBuilding, mesh_building
-from femupdate.dynamics.reduced import ReducedModel
+from femupdate.dynamics import ReducedModel
 from femupdate.errors import ReportError
 from femupdate.fe import FiniteElementModel, opensees_script
 

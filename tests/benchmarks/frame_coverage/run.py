@@ -13,10 +13,7 @@ import numpy as np
 from femupdate.arrays import Flags, Floats
 from femupdate.building import FrameBuilding, load_building
 from femupdate.building.quantities import ALL
-from femupdate.dynamics.damping import damping_law
-from femupdate.dynamics.history import HistorySettings, floor_histories
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.dynamics.system import System
+from femupdate.dynamics import HistorySettings, ReducedModel, System, damping_law, floor_histories
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.names import BASE, FloorChannel
 from femupdate.measurement.record import GroundMotion

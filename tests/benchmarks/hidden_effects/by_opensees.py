@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femupdate.dynamics.damping import damping_law
-from femupdate.dynamics.system import System
+from femupdate.dynamics import System, damping_law
 from femupdate.effects import Effect, Terms
 from femupdate.effects.catalogue.added_mass import AddedMass
 from femupdate.effects.catalogue.flexible_diaphragm import FlexibleDiaphragm

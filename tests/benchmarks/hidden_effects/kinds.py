@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from femupdate.building.document import Building
-from femupdate.dynamics.excitation import Excitation
+from femupdate.dynamics import Excitation
 from femupdate.effects import Effect
 from femupdate.inference.modal_terms import ModalErrors
 from femupdate.inference.mode_data import modes_as_read

@@ -7,7 +7,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.document import Building
-from femupdate.dynamics.damping import damping_law
+from femupdate.dynamics import damping_law
 from femupdate.effects import Placed
 from femupdate.measurement.frf import estimate_frf
 from femupdate.measurement.histories import Histories

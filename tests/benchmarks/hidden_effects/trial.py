@@ -14,7 +14,7 @@ from femupdate.discrepancy.fit import Fit, extended, fit, settle
 from femupdate.discrepancy.repair import mend
 from femupdate.discrepancy.score import score, starts
 from femupdate.discrepancy.search import refined
-from femupdate.dynamics.history import transformed_sensors
+from femupdate.dynamics import transformed_sensors
 from femupdate.effects import Effect
 from femupdate.errors import ReportError
 from femupdate.inference.likelihood import Likelihood

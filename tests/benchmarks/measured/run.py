@@ -15,8 +15,8 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
+from femupdate.dynamics import System
 from femupdate.dynamics.spectra import floor_spectra
-from femupdate.dynamics.system import System
 from femupdate.inference.event_scatter import EventScatter
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.histories import Histories

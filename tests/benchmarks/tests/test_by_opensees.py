@@ -18,7 +18,7 @@ from femupdate.benchmarks.hidden_effects.trial import trial_models
 from femupdate.benchmarks.hidden_effects.uncatalogued import UNCATALOGUED
 
 from femupdate.building import load_building
-from femupdate.dynamics.damping import ConstantDamping
+from femupdate.dynamics import ConstantDamping
 from femupdate.effects import CATALOGUE, Placed
 from femupdate.errors import ReportError
 from femupdate.simulation import fine_model, truth_of
