@@ -8,7 +8,6 @@ maxima: Geweke 1989, Econometrica 57, 1317).
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import torch
 from torch import Tensor
@@ -420,17 +419,33 @@ def importance_sample(
             )
         return draws
 
-    for _ in range(8):
-        tried = possible(weighted_draws(target, proposal, size, generator))
-        spent += size
+    def refitted(tried: WeightedDraws, turn: int) -> StudentMixture:
         power = next_increment(tried.log_weight, 1.0, 0.4)
         weight = torch.softmax(power * tried.log_weight, 0)
         points = tried.points[systematic_rows(weight, generator)]
-        fit = partial(_refitted, first) if solutions > 1 else students_of
-        proposal = fit(points, generator)
+        if solutions > 1 and turn % 2 == 0:
+            return _refitted(first, points, generator)
+        whole = students_of(points, generator)
+        if solutions == 1:
+            return whole
+        # What was taken for several solutions may be one, or bent; but none may be lost.
+        return StudentMixture(whole.gaussian.joined(first.gaussian, 0.1), first.freedom)
+
+    best = 0.0, proposal
+    for turn in range(8):
+        tried = possible(weighted_draws(target, proposal, size, generator))
+        spent += size
+        best = max(best, (tried.effective, proposal), key=lambda judged: judged[0])
+        proposal = refitted(tried, turn)
         if tried.effective > 0.5 * size:
             break
+    else:
+        proposal = best[1]
     found = possible(weighted_draws(target, proposal, count, generator))
+    if found.effective < 0.5 * count and best[0] > 0.3 * size:
+        # The fit to few draws was worse than what it came from.
+        again = refitted(found, 0)
+        found, spent = possible(weighted_draws(target, again, count, generator)), spent + count
     return replace(found, points=prior.from_normal(found.points), evaluations=spent + count)
 
 

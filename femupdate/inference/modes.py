@@ -12,7 +12,7 @@ from itertools import combinations
 import torch
 from torch import Tensor
 
-from femupdate.inference.importance import DISTINCT, GaussianMixture, fit_mixture
+from femupdate.inference.importance import GaussianMixture, fit_mixture
 from femupdate.seeds import torch_generator
 
 _PLACES = 21  # points between two groups at which the density is looked at
@@ -27,8 +27,13 @@ def separate_modes(x: Tensor) -> Tensor:
     generator = torch_generator(0, x.device)
     some = x[torch.randperm(len(x), generator=generator, device=x.device)[:4000]]
     distinct = len(torch.unique(some[:, 0]))
-    components = max(1, min(8, distinct // (DISTINCT * (x.shape[1] + 1))))
-    mixture = fit_mixture(some, components, generator, iterations=100)
+    components = max(1, min(8, distinct // (10 * (x.shape[1] + 1))))
+    # Of few draws one fit may join two modes.
+    fits = [
+        fit_mixture(some, components, generator, iterations=100)
+        for _ in range(1 if len(some) > 1000 else 6)
+    ]
+    mixture = max(fits, key=lambda fit: float(fit.log_density(some).mean()))
     group = torch.tensor(_joined(mixture), device=x.device)
     member = group[mixture.component_log_density(x).argmax(dim=1)]
     return _numbered(x, _seen_apart(x, member))

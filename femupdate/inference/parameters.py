@@ -50,6 +50,23 @@ class Parameter:
         """Whether it is inferred: a parameter of zero width is known."""
         return self.upper > self.lower
 
+    @property
+    def called(self) -> str:
+        """For the user."""
+        return "the damping ratio" if self.kind == "damping" else self.name
+
+    @property
+    def key(self) -> str:
+        """Table of the building file that says its limits; empty of an effect's."""
+        return {"stiffness": "[prior.theta]", "damping": "[prior.zeta]"}.get(self.kind, "")
+
+    def widened(self) -> "Parameter":
+        """A factor or damping ratio with room for three times less and more, where it is free."""
+        if not self.free or self.kind == "effect":
+            return self
+        most = 0.9 if self.kind == "damping" else math.inf
+        return replace(self, lower=self.lower / 3.0, upper=min(3.0 * self.upper, most))
+
 
 @dataclass(frozen=True)
 class Values:

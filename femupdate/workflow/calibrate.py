@@ -17,6 +17,7 @@ from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_set
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.kinds import measured_of, read_measured_of
+from femupdate.workflow.likelihoods import without_foreign_modes
 from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel, choose_building
 from femupdate.workflow.observed import ObservationSource, check_readable
@@ -41,6 +42,7 @@ def calibrate_study(
     model = with_finer_mesh(study, model, progress)
     source = source.opened()
     measured = read_measured_of(study, model, source, progress)
+    measured = without_foreign_modes(model, measured)
     # Surrogates know FRFs under a base that translates.
     why, exact = "", settings.exact or measured.beyond_surrogates
     if not exact and (why := unserved(model.building)):

@@ -13,6 +13,7 @@ from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.system import System
 from femupdate.inference.diagnostics import PredictiveCheck, predictive_check
 from femupdate.inference.error_draws import ErrorDraws, draw_errors
+from femupdate.inference.frf_data import FrfData
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.parameters import Parameter, own_errors
@@ -176,6 +177,7 @@ class Fitting:
             None where no FRF was measured.
         learned: whether the likelihood allows for larger errors than the stated noise.
         wild: share of the independent points that are too far off to count.
+        errors: sentences on errors of the model under forces.
     """
 
     misfit: float
@@ -183,6 +185,7 @@ class Fitting:
     explained: float | None = None
     learned: bool = False
     wild: float = 0.0
+    errors: tuple[str, ...] = ()
 
 
 def against_data(
@@ -196,7 +199,15 @@ def against_data(
     check = predictive_check(torch.stack(squares, dim=1).numpy(), points, names)
     wild = 1.0 - float(points.sum(axis=1).mean()) / max(likelihood.effective, 1.0)
     misfit = float(likelihood.misfit(drawn).min())
-    return Fitting(misfit, check, likelihood.explained(drawn), likelihood.learns, wild)
+    errors, residuals = [], likelihood.error.apart(likelihood.raw(drawn))
+    for data, error, own in zip(likelihood.data, likelihood.error.parts, residuals, strict=True):
+        if isinstance(data, FrfData) and data.forced and error.learns:
+            density = error.log_densities(own)
+            at = int(density.logsumexp(1).argmax())
+            left = data.remains(error, int(density[at].argmax()), own[at])
+            errors.append(f"{left.sentence} The intervals allow for it." if left.size else "")
+    told = tuple(filter(None, errors))
+    return Fitting(misfit, check, likelihood.explained(drawn), likelihood.learns, wild, told)
 
 
 def against_modes(

@@ -21,6 +21,7 @@ _UNUSUAL = 0.01  # p-value below which something is missing, where data also mis
 _BEYOND = 1.2  # times what is allowed for
 _NEAR = 0.02  # of the prior, to either limit, within which a draw is at it
 _PRESSED = 0.3  # share of the draws at a limit
+_LARGE = 0.4  # ln|H|, error of a model beside which no interval of a per cent means anything
 
 
 def elsewhere_warnings(
@@ -134,21 +135,30 @@ def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
     )
 
 
-def error_notes(posterior: Posterior) -> tuple[str, ...]:
+def error_notes(posterior: Posterior, of_forces: tuple[str, ...] = ()) -> tuple[str, ...]:
     """What is known of the error of the model."""
     if posterior.model_error is None:
-        return ()
-    return (posterior.model_error.sentence(posterior.observation),)
+        return of_forces
+    return (posterior.model_error.sentence(posterior.observation), *of_forces)
 
 
-def overstated_noise(fitting: Fitting) -> tuple[str, ...]:
-    """Where the model meets the data far better than their stated noise allows."""
+def large_error(posterior: Posterior, fitting: Fitting) -> bool:
+    """Whether the model errs by so much that its likeliest answer may lie outside the prior."""
+    error = posterior.model_error
+    far = error is not None and error.amplitude.size > _LARGE
+    return fitting.misfit > 4.0 and (far or bool(_at_limits(posterior)))
+
+
+def overstated_noise(fitting: Fitting, assumed: bool = False) -> tuple[str, ...]:
+    """Where the model meets the data far better than their noise, stated or assumed, allows."""
     rms = fitting.misfit**0.5
     if not rms < _OVERSTATED:
         return ()
+    noise = "the noise assumed for them" if assumed else "their stated noise"
     return (
-        f"The best draw misses the data by {rms:.2g} times their stated noise (rms): that noise is "
-        "overstated, and these intervals are wide rather than narrow.",
+        f"The best draw misses the data by {rms:.2g} times {noise} (rms): that noise is "
+        f"{'too large' if assumed else 'overstated'}, and these intervals are wide rather than "
+        "narrow.",
     )
 
 
@@ -199,20 +209,20 @@ def _exceeds(check: PredictiveCheck) -> bool:
 
 
 def _at_limits(posterior: Posterior) -> list[str]:
-    """Factors that press against the limits of their prior."""
-    width, draws = np.ptp(posterior.bounds, axis=1), posterior.samples
+    """Parameters that press against the limits of their prior, damping ratios too."""
     told = []
-    for end, values in zip(("lower", "upper"), posterior.bounds.T, strict=True):
-        near = (np.abs(draws - values) < _NEAR * width).mean(axis=0)
-        named = [
-            f"{name} ({limit:.3g})"
-            for name, limit, share in zip(posterior.names, values, near, strict=True)
-            if share > _PRESSED
-        ]
+    for end in ("lower", "upper"):
+        named, keys = [], []
+        for at, entry in enumerate(posterior.parameters.entries):
+            away = np.abs(posterior.values[..., at] - getattr(entry, end))
+            if entry.free and (away < _NEAR * (entry.upper - entry.lower)).mean() > _PRESSED:
+                named.append(f"{entry.called} ({getattr(entry, end):.3g})")
+                keys += [entry.key] if entry.key else []
         if named:
+            where = f" by {end} of {' and '.join(dict.fromkeys(keys))}" if keys else ""
             told.append(
                 f"{', '.join(named)} press{'es' if len(named) == 1 else ''} against the prior's "
-                f"{end} limit: widen the prior, or look for what is missing in the model."
+                f"{end} limit: widen the prior{where}, or look for what is missing in the model."
             )
     return told
 

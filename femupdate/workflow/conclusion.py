@@ -23,10 +23,16 @@ from femupdate.workflow.calibrate_draws import (
     with_error_of_all,
     with_own_errors,
 )
-from femupdate.workflow.calibrate_notes import error_notes, judgement, overstated_noise
+from femupdate.workflow.calibrate_notes import (
+    error_notes,
+    judgement,
+    large_error,
+    overstated_noise,
+)
 from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled
 from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.kinds import Measured
+from femupdate.workflow.likelihoods import beyond_prior
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.summary import identified
 
@@ -56,7 +62,11 @@ def concluded(
     latent = None if model.shared is None else sampled.latent
     posterior = posterior_of(model, measured, settings, sampled, latent, damping)
     fitting = against_data(model, measured, posterior, sampled, checking)
-    warnings = (*sampled.warnings, *judgement(posterior, fitting))
+    warnings = (*measured.left_out, *sampled.warnings, *judgement(posterior, fitting))
+    if large_error(posterior, fitting):
+        best = torch.from_numpy(posterior.values.reshape(-1, posterior.values.shape[-1]))
+        best = best[[int(posterior.log_likelihood.argmax())]]
+        warnings = (*beyond_prior(model, measured, best, settings), *warnings)
     scatter = scatter_of_runs(model, measured.runs, posterior, between, measured.levels)
     posterior = replace(posterior, warnings=warnings, scatter=scatter)
     posterior = with_own_errors(with_error_of_all(posterior, model, alike), model, own)
@@ -64,8 +74,8 @@ def concluded(
     # The decisive come first.
     notes = (
         *warnings,
-        *error_notes(posterior),
-        *(() if sampled.least_noise else overstated_noise(fitting)),
+        *error_notes(posterior, fitting.errors),
+        *(() if sampled.least_noise else overstated_noise(fitting, measured.assumes_noise)),
         *(() if scatter is None else (scatter.sentence(),)),
         *found.sentences(),
         *against_modes(model, measured, posterior, checking),

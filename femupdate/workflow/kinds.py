@@ -53,6 +53,7 @@ class Measured:
         base_paths: files of the FRFs under base motion.
         moving_base: what the base does under forces and in modes; empty where it is held.
         nominal_masses: whether the building says that its masses are.
+        left_out: sentences on identified modes that fit none of the model's.
     """
 
     base: Observation
@@ -66,6 +67,14 @@ class Measured:
     base_paths: tuple[Path, ...] = ()
     moving_base: str = ""
     nominal_masses: bool = False
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def assumes_noise(self) -> bool:
+        """Whether the noise of something is assumed, as its file states none."""
+        told = [note for seen in (self.base, *self.forced) for note in seen.notes]
+        without = any(np.isnan(modes.frequency_sd_hz).any() for modes in self.modes)
+        return without or any("taken as" in note for note in told)
 
     @property
     def has_base(self) -> bool:

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError
-from femupdate.inference.data import Data
+from femupdate.inference.data import WILD, Data
 from femupdate.inference.frf_data import (
     LEARNING,
     MODES_KEPT,
@@ -23,12 +23,16 @@ from femupdate.inference.frf_data import (
 from femupdate.inference.likelihood import Likelihood, cost_of_scatter, likelihood_of
 from femupdate.inference.maxima import Settled, settled
 from femupdate.inference.mode_data import ModeData, mode_data
+from femupdate.inference.parameters import Parameters
+from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed
 from femupdate.units import percent
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.calibrate_settings import FEW, CalibrationSettings
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
+
+_FAR_BETTER = 10.0  # nats by which parameters outside the prior are likelier than all inside
 
 LEAST_EXPLAINED = 0.25
 """Share of the measured variation below which a model explains nothing."""
@@ -123,6 +127,74 @@ def data_of_modes(
             one, system, measured.errors, damping=damping, source=one.source if several else ""
         )
         for one in measured.modes
+    )
+
+
+def without_foreign_modes(model: StudyModel, measured: Measured) -> Measured:
+    """Without a mode that fits none of the model's where the others fit without it, which is told.
+
+    Their figures must be more than the stiffness factors, or any of them could be left out.
+    """
+
+    def fitted(modes: IdentifiedModes) -> tuple[ModeData, float, Tensor]:
+        """Data, noise over the stated one, and residuals (1, n) at the likeliest parameters."""
+        (data,) = data_of_modes(replace(measured, modes=(modes,)), model.system)
+        found = settled(likelihood_of((data,), model.system, model.parameters), 0)
+        best = model.parameters.from_normal(found.found.z[:1])
+        return data, found.likelihood.error.parts[0].levels[found.likelihood.row[0]].noise, best
+
+    kept, said = [], []
+    for modes in measured.modes:
+        kept.append(modes)
+        count = len(modes.names)
+        if model.parameters.size > FEW or count < 3:
+            continue
+        data, noise, _ = fitted(modes)
+        foreign = []
+        for number in range(count) if noise > 2.0 else ():
+            rest = modes.some([k for k in range(count) if k != number])
+            others, stated, best = fitted(rest)
+            values = model.parameters.split(best)
+            known = model.system, values.theta, values.zeta, values.sizes
+            residual = data.compared(data.predicted(*known))[0]
+            shape = residual[2 * count :].view(count, -1)[number]
+            away = float(torch.cat([residual[number::count][:2], shape]).abs().max())
+            enough = others.effective - others.terms.freedom[1] > model.prior.size
+            if enough and stated == 1.0 and away > WILD:
+                foreign.append((rest, number, away))
+        if len(foreign) == 1:
+            kept[-1], number, away = foreign[0]
+            said.append(
+                f"{modes.source}: mode {modes.names[number]} at {modes.frequency_hz[number]:.4g} "
+                f"Hz is left out. It fits no mode of the model ({away:.0f} standard deviations "
+                "off), and the others fit without it."
+            )
+    return replace(measured, modes=tuple(kept), left_out=tuple(said))
+
+
+def beyond_prior(
+    model: StudyModel, measured: Measured, best: Tensor, settings: CalibrationSettings
+) -> tuple[str, ...]:
+    """Whether parameters outside the prior meet the data far better than the best (1, p) inside."""
+    likelihood = smooth_likelihood(model, measured, settings.device)
+    wider = Parameters(tuple(entry.widened() for entry in likelihood.prior.entries))
+    found = settled(replace(likelihood, prior=wider), settings.seed)
+    points = torch.cat([best, wider.from_normal(found.found.z)])
+    density = likelihood(points)
+    at = int(density.nan_to_num(nan=-torch.inf).argmax())
+    named, keys = [], []
+    for entry, value in zip(wider.entries, points[at].tolist(), strict=True):
+        own = next(known for known in likelihood.prior.entries if known.name == entry.name)
+        if not own.lower <= value <= own.upper:
+            end = "lower" if value < own.lower else "upper"
+            named.append(f"{own.called} near {value:.3g} ({end} limit {getattr(own, end):.3g})")
+            keys.append(f"{end} of {own.key}")
+    if not named or float(density[at] - density[0]) < _FAR_BETTER:
+        return ()
+    return (
+        f"The prior is too narrow: the model meets the data far better with {', '.join(named)}. "
+        f"Do not trust these intervals; change {' and '.join(dict.fromkeys(keys))} in the building "
+        "file.",
     )
 
 

@@ -10,7 +10,7 @@ from femupdate.dynamics import ConstantDamping, Excitation, System, lumped
 from femupdate.effects import structure_of
 from femupdate.inference.frf_data import AT_ITS_WORD, forced_data
 from femupdate.inference.likelihood import likelihood_of
-from femupdate.inference.maxima import best_of_prior, draws_about, found_from
+from femupdate.inference.maxima import best_of_prior, draws_about, found_from, settled
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.smc import TemperedSmc
 from femupdate.measurement.observation import Observation
@@ -159,3 +159,39 @@ def test_posterior_is_that_by_brute_force(system):
     heavy = float(weight[theta[:, 0] > theta[:, 2]].sum())
     assert 0.1 < heavy < 0.9
     assert abs(np.mean(found[:, 0] > found[:, 2]) - heavy) < 0.03
+
+
+def test_an_error_of_the_model_is_learned_under_forces(system):
+    """Gains off by 4 %, and a damping ratio of each mode: frequencies stay inside the intervals."""
+    grid, rng = np.arange(0.5, 12.0, 1.0 / 16.0), np.random.default_rng(3)
+    ratios = np.array([0.016, 0.022, 0.02, 0.015])
+    modes = system.modes(TRUTH[:, :4], TRUTH[:, :0])
+    own, shape = modes.omega[0].numpy(), (modes.rows[0, :4] * modes.omega[0]).numpy()
+    omega = 2.0 * np.pi * grid[:, None]
+    bend = omega**2 / (own**2 - omega**2 + 2j * ratios * own * omega)
+    data = []
+    for force, floor in enumerate(system.floors):
+        frf = np.einsum("fm,m,km->fk", shape, shape[force], bend)
+        log_frf = np.log(np.abs(frf)) + 0.04 * rng.normal(size=(4, 1))
+        log_frf += 0.02 * rng.normal(size=log_frf.shape)
+        told = Observation(
+            grid,
+            system.floors,
+            log_frf,
+            np.full(log_frf.shape, 0.02),
+            np.ones(log_frf.shape, dtype=bool),
+            excitation=Excitation(force=floor),
+        )
+        data.append(forced_data(told, system.floors))
+    zeta = Parameters((Parameter(name="zeta", kind="damping", lower=0.002, upper=0.1),))
+    found = settled(likelihood_of(data[::2], system, FACTORS + zeta), 0)
+    drawn = draws_about(
+        found.likelihood.prior, found.likelihood, found.found, 1000, 0, least=0.0
+    ).resampled(1000, 1)
+    frequency = system.modes(drawn.theta[:, :4], drawn.theta[:, :0]).omega.numpy()
+    away = (frequency.mean(0) - own) / frequency.std(0)
+    assert np.abs(away).max() < 3.0
+    for data, error, row in zip(
+        found.likelihood.data, found.likelihood.error.parts, found.likelihood.row, strict=True
+    ):
+        assert error.levels[row].own + error.levels[row].common > 0.0, data.name

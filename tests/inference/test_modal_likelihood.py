@@ -10,7 +10,7 @@ from scipy.stats import qmc
 from femupdate.building import load_building, shear_operators
 from femupdate.dynamics import ConstantDamping, System, reduce_lumped
 from femupdate.inference.likelihood import likelihood_of
-from femupdate.inference.maxima import best_of_prior, draws_about, found_from
+from femupdate.inference.maxima import best_of_prior, draws_about, found_from, settled
 from femupdate.inference.modal_terms import ModalErrors
 from femupdate.inference.mode_data import mode_data
 from femupdate.inference.model_error import STATED
@@ -192,3 +192,32 @@ def test_posterior_is_that_by_brute_force(system, lumped, exact):
     heavy = float(weight[theta[:, 0] > theta[:, 2]].sum())
     assert 0.1 < heavy < 0.9
     assert abs(np.mean(found[:, 0] > found[:, 2]) - heavy) < 0.03
+
+
+def test_few_draws_hold_every_solution(system, lumped):
+    """Four frequencies of a chain fit several chains; 500 draws know the evidence as 20,000 do."""
+    frequency, _ = chain(np.array([[1.9, 1.15, 0.44, 1.07]]), lumped)
+    one = identified(frequency[0], np.zeros((0, 4)), damping=0.02)
+    data = mode_data(one, system, ModalErrors(model_frequency=0.003, frequency=0.001))
+    found = settled(likelihood_of((data,), system, FACTORS + zeta()), 0)
+    prior, maxima = found.likelihood.prior, factors_of(found)
+    assert len(maxima) > 2
+    many = draws_about(prior, found.likelihood, found.found, 20_000, 0)
+    share = shares(many, maxima)
+    for seed in range(1, 6):
+        few = draws_about(prior, found.likelihood, found.found, 500, seed)
+        away = few.log_evidence - many.log_evidence
+        assert abs(away) < 4.0 * few.log_evidence_error + many.log_evidence_error
+        np.testing.assert_allclose(shares(few, maxima), share, atol=0.09)
+
+
+def factors_of(found):
+    """Stiffness factors (s, 4) of the maxima."""
+    return found.likelihood.prior.from_normal(found.found.z)[:, :4]
+
+
+def shares(draws, maxima):
+    """Of the draws' weight that lies nearest to every maximum (s, 4)."""
+    nearest = torch.cdist(draws.points[:, :4].log(), maxima.log()).argmin(1)
+    weight = draws.log_weight.softmax(0)
+    return [float(weight[nearest == k].sum()) for k in range(len(maxima))]

@@ -1,5 +1,7 @@
 """What calibrate says of a posterior beside its table."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -50,6 +52,21 @@ def pressed():
 def test_a_factor_at_the_limit_of_its_prior_is_told(pressed):
     (note,) = judgement(pressed, Fitting(misfit=1.0, check=None))
     assert note.startswith("theta_2 (3) presses against the prior's upper limit")
+    assert "upper of [prior.theta]" in note
+
+
+def test_a_damping_ratio_at_the_limit_of_its_prior_is_told(pressed):
+    free = Parameter(name="zeta", kind="damping", lower=0.003, upper=0.06)
+    values = np.concatenate([np.ones((1, 500, 2)), np.full((1, 500, 1), 0.0032)], axis=2)
+    at_limit = replace(pressed, parameters=FACTORS + Parameters((free,)), values=values)
+    (note,) = judgement(at_limit, Fitting(misfit=1.0, check=None))
+    assert note.startswith("the damping ratio (0.003) presses against the prior's lower limit")
+    assert "lower of [prior.zeta]" in note
+
+
+def test_noise_that_no_file_states_is_called_assumed():
+    (note,) = overstated_noise(Fitting(misfit=0.04, check=None), assumed=True)
+    assert "the noise assumed" in note
 
 
 @pytest.mark.parametrize(("ratio", "told"), [(1.2, 0), (2.25, 1)])

@@ -1,0 +1,44 @@
+"""What lies outside of a model is named: a foreign mode, and factors beyond their prior."""
+
+import numpy as np
+
+import femupdate
+
+HOW = {"building": "shear_3dof", "exact": True, "particles": 200}
+
+MODES = """mode,frequency_hz,damping (%),2F,3F,RF
+1,3.8218,2.0,0.4779,0.7597,1.0000
+2,6.3,1.5,0.4,-0.2,0.9
+3,16.0182,2.0,0.9401,-1.0000,0.3105
+"""
+
+
+def test_a_mode_that_fits_none_of_the_model_is_named_and_left_out(tmp_path):
+    (tmp_path / "modes.csv").write_text(MODES, encoding="utf-8")
+    report = femupdate.calibrate(tmp_path / "study", tmp_path / "modes.csv", **HOW)
+    assert "mode 2 at 6.3 Hz is left out" in report.posterior.warnings[0]
+    away = (report.posterior.samples.mean(0) - [0.9, 1.2, 0.8]) / report.posterior.samples.std(0)
+    assert np.abs(away).max() < 1.0
+
+
+def test_a_factor_below_its_prior_is_named_with_the_key_that_widens_it(tmp_path):
+    """Three masses of 1 kg on springs of 3000 N/m, the lowest of which has lost four fifths."""
+    k = 3000.0 * np.array([0.2, 1.2, 0.8, 0.0])
+    stiffness = np.diag(k[:3] + k[1:]) - np.diag(k[1:3], 1) - np.diag(k[1:3], -1)
+    squared, modes = np.linalg.eigh(stiffness)
+    grid = np.arange(0.15, 25.0, 0.05)
+    ratio = grid[:, None] / (np.sqrt(squared) / (2.0 * np.pi))
+    amplified = 1.0 + ratio**2 / (1.0 - ratio**2 + 2j * 0.02 * ratio)
+    noise = np.exp(0.03 * np.random.default_rng(0).normal(size=(len(grid), 3)))
+    frf = noise * np.abs(amplified @ (modes * modes.sum(0)).T)
+    np.savetxt(
+        tmp_path / "frf.csv",
+        np.column_stack([grid, frf]),
+        delimiter=",",
+        header="frequency_hz,2F,3F,RF",
+        comments="",
+    )
+    report = femupdate.calibrate(tmp_path / "study", tmp_path / "frf.csv", **HOW)
+    (told,) = [one for one in report.posterior.warnings if "prior is too narrow" in one]
+    assert "theta_1 near 0.2 (lower limit 0.333)" in told
+    assert "lower of [prior.theta]" in told
