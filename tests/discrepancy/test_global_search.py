@@ -15,14 +15,6 @@ GRID = 0.1 * np.arange(1, 121)
 FLOORS = ("2F", "3F", "4F", "5F", "RF")
 MASSES, SPRINGS, SD = np.ones(5), np.full(5, 600.0), 0.02
 
-# Theta has made up for so much of these that other effects score higher.
-HIDDEN = {
-    "added_mass@4F": [
-        (-0.36, (1.27, 0.84, 1.19, 0.99, 1.42)),
-        (-0.48, (1.36, 1.03, 0.84, 0.84, 1.49)),
-    ],
-}
-
 
 @pytest.fixture(scope="module")
 def posed(chains, building_of, observe, pose):
@@ -43,10 +35,9 @@ def leading(found):
     return [one.placed for one in found.findings]
 
 
-@pytest.mark.parametrize(
-    ("label", "share", "theta"), [(name, *one) for name, all_ in HIDDEN.items() for one in all_]
-)
-def test_a_large_effect_is_found_from_afar(posed, label, share, theta):
+def test_a_large_effect_is_found_from_afar(posed):
+    """Theta has made up for so much of it that other effects score higher."""
+    label, share, theta = "added_mass@4F", -0.48, (1.36, 1.03, 0.84, 0.84, 1.49)
     problem, base = posed(label.split("@")[1], share, theta)
     near = diagnose(problem, base=base)
     assert near.verdict in (UNKNOWN, PARTLY, AMBIGUOUS)  # or else this test would ask for nothing
@@ -58,9 +49,3 @@ def test_a_large_effect_is_found_from_afar(posed, label, share, theta):
     assert abs(found.leading.size - share) < 4.5 * found.leading.size_sd
     mean, sd = found.leading.fitted.theta()
     assert (np.abs(mean - theta) < 4.5 * sd).all()
-
-
-def test_nothing_is_found_where_nothing_is_missing(posed):
-    problem, base = posed("RF", 0.0, (0.9, 1.2, 1.0, 0.8, 1.1))
-    found = diagnose(problem, base=base)
-    assert global_fit(problem, base, found.scores, leading(found)) is None

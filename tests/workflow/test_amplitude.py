@@ -11,7 +11,7 @@ from femupdate.building import from_document
 from femupdate.dynamics import ConstantDamping, System, motion_level, reduced_on
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.measurement.record import GroundMotion
-from femupdate.workflow.amplitude import at_own_level, changes_with_level, own_level
+from femupdate.workflow.amplitude import at_own_level, own_level
 
 MASS, SPRING, STEP = 2000.0, 8e5, 0.005
 SOFTER, MORE_DAMPING = -0.12, 0.25
@@ -84,9 +84,8 @@ def scaled(motion, factor):
     return GroundMotion(factor * motion.acceleration, STEP)
 
 
-@pytest.mark.parametrize("factor", [0.3, 1.0, 4.0])
-def test_stiffness_and_damping_are_those_at_the_level_of_the_response(house, motion, factor):
-    own = scaled(motion, factor)
+def test_stiffness_and_damping_are_those_at_the_level_of_the_response(house, motion):
+    own = scaled(motion, 4.0)
     found = at_own_level(house.system, (THETA, ZETA, SIZES), own, house.settings)
     for row in range(2):
         level, theta, zeta = by_hand(THETA[row, 0], ZETA[row], own.acceleration)
@@ -94,16 +93,6 @@ def test_stiffness_and_damping_are_those_at_the_level_of_the_response(house, mot
         assert found.level[row] == pytest.approx(level, abs=0.02)
         assert found.theta[row, 0] == pytest.approx(theta, rel=0.003)
         assert found.zeta[row] == pytest.approx(zeta, rel=0.006)
-
-
-def test_a_stronger_motion_finds_a_softer_building(house, motion):
-    levels = [
-        at_own_level(house.system, (THETA, ZETA, SIZES), scaled(motion, f), house.settings).level
-        for f in (0.5, 1.0, 2.0)
-    ]
-    # Damping grows with the level, so that twice the motion is less than twice the response.
-    assert (np.diff(levels, axis=0) > 0.5).all()
-    assert (np.diff(levels, axis=0) < 1.1).all()
 
 
 def test_a_ratio_that_the_user_chose_stays(house, motion):
@@ -151,24 +140,6 @@ def test_levels_are_found_also_where_repeating_would_run_away():
     np.testing.assert_allclose(found, at_rest / (1.0 - slope), atol=0.01)
     # What is found is not asked again.
     assert [asked.count(row) for row in range(4)] == [3, 3, 6, 1]
-
-
-def test_a_level_where_the_answer_bends_takes_few_questions():
-    """scipy's bisection tells the crossing of a steep and bent answer."""
-
-    def reached(rows, level):
-        return 3.0 - np.exp(0.5 * (level + rows))
-
-    asked = []
-    found = own_level(lambda rows, level: asked.append(rows) or reached(rows, level), 3, 0.0)
-    right = [bisect(lambda x, row=row: reached(row, x) - x, -5.0, 5.0) for row in range(3)]
-    np.testing.assert_allclose(found, right, atol=0.02)
-    assert len(asked) < 12
-
-
-def test_only_what_depends_on_the_level_asks_for_it(house):
-    assert changes_with_level(house.system.placed)
-    assert not changes_with_level((Placed(CATALOGUE["added_mass"], "RF"),))
 
 
 def test_silence_does_not_lower_a_level():
