@@ -54,7 +54,6 @@ class Search:
     Attributes:
         iterations: steps, at most.
         small: gain of a step, as a share of the objective, below which a start is finished.
-        small_nats: the same in nats.
         most_damping: beyond which a start is finished.
         longest: of a step, in any unknown.
         mended: whether Jacobians are mended by what steps show, and not made at each.
@@ -105,9 +104,7 @@ def maximise(
     """Search from every start (s, d).
 
     Args:
-        problem: what is lessened.
         starts: (s, d); those beyond a limit begin at it.
-        how: see there.
         near: (m, k) Jacobian by the first unknowns at points near the starts, if known.
     """
     now = _at(problem, torch.minimum(torch.maximum(starts, problem.lower), problem.upper))

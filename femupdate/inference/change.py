@@ -27,7 +27,6 @@ class Changes:
     """What changed, by p factors.
 
     Attributes:
-        none: probability that nothing changed.
         alike: probability that all factors changed alike; of a single factor, that it changed.
         probability: (p,) that a factor changed, alone or with others.
         size: (p,) mean of ln(after / before) where it changed.

@@ -19,7 +19,6 @@ class Cell:
 
     Attributes:
         floor: its name, or what else was compared.
-        band_hz: its frequencies.
         excess: mean squared whitened residual less one; zero when only noise is left, and where
             there are too few points to tell.
         p_value: of noise alone leaving as much.

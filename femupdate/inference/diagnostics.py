@@ -67,9 +67,7 @@ class PredictiveCheck:
     """Posterior predictive p-values.
 
     Attributes:
-        whole: of all floors together.
         floors: of each floor alone; NaN where it has no valid point.
-        names: of the floors.
         ratio: of the squares to those of replicates, in the mean of the draws. A thousand points
             make a p-value small where it is hardly above one.
     """
@@ -104,7 +102,6 @@ def predictive_check(
         squares: (n, f) sum of squared whitened residuals of every floor at every draw, counted so
             that each independent point has the expectation of one.
         freedom: (f,) independent points of every floor, or (n, f) where draws differ in them.
-        names: of the floors.
     """
     left = np.asarray(squares, dtype=float)
     points = np.broadcast_to(np.asarray(freedom, dtype=float), left.shape)
@@ -153,7 +150,6 @@ class Identifiability:
     """What data have told about parameters.
 
     Attributes:
-        names: p.
         combinations: all p of them, from the least determined on; inside the modes where there
             are several.
         left_alone: parameters that no determined combination holds a part of.

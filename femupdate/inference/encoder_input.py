@@ -115,11 +115,7 @@ def _around(usable: Flags) -> Floats:
 
 
 def _band(share: Floats, source: str) -> tuple[int, int]:
-    """First and last frequency around which at least half can be used; stray points do not count.
-
-    Raises:
-        MeasurementError: there is no such frequency.
-    """
+    """First and last frequency around which at least half can be used; stray points do not count."""
     inside = np.flatnonzero(share >= 0.5)
     if not inside.size:
         raise MeasurementError(

@@ -132,9 +132,7 @@ def draw_errors(
 
     Args:
         likelihood: of them first, and of all else.
-        parameters: the draws.
         observation: whose floors and frequencies are wanted.
-        seed: of everything random.
     """
     amplitude, turned = spawn(seed, 2)
     flat = parameters.flatten(0, 1)

@@ -98,7 +98,6 @@ def learned_scatter(
         estimates: (r, 2) ln stiffness and ln damping of every run, over what all are explained by.
         errors: (r, 2) their standard deviations; infinite where a run says nothing.
         shape: chains and draws of the posterior.
-        seed: of the draws.
     """
     rng, count = np.random.default_rng(seed), shape[0] * shape[1]
     defaults = DEFAULT.stiffness, DEFAULT.damping

@@ -67,7 +67,6 @@ class Block:
     """Some neighbouring points of the frequency axis, which one record gave.
 
     Attributes:
-        points: how many.
         independent: share of them that err independently.
         estimator: what the estimate makes of FRFs; None for those read from a table.
         level: doublings of the amplitude above that of the first record.
@@ -87,14 +86,11 @@ class FrfData:
     """FRFs of one record or several under one excitation.
 
     Attributes:
-        floors: of the model.
         rows: which of them are observed.
         frequency_hz: (k,), one record after the other.
         log_frf: (f, k) observed; zero where not valid.
         phase: (f, k) observed, rad, or None.
         sd: (f, k) of ln|H| and phase; infinite where not valid.
-        blocks: the records.
-        excitation: what drives the building.
         rest: static displacement under a force that the reduced model lacks; None of a stick.
         halves: the data in two parts that err independently; none where they cannot be parted.
         believed: of the data and of the model beside them.
@@ -375,7 +371,6 @@ class FrfData:
         """The same with ln|H| by a surrogate.
 
         Args:
-            stand_in: see above.
             missed: (f, k) variance of what that misses, which counts beside the noise of a point
                 that errs independently.
         """
@@ -505,8 +500,6 @@ def frf_data(
     """An observation that a model is judged by.
 
     Args:
-        observation: on its own grid.
-        floors: of the model.
         rest: static displacement under a force that the reduced model lacks.
         use_phase: compare phases where they were measured.
         halves: of the observation, where it can be parted.
@@ -581,8 +574,6 @@ def forced_data(
     """Responses to a force at the frequencies that say something.
 
     Args:
-        forced: as read.
-        floors: of the model.
         rest: static displacement that the reduced model lacks.
         use_phase: compare phases where they were measured.
         believed: of the data and of the model.

@@ -101,7 +101,6 @@ class StudentMixture:
 
     Attributes:
         gaussian: the mixture; its covariances are the scale matrices.
-        freedom: degrees of freedom.
     """
 
     gaussian: GaussianMixture
@@ -258,10 +257,7 @@ def _fitting(points: Tensor) -> int:
 
 
 def _refitted(first: StudentMixture, points: Tensor, generator: torch.Generator) -> StudentMixture:
-    """Students fitted to points (n, d) about each solution alone, so that none is lost.
-
-    One about which too few points lie keeps the Student of the first proposal.
-    """
+    """Students fitted to points (n, d) about each solution alone, so that none is lost."""
     member = first.gaussian.component_log_density(points).argmax(dim=1)
     parts: list[GaussianMixture] = []
     for k in range(len(first.gaussian.mean)):
@@ -346,9 +342,7 @@ class Counted:
     """A likelihood that counts its evaluations and tells of them as they are made.
 
     Args:
-        target: the likelihood.
         progress: advances by one an evaluation.
-        rows: evaluated before it advances.
     """
 
     def __init__(self, target: LogLikelihood, progress: Progress = SILENT, rows: int = 256) -> None:
@@ -392,11 +386,7 @@ def importance_sample(
     first proposal apart: none is lost however few the draws are. Others are missed.
 
     Args:
-        prior: of the parameters.
-        log_likelihood: of them.
         proposal: in the prior's standard normal coordinates, one Student for every solution.
-        count: draws.
-        seed: of everything random.
         least_round: draws of a round of fitting, at least; a hundred for every parameter of up to
             four solutions.
         apart: whether each Student stands for a solution of its own, and is fitted alone.

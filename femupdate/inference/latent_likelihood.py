@@ -33,7 +33,6 @@ class LatentLikelihood:
     """ln of the latent likelihood of theta for one observation.
 
     Args:
-        surrogate: trained for the building.
         system: the building's reduced model, with its effects if it lists any, of which some
             hundreds of responses are asked.
         observation: on the surrogate's frequency grid.
@@ -49,7 +48,6 @@ class LatentLikelihood:
         found: q(z|x), and what it took to find it.
         settled: the maxima and what the model errs by; None where that was not learned.
         usual_misfit: what 199 in 200 observations of the building's own kind stay below.
-        power: of the likelihood.
 
     Raises:
         SurrogateError: the observation is on another frequency grid.

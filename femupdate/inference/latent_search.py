@@ -158,11 +158,8 @@ def find_latent(
     """q(z|x) of an observation, from the proposal of one row.
 
     Args:
-        mvae: of the building.
         data: the observation with the variance of noise and decoder.
-        proposal: of the observation encoder.
         control: the building's own responses.
-        generator: of the starts.
     """
     starts = _starts(mvae, data, proposal, generator)
     near = _distinct(mvae, descend(_decoder_misfit(mvae, data), starts), _BY_DECODER)
@@ -246,11 +243,7 @@ def _nearest_reached(mvae: Mvae, z: Tensor) -> Tensor:
 
 
 def _arrived(descent: Descent) -> Descent:
-    """The points from which little more is to be gained, or all where there are none.
-
-    The others are at the edge of what can be asked, well beyond the prior's box: expanded from
-    there, what they say of the inside is not to be trusted where something better is at hand.
-    """
+    """The points from which little more is to be gained, or all where there are none."""
     rows = torch.nonzero(_expansion(descent)[1] < 1.0)[:, 0].tolist()
     return descent[rows] if rows else descent
 
@@ -269,10 +262,7 @@ def _on_processor(descent: Descent) -> Descent:
 
 
 def _completed(descent: Descent) -> Descent:
-    """Where the expansion of the second order around each point has its minimum.
-
-    Beyond the edge of what has a theta that is the only way to it.
-    """
+    """Where the expansion of the second order around each point has its minimum."""
     step, gain = _expansion(descent)
     z = descent.z + step
     return Descent(z, descent.nats - gain, descent.information, torch.zeros_like(z))
@@ -313,7 +303,6 @@ def bent(misfit: Residuals, points: Descent, reach: Tensor) -> Tensor:
 
     Args:
         misfit: of the building's own responses.
-        points: solutions.
         reach: (z,) largest |z| that can be asked for.
     """
     mass = points.log_mass
@@ -337,7 +326,6 @@ def along_ridges(misfit: Residuals, points: Descent, solutions: Descent, reach: 
     Args:
         misfit: of the building's own responses.
         points: bent ones, the heaviest first.
-        solutions: that are not.
         reach: (z,) largest |z| that can be asked for.
     """
     kept = solutions
@@ -370,10 +358,7 @@ def _side(
     solutions: Descent,
     reach: Tensor,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Points, nats and information on one side of a point, itself left out.
-
-    `start` is the first direction and step.
-    """
+    """Points, nats and information on one side of a point, itself left out."""
     found: list[tuple[Tensor, Tensor, Tensor]] = []
     here, nats, (direction, step) = point.z, float(point.nats[0]), start
     for _ in range(40):

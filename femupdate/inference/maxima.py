@@ -42,7 +42,6 @@ def found_from(
     """Different maxima that count, the heaviest first, in standard normal coordinates.
 
     Args:
-        prior: of the parameters.
         residuals: of parameters, whitened, (n, m): minus half their square is the log likelihood,
             smoothly.
         starts: (s, p) parameters, one at least near every maximum.
@@ -74,11 +73,7 @@ def draws_about(
     """Weighted parameters (count, p) about maxima, or None where too few of them would count.
 
     Args:
-        prior: of the parameters.
-        log_likelihood: of them.
         found: the maxima, see `found_from`.
-        count: draws.
-        seed: of everything random.
         least: share of the draws that must be effective.
     """
     factor, failed = torch.linalg.cholesky_ex(found.precision)
@@ -236,7 +231,6 @@ def best_of_prior(
     """Parameters (s, p) that are likely and apart from one another, and how many were tried.
 
     Args:
-        prior: of the parameters.
         log_likelihood: (n,) of parameters (n, p).
         seed: of the points that are tried.
     """

@@ -92,8 +92,6 @@ def modal_terms(
 
     Args:
         modes: on floors of the model.
-        floors: of the model.
-        errors: see `ModalErrors`.
         damping: whether damping ratios count.
     """
     relative = np.where(
@@ -185,11 +183,7 @@ def paired(terms: ModalTerms, shown: ShownModes) -> Paired:
 
 @torch.no_grad()
 def _cost(terms: ModalTerms, shown: ShownModes, shape: Tensor) -> Floats:
-    """Misfit (n, m, r) of every identified mode with each of the model's.
-
-    Modes that the sensors hardly feel are identified less often: twice the logarithm of the share
-    of kinetic energy at the floors is added.
-    """
+    """Misfit (n, m, r) of every identified mode with each of the model's."""
     away = terms.log_frequency[:, None] - shown.log_frequency[:, None, :]
     cost = (terms.frequency_root[:, None] * away).square()
     more = terms.damping[:, None] - shown.damping[:, None, :]

@@ -40,7 +40,6 @@ class ModeData:
     the stiffness factors known.
 
     Attributes:
-        floors: of the model.
         names: (m,) of the modes.
         terms: the modes with their weights.
         source: the file, where there are several.
@@ -250,7 +249,6 @@ def modes_as_read(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) ->
     """Modes of a system on all its floors, as their sensors give them.
 
     Args:
-        system: the model.
         theta: (N, p); zeta: (N,); sizes: (N, q) of the effects.
     """
     shown = shown_modes(system, theta, zeta, sizes)
@@ -262,10 +260,7 @@ def modes_as_read(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) ->
 
 
 def _read(shape: Tensor, floors: tuple[str, ...], placed: Placed, size: Tensor) -> Tensor:
-    """Real shapes (N, f, r) as an instrument gives them.
-
-    They keep its gain and sign; what it does to phases, as at frequency zero, is nothing.
-    """
+    """Real shapes (N, f, r) as an instrument gives them."""
     still = shape.new_zeros(shape.shape[2])
     return observed((placed,), floors, shape.to(torch.complex128), still, size).real
 
@@ -282,8 +277,6 @@ def mode_data(
 
     Args:
         modes: on floors of the model.
-        system: the model.
-        errors: of modes and model.
         damping: whether damping ratios count. Even where the building's is known they show where
             its law is wrong; of one that is right they say nothing.
         source: the file, where there are several.

@@ -100,10 +100,7 @@ class ErrorLevel:
 
 
 def _apart(known: Tensor, lost: float) -> Tensor:
-    """Errors (c, n) of standard deviation one as (b, n) orthogonal ones of the same covariance.
-
-    Without those whose variance is less than is lost in the noise: of a mesh half are.
-    """
+    """Errors (c, n) of standard deviation one as (b, n) orthogonal ones of the same covariance."""
     variance, directions = torch.linalg.eigh(known @ known.T)
     return directions[:, variance > lost].T @ known
 
@@ -167,8 +164,6 @@ class Harmonics:
 
     Attributes:
         first_hz: where the measured band begins.
-        width_hz: of it.
-        period_hz: of all functions.
         count: cycles of the shortest in a period.
     """
 
@@ -267,14 +262,11 @@ class LearnedError:
         known: (c, p f k) changes of the residuals by one standard deviation of every error that is
             known beforehand, as that of a mesh.
         table: what the error may be.
-        parts: p.
         wild: standard deviations of a point, error and noise together, beyond which it counts as
             that many; by default every point counts whole.
 
     Attributes:
         levels: rows of the table that are summed over.
-        harmonics: of the error.
-        floors: how many.
     """
 
     def __init__(

@@ -40,11 +40,7 @@ def separate_modes(x: Tensor) -> Tensor:
 
 
 def _joined(mixture: GaussianMixture) -> list[int]:
-    """The group of every component.
-
-    Pairs join from the highest saddle down, as long as the saddle is not much below the lower of
-    the two groups' peaks: a broad component under two narrow ones joins one of them only.
-    """
+    """The group of every component."""
     count = len(mixture.mean)
     peak = mixture.log_density(mixture.mean).tolist()
     share = torch.linspace(0.0, 1.0, _PLACES, dtype=mixture.mean.dtype, device=mixture.mean.device)

@@ -55,11 +55,7 @@ Schedule = Sequence[tuple[Move, int]]
 
 @dataclass(frozen=True)
 class RandomWalk:
-    """Steps of covariance b^2 S, S that of the particles (Ching & Chen 2007, J. Eng. Mech. 133).
-
-    Attributes:
-        scale: b.
-    """
+    """Steps of covariance b^2 S, S that of the particles (Ching & Chen 2007, J. Eng. Mech. 133)."""
 
     scale: float
     slopes: bool = False
@@ -141,8 +137,6 @@ class Hamiltonian:
     Attributes:
         length: mean length of a trajectory, of the metric.
         acceptance: share of accepted trajectories that is aimed at.
-        most_steps: of a trajectory.
-        first_step: of the metric.
         diagonal: draws from the diagonal that count beside the particles in a covariance.
     """
 

@@ -47,8 +47,6 @@ class EventErrors:
     Attributes:
         posterior: that has learned how large they are.
         rows: (n,) of its draws, one a sample.
-        fade_hz: below it errors fade.
-        seed: of everything random.
     """
 
     posterior: Posterior
@@ -251,11 +249,8 @@ def drawn_error(
 
     Args:
         sizes: of the errors, by draws of a posterior.
-        row: of the draw.
         errors: that the sizes are of.
-        floors: f.
         frequency_hz: (k,).
-        rng: stream of its chance.
     """
     common, own, length, _ = sizes.levels.reshape(-1, sizes.levels.shape[-1])[row]
     if common == own == 0.0:

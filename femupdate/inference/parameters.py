@@ -27,7 +27,6 @@ class Parameter:
     Attributes:
         name: as in "theta_1".
         kind: a stiffness factor, a parameter of an effect, or the damping ratio.
-        lower, upper: bounds.
         neutral: value at which it changes nothing.
         centre, scale: mean and standard deviation of a normal prior within the bounds; uniform
             where the scale is infinite.
@@ -103,7 +102,6 @@ class Parameters:
 
     Attributes:
         entries: the parameters in their order.
-        device: of the tensors.
     """
 
     entries: tuple[Parameter, ...]

@@ -36,10 +36,8 @@ class DrawnBy:
             model).
         way: of drawing, as in "importance sampling".
         chains: runs that shared nothing; one importance sample counts as one.
-        evaluations: of the likelihood.
         effective_sample_size: of importance draws; None where draws were not weighted.
         log_evidence: of the data; None where the likelihood is latent or the way gives none.
-        log_evidence_error: its standard error, likewise.
     """
 
     likelihood: str
@@ -84,9 +82,7 @@ class Posterior:
         values: (chains, draws, p) of these; each chain is a run of the sampler of its own, and
             draws that did not run apart are one chain.
         log_likelihood: (chains, draws).
-        drawn: how.
         observation: what it was drawn for.
-        settings: of the sampler.
         model_error: what is known of the error of the model; None where it was not learned.
         scatter: of stiffness and damping between events; None where one run cannot tell.
         warnings: what whoever uses the draws should know, in sentences.
@@ -238,12 +234,7 @@ def load_posterior(path: Path) -> Posterior:
 
 
 def _check(posterior: Posterior) -> None:
-    """Refuse draws that no sampler of ours has made.
-
-    Raises:
-        ValueError: shapes do not go together, a value is not finite, or a draw is far from the
-            prior box.
-    """
+    """Refuse draws that no sampler of ours has made."""
     arrays = {"theta": posterior.values, "lp": posterior.log_likelihood}
     shapes = {"theta": "cdp", "lp": "cd"}
     if posterior.scatter is not None:

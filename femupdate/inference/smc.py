@@ -86,13 +86,11 @@ class SmcState:
 
     Attributes:
         points: particles, one group after the other.
-        beta: power reached.
         log_evidence: of each group, so far.
         tuning: of each kind of move, see `MoveState`.
         levels: one record a level done.
         evaluations: of the likelihood, one a particle and move.
         invalid: how many of them gave no finite number.
-        random_state: state of the generator.
     """
 
     points: Points
@@ -115,8 +113,6 @@ class TemperedSmc:
 
     Args:
         prior: particles live in its standard normal coordinates.
-        log_likelihood: of the parameters.
-        settings: see `SmcSettings`.
         moves: kinds of moves in their order, and how many of each at a level; those of the
             settings where None.
     """
@@ -136,8 +132,6 @@ class TemperedSmc:
         """Draw the first particles from the prior.
 
         Args:
-            particles: of all groups together.
-            seed: of everything random.
             groups: of particles that are resampled apart.
 
         Raises:

@@ -50,9 +50,6 @@ class Tempered:
     """Prior x likelihood^beta, a density of standard normal coordinates.
 
     Args:
-        prior: of the parameters.
-        log_likelihood: of the parameters.
-        beta: power of the likelihood.
         rows: likelihoods whose derivatives are taken at a time.
 
     Attributes:
@@ -107,7 +104,6 @@ class Level:
     """What happened at one tempering level.
 
     Attributes:
-        beta: power reached.
         ess: effective sample size of all particles before they were resampled.
         acceptance: mean, of each kind of move in their order; NaN where none was made.
         unique: share of the particles that are different.
@@ -132,7 +128,6 @@ class SamplerRun:
         effective: effective sample size of weighted draws that these were chosen from; zero
             likewise.
         effective_share: of those; zero likewise.
-        levels: of tempering; none likewise.
         invalid: evaluations that gave no finite number; all count as impossible.
         acceptance: mean share of moves accepted while draws were kept; NaN where none were.
     """

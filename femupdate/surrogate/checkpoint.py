@@ -21,13 +21,8 @@ class TrainingRun:
     """The state of a training, which a checkpoint holds completely.
 
     Attributes:
-        mvae: the networks being trained.
         average: running average of their weights.
         best: state of the average at the lowest validation loss.
-        optimizer: of `mvae`.
-        epoch: epochs done.
-        step: optimiser steps done.
-        best_loss: lowest validation loss.
         best_epoch: epoch after which it was found.
         seconds: spent so far, all runs together.
     """

@@ -51,7 +51,6 @@ class DatasetPlan:
         samples: number of parameter samples, a Sobol sequence over the box.
         modes: modes kept for each sample.
         top_frequency_hz: top of the frequency grid.
-        seed: of the scrambled sequence.
     """
 
     samples: int
@@ -70,7 +69,6 @@ def compute_dataset(
     The caller chooses a folder that belongs to this system, box and plan alone.
 
     Args:
-        system: the reduced model.
         box: of the parameters, filled evenly.
         folder: of the shards; made where it is missing.
         progress: advances by one for each sample.

@@ -62,7 +62,6 @@ class DescentSettings:
     """When to stop.
 
     Attributes:
-        iterations: largest number of steps.
         small_gain: gain of a step, nats, below which a start is finished.
         most_damping: damping beyond which a start is finished.
     """
@@ -78,9 +77,6 @@ class Residuals:
     Args:
         residuals: z (s, z) to residuals (s, m).
         step: of finite differences in z.
-
-    Attributes:
-        responses: number computed so far.
     """
 
     def __init__(self, residuals: Callable[[Tensor], Tensor], step: float) -> None:
@@ -109,7 +105,6 @@ class Misfit(Residuals):
 
     Args:
         respond: z (n, z) to ln|H| (n, f, k).
-        data: the observation.
         step: of finite differences in z.
     """
 

@@ -15,11 +15,7 @@ class NetworkSizes:
     """Sizes of the MVAE.
 
     Attributes:
-        floors: observed floors f.
-        points: frequencies k.
-        parameters: stiffness factors p.
         free_damping: whether the damping ratio is unknown; it is then one more coordinate of z.
-        modes: of the decoder.
         floor_features: features that the observation encoder first reduces each floor's FRF to.
         width: of the observation encoder's residual blocks.
         parameter_width: the same for the bend of the parameters' coordinates.
@@ -382,9 +378,6 @@ class ObservationEncoder(nn.Module):
 
 class Mvae(nn.Module):
     """Multimodal variational autoencoder of FRFs x and stiffness factors theta.
-
-    Args:
-        sizes: of the networks.
 
     Buffers hold the prior box and the mean and scale (f, k) that standardise ln|H| for the
     observation encoder, so that a weights file is complete.

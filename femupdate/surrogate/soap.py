@@ -21,7 +21,6 @@ class Soap:
 
     Args:
         groups: of parameters, as for any optimiser; those with `rotate` hold matrices alone.
-        lr: learning rate.
 
     Attributes:
         param_groups: the groups with all their settings, which may be changed between steps.

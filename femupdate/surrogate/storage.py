@@ -48,11 +48,8 @@ class SurrogateInfo:
     """What a trained surrogate is for.
 
     Attributes:
-        building: name of the building.
         mechanics_hash: of the building's mechanics, prior and frequency grid.
-        floors: names, bottom to top.
         noise_sd: standard deviation of ln|H| that it was trained with.
-        version: of femupdate.
         settings: of data set and training.
         metrics: losses and times of the training.
         likelihood_power: power of the latent likelihood with which its regions contain the truth

@@ -177,8 +177,6 @@ class TrainingSettings:
 
     Attributes:
         epochs: largest number; the one cycle of the learning rate spans them.
-        batch: samples per step.
-        learning_rate: top of the cycle.
         patience: epochs without a lower validation loss after which training stops.
         validation: share of the samples held out.
         average: decay of the running average of the weights, which are kept.
@@ -187,7 +185,6 @@ class TrainingSettings:
         full_share: share of rows in which all floors are observed; the rest see a random subset.
         full_band_share: share of rows observed over the whole grid; the rest lose up to its lowest
             tenth and its upper seven tenths.
-        seed: random seed.
     """
 
     epochs: int = 45
@@ -213,12 +210,8 @@ class TrainingTask:
     """What is learned.
 
     Attributes:
-        dataset: samples and their modes.
         frequency_hz: (k,) grid.
-        system: of the data set.
         zeta_bounds: range of the damping ratio, a nuisance.
-        box: of the parameters.
-        sizes: of the networks.
     """
 
     dataset: ModalDataset
@@ -391,10 +384,7 @@ def _set_decoder(mvae: Mvae, task: TrainingTask) -> None:
 
 
 def _optimizer(mvae: Mvae, settings: TrainingSettings) -> Soap:
-    """SOAP for the regression from theta to ln|H|, Adam for the rest.
-
-    The variance of the decoder spans orders of magnitude, so it takes larger steps.
-    """
+    """SOAP for the regression from theta to ln|H|, Adam for the rest."""
     variance = mvae.decoder.log_excess
     model = [*mvae.bend.parameters(), *mvae.decoder.parameters()]
     matrices = [value for value in model if value.ndim == 2 and value is not variance]

@@ -114,7 +114,6 @@ def at_own_level(
     """Put posterior draws at the level that their own response to a motion has.
 
     Args:
-        system: the structure with effects.
         draws: theta (S, p), zeta (S,) and sizes (S, q) of the effects.
         settings: of the posterior, with the level that theta holds at; without it all stays.
         keep_damping: leave the damping ratios as they are.
@@ -185,7 +184,6 @@ def own_level(reached: Callable[[Integers, Floats], Floats], count: int, start: 
 
     Args:
         reached: levels of the responses of some draws with the stiffness of levels.
-        count: number of draws.
         start: where the search begins.
 
     Stiffness changes the level of the response little, so that taking each answer for the next
@@ -214,10 +212,7 @@ def own_level(reached: Callable[[Integers, Floats], Floats], count: int, start: 
 
 
 def _note(level: Floats, stiffness: Floats, damping: Floats, span: list[float] | None) -> str:
-    """In words, from the levels (S,) and what stiffness (S, p) and damping (S,) are multiplied by.
-
-    `span` holds the lowest and the highest level from which the change is known.
-    """
+    """In words, from the levels (S,) and what stiffness (S, p) and damping (S,) are multiplied by."""
     mean, share = float(level.mean()), stiffness.mean(axis=0)
     most = float(share[np.abs(np.log(share)).argmax()])
     text = (

@@ -39,10 +39,8 @@ class BuildReport(Result):
     """What was built.
 
     Attributes:
-        model: the study's model.
         modes: lowest of the full model at theta = 1.
         dof: degrees of freedom of the full model after supports.
-        elements: shells and beams.
         mass_kg: of the model, its supports included.
         checks: what was checked, a sentence each.
     """

@@ -26,10 +26,8 @@ class CalibrationSettings:
         particles: in all; shared among independent runs.
         exact: data-space likelihood instead of the latent one.
         chains: independent runs, so that their agreement can be judged.
-        seed: of the sampler.
         device: where the likelihood is evaluated.
         anyway: store a posterior even of an observation that is unlike the building.
-        smc: settings of the sampler.
     """
 
     particles: int = 5000
@@ -51,9 +49,7 @@ class Sampled:
     """What a sampler has drawn.
 
     Attributes:
-        runs: independent ones.
         parameters: that the columns of their draws are.
-        drawn: how.
         notes: how it went, in sentences.
         likelihood: of what was measured, with the errors of the model that the data show.
         latent: of the latent likelihood, where it was found by a search.

@@ -112,7 +112,6 @@ def scatter_of_runs(
 
     Args:
         runs: FRFs under base motion, a run each.
-        posterior: of all together.
         levels: of the runs, in doublings above the first; all alike by default.
     """
     if len(runs) < 2:
@@ -123,10 +122,7 @@ def scatter_of_runs(
 
 
 def _moments(model: StudyModel, run: Observation, level: float, posterior: Posterior) -> Floats:
-    """Mean and standard deviation (2, 2) of ln stiffness and ln damping over the posterior's.
-
-    Those are what the posterior has at the level of the run.
-    """
+    """Mean and standard deviation (2, 2) of ln stiffness and ln damping over the posterior's."""
     data, parameters = base_logs(run, model.system), posterior.parameters
     # Errors of the model that all runs share, such as a mesh's, do not move one from another.
     error = data.error(None)

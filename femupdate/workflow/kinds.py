@@ -46,7 +46,6 @@ class Measured:
         modes: identified modes, one entry a file.
         forced: responses to forces, one entry a file and floor at which a force acts.
         rest: static displacement under forces that the reduced model lacks; None of a stick.
-        errors: of the modes.
         runs: under base motion, an observation each; `base` is all of them together.
         levels: of the runs, in doublings above the first; none where all count as alike.
         doubts: sentences on channels of a run that do not fit together.
@@ -211,8 +210,6 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
     """Like `read_measured_of`, for a building that has no model yet.
 
     Args:
-        building: that was measured.
-        source: of the files.
         halves: part FRFs under base motion in two that err independently.
     """
     base: list[Path] = []
@@ -439,13 +436,7 @@ def _away(model: StudyModel, data: FrfData) -> Tensor:
 
 
 def _level(away: Tensor, omega: Tensor, power: int) -> tuple[float, float]:
-    """How far the nearest draw misses the level, and how much it scatters about it, in ln.
-
-    Args:
-        away: (n, f, k) measured less predicted ln|A|, NaN where not valid.
-        omega: (k,) ln of rad/s.
-        power: of omega that is taken off.
-    """
+    """How far the nearest draw misses the level, and how much it scatters about it, in ln."""
     left = (away - power * omega).flatten(1)
     middle = left.nanmedian(dim=1).values
     scatter = (left - middle[:, None]).abs().nanmedian(dim=1).values

@@ -77,7 +77,6 @@ def base_data(
     """FRFs under base motion of one record or several, each at its level and with its halves.
 
     Args:
-        records: as they were observed.
         system: whose floors they are of.
         use_phase: compare phases where they were measured.
         believed: of the data and of the model.
@@ -210,7 +209,6 @@ def settled_likelihood(
     Args:
         starts: (s, p) parameters, one at least near every maximum; by default likely points of
             the prior.
-        seed: of those.
 
     Raises:
         MeasurementError: the observation is unlike anything that the building can do.
@@ -228,9 +226,7 @@ def require_own_building(
     """Refuse an observation that says nothing of its building.
 
     Args:
-        likelihood: of it.
         points: (n, p) parameters that explain it best.
-        anyway: refuse nothing.
 
     Raises:
         MeasurementError: the best response has next to nothing of what was measured.

@@ -38,7 +38,6 @@ class CertifiedModel:
     """A reduced model and how far it was found to be from the full one.
 
     Attributes:
-        model: without effects.
         rms_error: of ln|H|; 0 for lumped buildings.
         certified: further figures of its error, for the study's record.
     """
@@ -79,10 +78,7 @@ class StudyModel:
     """A building ready for inference.
 
     Attributes:
-        building: as its file says.
         reduced: the reduced model; on the finer mesh where the study has one.
-        prior: of the stiffness factors.
-        damping: the damping ratio.
         reduction_error: rms difference of ln|H| from the full model; 0 for lumped buildings.
         system: the reduced model and its damping; with the effects that the building lists where a
             surrogate of them is at work, and the prior is then of their sizes as well.

@@ -42,7 +42,6 @@ class StudyMode:
         influence: by how many times their noise (rms) the fit would miss the measured ln|H|
             without it; None where no FRF was measured.
         rank: 1 for the mode of the largest influence; None where no FRF was measured.
-        tracked: frequencies and shapes.
     """
 
     number: int | None
@@ -187,7 +186,6 @@ def posterior_modes(
     """Modes followed through draws of the posterior: where none is wanted, those of the model.
 
     Args:
-        full: numbers of the modes.
         count: how many, as `modes_of_model` chooses them, where none is wanted.
         wanted: numbers of modes; those that the reduced model does not have are left out.
     """
@@ -217,11 +215,7 @@ def posterior_modes(
 
 
 def _influence(model: StudyModel, posterior: Posterior, at: ReducedModes) -> Floats | None:
-    """(r,) rms change of ln|H| over its noise at the points used, if a mode were left out.
-
-    With one damping ratio for all modes, H = 1 + sum_k g_k w^2 / (w_k^2 - w^2 + 2 i zeta w_k w)
-    (Clough and Penzien 2003, section 12-4).
-    """
+    """(r,) rms change of ln|H| over its noise at the points used, if a mode were left out."""
     seen = on_all_floors(posterior.observation, model.building.floors)
     if not seen.valid.any():
         return None

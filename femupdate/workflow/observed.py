@@ -29,8 +29,6 @@ class OpenedFile:
 
     Attributes:
         path: where it was read.
-        sha256: hash of its content.
-        recording: what it holds.
     """
 
     path: Path
@@ -43,7 +41,6 @@ class ObservationSource:
     """Where an observation comes from and how to read it.
 
     Attributes:
-        path: the file.
         unit: of the accelerations where the file does not say.
         columns: our column name to the file's.
         sensors: floors to use; all of the file's where empty.
@@ -88,8 +85,6 @@ class ObservationSource:
         """What one of the files holds, for a direction of the motion.
 
         Args:
-            path: of the file.
-            direction: of the motion.
             noise: standard deviation of ln|H| where a table of FRFs gives none.
 
         Raises:
@@ -144,7 +139,6 @@ def observation_of(
 
     Args:
         building: its floors and grid count.
-        source: of the files.
         halves: part the data in two that err independently: of several runs every other one.
 
     Raises:
@@ -171,7 +165,6 @@ def runs_of(
     """Every file of a source as an observation of its own, under a name that no other has.
 
     Args:
-        building, source: see `observation_of`.
         halves: part a single run in two halves.
 
     Raises:

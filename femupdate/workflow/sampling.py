@@ -238,11 +238,7 @@ def _target(
     seed: Seed,
     fitted: FittedEffects | None,
 ) -> Target:
-    """The likelihood and its maxima.
-
-    They are sought from the fit of listed effects, from the solutions of the latent posterior where
-    there is a surrogate, which saves most of the responses, or from likely points of the prior.
-    """
+    """The likelihood and its maxima."""
     if not measured.has_base and model.parameters.size > FEW and fitted is None:
         # Nothing is to be learned about the maxima.
         return Target(smooth_likelihood(model, measured), None, FROM_PRIOR)

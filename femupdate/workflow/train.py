@@ -44,7 +44,6 @@ class Effort:
 
     Attributes:
         samples: simulated buildings in the data set.
-        epochs: passes over them.
     """
 
     samples: int
@@ -61,7 +60,6 @@ class TrainReport(Result):
     """What was trained, or found.
 
     Attributes:
-        surrogate: the trained networks.
         path: where they are.
         trained: False where a fitting surrogate was there already.
         seconds: spent on the data set and on the training, now.
@@ -207,11 +205,7 @@ def _described(
 
 
 def default_settings(model: StudyModel, **changes: Any) -> TrainingSettings:
-    """Settings for a building: its own noise, everything else as shipped but for the changes.
-
-    Args:
-        changes: fields of `TrainingSettings`.
-    """
+    """Settings for a building: its own noise, everything else as shipped but for the changes."""
     loss = LossSettings(noise_sd=model.building.observation.noise_sd)
     settings = replace(TrainingSettings(loss=loss), **changes)
     # Samples seen with the roof alone leave fewer to be seen with all floors.
