@@ -10,7 +10,7 @@ from pathlib import Path
 from femupdate.report.figure import draw
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import predict_study

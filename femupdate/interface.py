@@ -114,7 +114,7 @@ def calibrate(
         InferenceError: the sampler cannot go on.
     """
     from femupdate.workflow.calibrate import calibrate_study, check_calibration
-    from femupdate.workflow.calibrate_settings import CalibrationSettings
+    from femupdate.workflow.likelihoods import CalibrationSettings
     from femupdate.workflow.observed import readable
 
     opened, chosen = Study(_study(study).folder, name), CalibrationSettings(**settings)

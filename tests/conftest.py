@@ -327,7 +327,7 @@ def tower_study(built_once, tower_file: Path, tower_observation: SimpleNamespace
     """The folder of a study of the tower with a posterior; tests work on copies of it."""
     from femupdate.study import Study
     from femupdate.workflow.calibrate import calibrate_study
-    from femupdate.workflow.calibrate_settings import CalibrationSettings
+    from femupdate.workflow.likelihoods import CalibrationSettings
     from femupdate.workflow.model import open_study
     from femupdate.workflow.observed import ObservationSource
 

@@ -20,8 +20,8 @@ from femupdate.study import (
     write_text,
 )
 from femupdate.workflow.effects import NEAR_BASIS
-from femupdate.workflow.finer_mesh import FINER
 from femupdate.workflow.mesh_error import MESH_ERROR
+from femupdate.workflow.model import FINER
 
 MADE_FROM = {"building": "ab12", "observation": "cd34"}
 

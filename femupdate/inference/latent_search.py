@@ -23,7 +23,7 @@ import torch
 from scipy.interpolate import CubicSpline
 from torch import Tensor
 
-from femupdate.surrogate.gauss_newton import (
+from femupdate.maximise import (
     Descent,
     DescentSettings,
     Kept,

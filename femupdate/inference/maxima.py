@@ -19,8 +19,7 @@ from femupdate.inference.joint_error import Row
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.tempering import EDGE, LogLikelihood
-from femupdate.seeds import Seed, torch_generator
-from femupdate.surrogate.gauss_newton import (
+from femupdate.maximise import (
     Descent,
     DescentSettings,
     Kept,
@@ -28,6 +27,7 @@ from femupdate.surrogate.gauss_newton import (
     descend,
     distinct,
 )
+from femupdate.seeds import Seed, torch_generator
 
 # Share of effective draws about maxima below which particles take their place. Force at 16
 # frequencies: at .44 standard deviations were .91 of the exact ones, by particles .98.

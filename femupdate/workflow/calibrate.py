@@ -5,7 +5,7 @@ import time
 from dataclasses import replace
 
 from femupdate.errors import InferenceError
-from femupdate.inference.encoder_input import encoder_input
+from femupdate.inference.latent_likelihood import encoder_input
 from femupdate.inference.posterior import save_posterior
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
@@ -13,11 +13,15 @@ from femupdate.study import Study
 from femupdate.surrogate.storage import find_surrogate
 from femupdate.workflow.amplitude import level_settings
 from femupdate.workflow.calibrate_effects import fitted_effects, with_levels
-from femupdate.workflow.calibrate_settings import CalibrationSettings, plain_settings, unserved
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.kinds import measured_of, read_measured_of
-from femupdate.workflow.likelihoods import without_foreign_modes
+from femupdate.workflow.likelihoods import (
+    CalibrationSettings,
+    plain_settings,
+    unserved,
+    without_foreign_modes,
+)
 from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel, choose_building
 from femupdate.workflow.observed import ObservationSource, check_readable

@@ -19,9 +19,13 @@ from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.parameters import Parameter, own_errors
 from femupdate.inference.posterior import Posterior
 from femupdate.seeds import Seed, spawn
-from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled, plain_settings
 from femupdate.workflow.kinds import Measured
-from femupdate.workflow.likelihoods import data_of_modes
+from femupdate.workflow.likelihoods import (
+    CalibrationSettings,
+    Sampled,
+    data_of_modes,
+    plain_settings,
+)
 from femupdate.workflow.model import StudyModel
 
 _ZETA_GRID, _ZETA_SAMPLES = 25, 48  # damping ratios that are looked at, at draws of theta

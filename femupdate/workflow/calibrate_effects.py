@@ -20,14 +20,13 @@ from femupdate.inference.parameters import effect_parameters
 from femupdate.progress import Progress
 from femupdate.seeds import Seed
 from femupdate.study import Study
-from femupdate.workflow.amplitude import changes_with_level
+from femupdate.workflow.amplitude import changes_with_level, level_between
 from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.effects import keep_basis
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import base_data, data_of_forces, data_of_modes
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.second_record import level_between
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,10 +29,9 @@ from femupdate.workflow.calibrate_notes import (
     large_error,
     overstated_noise,
 )
-from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled
 from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.kinds import Measured
-from femupdate.workflow.likelihoods import beyond_prior
+from femupdate.workflow.likelihoods import CalibrationSettings, Sampled, beyond_prior
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.summary import identified
 

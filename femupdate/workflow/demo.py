@@ -17,7 +17,7 @@ from femupdate.study import Study
 from femupdate.tables import Column, Table
 from femupdate.workflow.build import BuildReport, build_study
 from femupdate.workflow.calibrate import CalibrationReport, calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import DEFAULT_BUILDING
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import predict_study

@@ -10,11 +10,11 @@ from femupdate.inference.data import Data
 from femupdate.inference.frf_data import COMPARING
 from femupdate.progress import Progress
 from femupdate.study import Study
+from femupdate.workflow.amplitude import level_between
 from femupdate.workflow.kinds import Measured, measured_of, with_rest
 from femupdate.workflow.likelihoods import base_data, data_of_forces, data_of_modes
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.second_record import level_between
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import FrfData, base_logs, forced_data, log_responses
-from femupdate.inference.modal_terms import ModalErrors
+from femupdate.inference.mode_data import ModalErrors
 from femupdate.measurement.checks import pair_findings
 from femupdate.measurement.frf import observation_for, with_halves
 from femupdate.measurement.frf_table import in_band
@@ -32,8 +32,7 @@ from femupdate.progress import Progress
 from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
 from femupdate.units import STANDARD_GRAVITY, percent
-from femupdate.workflow.finer_mesh import FINER, half_mesh_size
-from femupdate.workflow.model import REDUCED, StudyModel
+from femupdate.workflow.model import FINER, REDUCED, StudyModel, half_mesh_size
 from femupdate.workflow.observed import ObservationSource, as_one, direction_of, runs_of
 
 

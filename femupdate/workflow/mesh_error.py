@@ -24,8 +24,14 @@ from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
 from femupdate.study import Study, StudyPart, write_text
 from femupdate.workflow.effects import finder_origin, open_structure
-from femupdate.workflow.finer_mesh import FinerMesh, finer_origin, finer_part, half_mesh_size
-from femupdate.workflow.model import StudyModel, on_kept_finer
+from femupdate.workflow.model import (
+    FinerMesh,
+    StudyModel,
+    finer_origin,
+    finer_part,
+    half_mesh_size,
+    on_kept_finer,
+)
 
 MESH_ERROR = "mesh error"
 

@@ -32,15 +32,15 @@ from femupdate.result import Item, Note, Picture, Result
 from femupdate.seeds import Seed
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import Column, Table
+from femupdate.workflow.amplitude import level_between
 from femupdate.workflow.calibrate_effects import with_fitted
-from femupdate.workflow.calibrate_settings import Sampled
 from femupdate.workflow.diagnose import finder_model, keep_found, search
 from femupdate.workflow.finder_data import Given, read_given, read_held
+from femupdate.workflow.likelihoods import Sampled
 from femupdate.workflow.model import StudyModel, on_kept_finer, open_study
 from femupdate.workflow.observed import ObservationSource, direction_of
 from femupdate.workflow.repaired import keep_repaired, keep_repaired_posterior, repaired_building
 from femupdate.workflow.sampling import FROM_FIT, Target, sampled_about_maxima
-from femupdate.workflow.second_record import level_between
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

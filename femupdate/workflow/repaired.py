@@ -11,14 +11,19 @@ from femupdate.inference.posterior import save_posterior
 from femupdate.seeds import Seed, spawn
 from femupdate.study import BUILDING_FILE, REPAIRED, Study
 from femupdate.workflow.amplitude import level_settings
-from femupdate.workflow.calibrate_settings import CalibrationSettings, Sampled
 from femupdate.workflow.calibration_report import POSTERIOR
 from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.effects import finder_origin, keep_basis
-from femupdate.workflow.finer_mesh import finer_origin, finer_part
 from femupdate.workflow.kinds import Measured
+from femupdate.workflow.likelihoods import CalibrationSettings, Sampled
 from femupdate.workflow.mesh_error import MESH_ERROR_PART
-from femupdate.workflow.model import CertifiedModel, StudyModel, keep_model
+from femupdate.workflow.model import (
+    CertifiedModel,
+    StudyModel,
+    finer_origin,
+    finer_part,
+    keep_model,
+)
 from femupdate.workflow.observed import ObservationSource
 
 

@@ -16,10 +16,10 @@ from femupdate.inference.maxima import TRUSTED, draws_about
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import TRAJECTORIES, SmcSettings, SmcState, TemperedSmc
 from femupdate.inference.tempering import SamplerRun
+from femupdate.maximise import Descent
 from femupdate.progress import SILENT, Percent, Progress
 from femupdate.seeds import Seed, spawn
 from femupdate.study import Study
-from femupdate.surrogate.gauss_newton import Descent
 from femupdate.surrogate.storage import find_surrogate, require_surrogate
 from femupdate.units import percent
 from femupdate.workflow.calibrate_effects import FittedEffects
@@ -31,9 +31,12 @@ from femupdate.workflow.calibrate_notes import (
     noise_notes,
     reduction_warnings,
 )
-from femupdate.workflow.calibrate_settings import FEW, CalibrationSettings, Sampled, drawn_by
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
+    FEW,
+    CalibrationSettings,
+    Sampled,
+    drawn_by,
     on_fewer_modes,
     settled_likelihood,
     smooth_likelihood,

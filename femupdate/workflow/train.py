@@ -29,7 +29,7 @@ from femupdate.surrogate.training import (
     TrainingTask,
     train_mvae,
 )
-from femupdate.workflow.calibrate_settings import unserved
+from femupdate.workflow.likelihoods import unserved
 from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel, choose_building, require_named
 

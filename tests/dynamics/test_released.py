@@ -9,7 +9,7 @@ from femupdate.building import from_document
 from femupdate.dynamics import Excitation, System, lumped
 from femupdate.effects import structure_of
 from femupdate.errors import BuildingError
-from femupdate.inference.modal_terms import shown_modes
+from femupdate.inference.mode_data import shown_modes
 
 MASS, SPRING, HEIGHT = np.array([4.0, 3.0, 2.0]), np.array([9e3, 7e3, 5e3]), 0.5
 PLATE = 6.0

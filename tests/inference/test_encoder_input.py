@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.inference.encoder_input import encoder_input
+from femupdate.inference.latent_likelihood import encoder_input
 from femupdate.measurement.observation import Observation
 
 FLOORS = ("2F", "3F", "RF")

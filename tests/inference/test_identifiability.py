@@ -6,8 +6,7 @@ import torch
 from femupdate.benchmarks.shear4dof.case import authors_case, data_likelihood
 from femupdate.benchmarks.shipped import benchmark_model
 
-from femupdate.inference.diagnostics import _log_moments, identifiability
-from femupdate.inference.modes import separate_modes
+from femupdate.inference.diagnostics import _log_moments, identifiability, separate_modes
 from femupdate.inference.smc import TemperedSmc
 
 NAMES = ("theta_1", "theta_2", "theta_3")

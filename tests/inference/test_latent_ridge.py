@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from femupdate.inference.latent_search import along_ridges, bent
-from femupdate.surrogate.gauss_newton import Descent, LatentData, Misfit, descend
+from femupdate.maximise import Descent, LatentData, Misfit, descend
 
 REACH = torch.full((2,), 2.25, dtype=torch.float64)
 Residual = Callable[[Tensor], Tensor]

@@ -6,7 +6,7 @@ import torch
 from scipy.optimize import least_squares
 
 from femupdate.inference.latent_search import Control, LatentQuadratics, find_latent
-from femupdate.surrogate.gauss_newton import LatentData
+from femupdate.maximise import LatentData
 from femupdate.surrogate.network import LatentMixture, Mvae, NetworkSizes
 
 FREQUENCY = torch.arange(1, 121) / 120.0

@@ -11,8 +11,7 @@ from femupdate.building import load_building, shear_operators
 from femupdate.dynamics import ConstantDamping, System, reduce_lumped
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.maxima import best_of_prior, draws_about, found_from, settled
-from femupdate.inference.modal_terms import ModalErrors
-from femupdate.inference.mode_data import mode_data
+from femupdate.inference.mode_data import ModalErrors, mode_data
 from femupdate.inference.model_error import STATED
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.measurement.modes import IdentifiedModes

@@ -12,8 +12,8 @@ from femupdate.simulation import SimulationSettings, simulate_observation
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study, check_calibration
 from femupdate.workflow.calibrate_draws import predictive_log_frf
-from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.diagnose import diagnose_study
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import predict_study

@@ -19,7 +19,7 @@ from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibrate_notes import elsewhere_warnings
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, observation_of
 from femupdate.workflow.train import train_study

@@ -13,7 +13,7 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 

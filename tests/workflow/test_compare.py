@@ -17,7 +17,7 @@ def state(tmp_path_factory, tower_file):
     from femupdate.building import load_building
     from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
     from femupdate.workflow.calibrate import calibrate_study
-    from femupdate.workflow.calibrate_settings import CalibrationSettings
+    from femupdate.workflow.likelihoods import CalibrationSettings
     from femupdate.workflow.model import open_study
     from femupdate.workflow.observed import ObservationSource
 

@@ -16,7 +16,7 @@ from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.study import Study
 from femupdate.surrogate.training import TrainingSettings
 from femupdate.workflow import demo
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import DEFAULT_BUILDING, open_study
 from femupdate.workflow.train import train_study
 

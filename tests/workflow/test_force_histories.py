@@ -6,8 +6,8 @@ import pytest
 from femupdate.errors import MeasurementError
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.kinds import measured_of
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 

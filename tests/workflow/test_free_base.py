@@ -6,7 +6,7 @@ from scipy.linalg import eigh
 
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 

@@ -15,9 +15,8 @@ from femupdate.inference.parameters import Values
 from femupdate.measurement.observation import Observation
 from femupdate.study import Study
 from femupdate.workflow.effects import finder_origin
-from femupdate.workflow.finer_mesh import FINER
 from femupdate.workflow.mesh_error import MESH_ERROR_PART, kept_mesh_error, with_finer_mesh
-from femupdate.workflow.model import open_study
+from femupdate.workflow.model import FINER, open_study
 
 LEARNED = MeshError(
     ("wall_stiffness@ground", "cracked_beams@upper"),

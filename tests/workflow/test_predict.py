@@ -13,7 +13,7 @@ from femupdate.measurement.record import GroundMotion
 from femupdate.report.figure import draw
 from femupdate.report.scale import plus_minus
 from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import predict_study

@@ -22,7 +22,7 @@ from femupdate.report.figure import draw
 from femupdate.study import Study
 from femupdate.surrogate.storage import require_surrogate
 from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import predict_study

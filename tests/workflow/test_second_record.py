@@ -13,13 +13,13 @@ from femupdate.errors import BuildingError, MeasurementError
 from femupdate.measurement.record import GroundMotion
 from femupdate.simulation import parse_effect
 from femupdate.study import Study
+from femupdate.workflow.amplitude import level_between
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 from femupdate.workflow.repair import repair_study
-from femupdate.workflow.second_record import level_between
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 THETA, STEP = np.array([0.8, 1.4, 1.1]), 0.01

@@ -18,7 +18,7 @@ from femupdate.measurement.runs import pooled
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study, file_hash
 from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource, observation_of, runs_of
 

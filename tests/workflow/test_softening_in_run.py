@@ -10,7 +10,7 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource

@@ -11,7 +11,7 @@ from femupdate.measurement.record import GroundMotion
 from femupdate.report.figure import draw
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study, check_calibration
-from femupdate.workflow.calibrate_settings import CalibrationSettings, unserved
+from femupdate.workflow.likelihoods import CalibrationSettings, unserved
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource

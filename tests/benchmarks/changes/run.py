@@ -13,8 +13,8 @@ from femupdate.building import load_building
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
 from femupdate.workflow.compare import CompareReport, State, compare_states, open_state
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 

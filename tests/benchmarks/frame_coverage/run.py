@@ -22,7 +22,7 @@ from femupdate.simulation import fine_model, truth_of
 from femupdate.simulation.truth import FineModel
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource

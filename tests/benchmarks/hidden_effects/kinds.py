@@ -7,8 +7,7 @@ from torch import Tensor
 from femupdate.building.document import Building
 from femupdate.dynamics import Excitation
 from femupdate.effects import Effect
-from femupdate.inference.modal_terms import ModalErrors
-from femupdate.inference.mode_data import modes_as_read
+from femupdate.inference.mode_data import ModalErrors, modes_as_read
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import Observation
 from femupdate.simulation.truth import Truth

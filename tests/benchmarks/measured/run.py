@@ -24,7 +24,7 @@ from femupdate.measurement.kinds import read_observation_file
 from femupdate.measurement.record import read_record
 from femupdate.study import Study
 from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.calibrate_settings import CalibrationSettings
+from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import StudyModel, open_study
 from femupdate.workflow.observed import ObservationSource, direction_of
