@@ -42,9 +42,6 @@ class Pole:
     """A pole of one model order.
 
     Attributes:
-        order: of the model.
-        frequency_hz: natural frequency.
-        damping: ratio of critical damping.
         shape: (c,) complex; its largest component is 1.
     """
 
@@ -68,13 +65,8 @@ class Subspace:
 
     Args:
         record: (c, n) histories about their means.
-        time_step: s.
         rows: block rows: time lags of the correlations.
-        order: the largest.
         blocks: of the record, whose scatter tells the standard deviations.
-
-    Raises:
-        MeasurementError: pyOMA2 is not installed.
     """
 
     def __init__(
@@ -122,10 +114,7 @@ class Subspace:
 
 
 def _change(pole: Pole, moved: tuple[Pole, ...]) -> Floats:
-    """Change of frequency, damping ratio and shape; infinite where the pole is there no longer.
-
-    The shape is brought to the scale in which it changes least.
-    """
+    """Change of frequency, damping ratio and shape; infinite where the pole is there no longer."""
     if not moved:
         return np.full(2 + pole.shape.size, np.inf)
     nearest = min(moved, key=lambda other: _distance(pole, other))
@@ -168,13 +157,9 @@ class AmbientModes:
 
     Attributes:
         modes: from the lowest on.
-        poles: of all orders, in the band.
         group: (p,) number of each pole's mode from 0, or -1.
-        band_hz: in which modes were looked for.
         frequency_hz: (b,) of the spectra.
         spectra: (c, b) power of each channel, over its variance.
-        channels: names.
-        notes: sentences on what was done and what was left out.
     """
 
     modes: tuple[RecordedMode, ...]
@@ -198,10 +183,8 @@ def identify_modes(
 
     Args:
         values: (c, n) motion at the same times, all in one unit.
-        time_step: s.
         channels: names (c,) for the components of the shapes.
         band_hz: in which modes are looked for; by default from the first peak of the spectra on.
-        order: the largest of the models.
 
     Raises:
         MeasurementError: pyOMA2 is missing, the record is too short, or no mode is found.

@@ -41,9 +41,6 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
 
     Args:
         arrays: by their names; a text called `unit` is that of all columns.
-
-    Raises:
-        MeasurementError: there is no numeric array, or neither times, frequencies nor a rate.
     """
     modes = modes_in_arrays(file, arrays)
     if modes:
@@ -148,7 +145,6 @@ class _Signal:
     Attributes:
         axis: name of our column, first value, increment and number of values.
         columns: (n,) each by its name.
-        unit: of all values.
     """
 
     axis: tuple[str, float, float, int]
@@ -222,9 +218,6 @@ def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[Recorded
 
     Args:
         arrays: by their names; `sensors` holds names (c,), else they count from 1.
-
-    Raises:
-        MeasurementError: an array has another number of modes.
     """
     given = {
         ours: np.squeeze(np.asarray(array))

@@ -178,8 +178,6 @@ def pair_findings(
     """Return sentences on channels that are vertical, repeat another, or do not fit the others.
 
     Args:
-        channels: of one file.
-        floors: of each, or None.
         placed: those that measure how the base turns.
     """
     findings: list[str] = []

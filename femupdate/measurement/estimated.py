@@ -32,10 +32,8 @@ class Segments:
     """How a record is cut.
 
     Attributes:
-        length: samples in a segment.
         count: number of segments, each overlapping half of the one before.
         effective: number of independent segments that average as well.
-        seconds: length of a segment, s.
         wanted: the length that the frequency grid asks for, s.
         first, every: of these segments in half-overlapping ones, and the step between them.
     """
@@ -109,11 +107,7 @@ def effective_averages(length: int, count: int) -> float:
 
 
 def choose_segments(samples: int, time_step: float, wanted_s: float, source: str) -> Segments:
-    """Cut a record as the grid wants, or shorter to leave enough averages.
-
-    Raises:
-        MeasurementError: the record is too short.
-    """
+    """Cut a record as the grid wants, or shorter to leave enough averages."""
     length = round(wanted_s / time_step)
     if length > samples or _cut(samples, time_step, length, wanted_s).effective < _AVERAGES:
         # K half-overlapping segments fill (K + 1) / 2 lengths.
@@ -241,8 +235,6 @@ def estimator_of(
     Args:
         inputs: (1, n) acceleration of the base or force, or (2, n) with the base's angular
             acceleration below.
-        time_step: s.
-        segments: how the record was cut.
         grid: (k,) frequencies of the estimate, evenly spaced, Hz.
         bins: (k, b) that brings estimates at the bins of the spectra to the grid.
     """

@@ -52,7 +52,6 @@ def estimate_frf(
 
     Args:
         frequency_hz: (m,) the building's grid, increasing.
-        direction: of the motion: x, y or z.
         half: 0 or 1 for every other segment alone; the noise is that of the whole record, as much
             larger as there are fewer segments.
 
@@ -120,13 +119,7 @@ def estimate_frf(
 
 
 def _more_explained(spectra: Spectra, beside: Spectra, of_rotation: Spectra) -> Floats:
-    """Share of each floor's power (f, b) that follows the rotation beside the translation.
-
-    Args:
-        spectra: of the base's translation and the floors.
-        beside: of translation and rotation, as if the rotation were a floor.
-        of_rotation: of rotation and floors, as if the rotation were the base.
-    """
+    """Share of each floor's power (f, b) that follows the rotation beside the translation."""
     share = beside.cross[0] / np.maximum(spectra.base, _TINY)
     own = beside.floors[0] - np.abs(share) ** 2 * spectra.base
     cross = of_rotation.cross - share.conj() * spectra.cross
@@ -142,10 +135,6 @@ def on_grid(table: Observation, frequency_hz: Floats) -> Observation:
 
     Args:
         table: at its own frequencies.
-        frequency_hz: (m,) the building's grid, increasing.
-
-    Raises:
-        MeasurementError: no point of the grid lies in the table's range.
     """
     grid, own = _checked_grid(frequency_hz), table.frequency_hz
     inside = (grid >= own[0]) & (grid <= own[-1])
@@ -199,9 +188,6 @@ def observation_for(
 
     Args:
         building_floors: names of the building's floors, bottom to top, without the base.
-        data: the file's histories or table of FRFs.
-        frequency_hz: (m,) the building's grid, increasing.
-        direction: of the motion, for histories.
 
     Raises:
         MeasurementError: the file has a floor that the building has not, or see `estimate_frf`
@@ -260,10 +246,7 @@ def _smooth(density: Floats, spectra: Spectra) -> Floats:
 
 
 def _incoherent(spectra: Spectra, coherence: Floats, averages: float, inputs: int) -> Floats:
-    """Power of each floor (f, b) that does not follow the base.
-
-    It is freed of its bias by n / (n - 1), and averaged over neighbouring frequencies.
-    """
+    """Power of each floor (f, b) that does not follow the base."""
     free = max(averages - inputs, 1.0)
     share = (1.0 - np.minimum(coherence, 1.0)) * averages / free
     return _smooth(share * spectra.floors, spectra)

@@ -47,19 +47,7 @@ def frfs_in_table(
     unit: str | None = None,
     noise: float = SPECTRUM.default_noise,
 ) -> tuple[Observation, ...]:
-    """The FRFs in a table, an observation for each excitation, at the table's own frequencies.
-
-    Args:
-        layout: of the table.
-        force: floor at which the force acts, where a column's name does not say it.
-        unit: of responses to a force, where a column does not say it.
-        noise: standard deviation of ln|H| where the table gives none.
-
-    Raises:
-        MeasurementError: the frequencies do not increase, a floor lacks a part of its response
-            function, a magnitude or standard deviation is not above zero, the unit of a column is
-            not known, or two columns differ in their quantity.
-    """
+    """The FRFs in a table, an observation for each excitation, at the table's own frequencies."""
     file, units = layout.table.file, layout.force_units
     told = force or any(column.force for column in layout.frfs)
     if layout.frfs and (told or force_unit(unit or "")):
@@ -80,13 +68,7 @@ def frfs_in_table(
 def _observation(
     layout: Layout, values: Mapping[int, Floats], possible: tuple[float, float], default: float
 ) -> Observation:
-    """The curves in a table, all under one excitation.
-
-    Args:
-        values: (r,) of the columns at their positions, in SI units.
-        possible: smallest and largest amplitude that a building can have.
-        default: standard deviation of ln|H| where the table gives none.
-    """
+    """The curves in a table, all under one excitation."""
     table, frequency = layout.table, layout.frequency_hz
     if frequency.size < _FEWEST:
         raise table.file.error(
@@ -201,8 +183,6 @@ def in_band(
     """Responses to a force in a table on a building's floors, at the file's own frequencies.
 
     Args:
-        forced: all of the table.
-        building_floors: names, bottom to top.
         band_hz: lowest and highest frequency at which the building's model is good.
 
     Raises:
@@ -264,10 +244,6 @@ def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> Colu
     Args:
         columns: our column name, such as `2F` or `2F/RF`, to the file's function: its number from
             1, or its points, as `point 3 +X/point 1 +X`.
-
-    Raises:
-        MeasurementError: there is no response function, none is given a name, a name is not known,
-            or two differ in their frequencies.
     """
     file = recording.file
     known = [one for one in recording.functions if one.kind in _RESPONSES]
@@ -294,12 +270,7 @@ def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> Colu
 
 
 def unnamed_functions(table: ColumnTable, at: int) -> tuple[RecordedFunction, ...]:
-    """The functions in a table whose columns do not say their floors, by the file's names.
-
-    Args:
-        table: with names; a complex column has become two, `name_re` and `name_im`.
-        at: position of the frequencies.
-    """
+    """The functions in a table whose columns do not say their floors, by the file's names."""
     columns = {name: k for k, name in enumerate(table.names or ()) if k != at}
     return tuple(
         RecordedFunction(

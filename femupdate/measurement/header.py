@@ -12,11 +12,7 @@ _LINES = 60  # of a header
 
 
 def header_value(file: TextFile, pattern: str, what: str) -> tuple[int, re.Match[str]]:
-    """Return the index and the match of the first header line that fits a pattern.
-
-    Raises:
-        MeasurementError: no line does; `what` names what is missing.
-    """
+    """Return the index and the match of the first header line that fits a pattern."""
     for index, line in enumerate(file.lines[:_LINES]):
         match = re.search(pattern, line, re.IGNORECASE)
         if match:
@@ -25,11 +21,7 @@ def header_value(file: TextFile, pattern: str, what: str) -> tuple[int, re.Match
 
 
 def positive(file: TextFile, text: str, what: str, line: int) -> float:
-    """Return a header number, of the line with that index, that must be finite and above zero.
-
-    Raises:
-        MeasurementError: it is not.
-    """
+    """Return a header number, of the line with that index, that must be finite and above zero."""
     value = finite(text)
     if value is None or value <= 0:
         raise file.error(f"{what} is {text!r}; it must be a number above zero", line + 1)
@@ -46,17 +38,7 @@ def finite(text: str) -> float | None:
 
 
 def wrapped_numbers(file: TextFile, start: int, count: int, announced_at: int) -> Floats:
-    """Return the numbers that fill the lines from index `start` to the end, row by row.
-
-    Args:
-        file: the record.
-        start: index of the first line of numbers.
-        count: how many the header announces.
-        announced_at: index of the line that announces them.
-
-    Raises:
-        MeasurementError: a word is not a finite number, or there are fewer or more of them.
-    """
+    """Return the numbers that fill the lines from index `start` to the end, row by row."""
     values: list[float] = []
     for index, line in enumerate(file.lines[start:], start=start):
         # Full columns of fixed-width output touch where a number is negative: 0.12E-01-0.34E-01.
@@ -75,11 +57,7 @@ def wrapped_numbers(file: TextFile, start: int, count: int, announced_at: int) -
 def check_count(
     file: TextFile, found: int, announced: int, announced_at: int, channel: str = ""
 ) -> None:
-    """Refuse a file that holds fewer or more values than it announces.
-
-    Raises:
-        MeasurementError: the numbers differ.
-    """
+    """Refuse a file that holds fewer or more values than it announces."""
     if found == announced:
         return
     where = f" in channel {channel}" if channel else ""
@@ -100,10 +78,7 @@ class NumberBlock:
 
     Attributes:
         at: index of the line that announces them; they begin on the next.
-        count: how many it announces.
-        per_line: how many fill a line.
         width: characters of a column.
-        channel: what messages call them.
         whole: whether they are counts, without a decimal point.
     """
 
@@ -121,12 +96,7 @@ class NumberBlock:
 
 
 def block_values(file: TextFile, block: NumberBlock) -> Floats:
-    """Return the numbers of a block.
-
-    Raises:
-        MeasurementError: a field is not a number with its decimal point, or there are fewer or
-            more of them than announced.
-    """
+    """Return the numbers of a block."""
     fields: list[str] = []
     for index in block.lines:
         row = file.lines[index].rstrip() if index < len(file.lines) else ""

@@ -44,9 +44,7 @@ class Histories:
         channels: (c,) what each row is.
         acceleration: (c, n) absolute acceleration, m/s2; of a force, which stands where the base
             would be, N.
-        source: where they come from, for messages and reports.
         force: floor at which a force acts; empty where the base moves.
-        notes: for people.
     """
 
     time_step: float
@@ -78,11 +76,7 @@ class Histories:
         return [k for k, one in enumerate(self.channels) if (one.floor, one.direction) == here]
 
     def means(self, direction: str) -> tuple[Floats, Floats, tuple[str, ...]]:
-        """Mean over the sensors of base (n,) and of each floor (f, n), and the floors' names.
-
-        Raises:
-            MeasurementError: there is no base or floor channel in the direction.
-        """
+        """Mean over the sensors of base (n,) and of each floor (f, n), and the floors' names."""
         rows = {floor: self.rows(floor, direction) for floor in (BASE, *self.floors)}
         floors = tuple(floor for floor in self.floors if rows[floor])
         if not rows[BASE] or not floors:
@@ -99,16 +93,7 @@ class Histories:
 def histories_of(
     file: TextFile, channels: Mapping[Motion, RecordedChannel], unit: str | None = None
 ) -> Histories:
-    """The histories of a building in channels.
-
-    Args:
-        file: that they are of, for messages.
-        channels: of the base and floors, or of a force and floors.
-        unit: of the accelerations, where the file does not give it.
-
-    Raises:
-        MeasurementError: a channel cannot be used; the message names it.
-    """
+    """The histories of a building in channels."""
     motions = {ours: one for ours, one in channels.items() if isinstance(ours, FloorChannel)}
     forces = [ours for ours in channels if isinstance(ours, ForceChannel)]
     if forces:
@@ -123,15 +108,7 @@ def histories_of(
 def motions_in(
     recording: Recording, columns: Mapping[str, str] | None = None
 ) -> Mapping[FloorChannel, RecordedChannel]:
-    """Histories of floors at the same times, of any quantity, with or without the base.
-
-    Args:
-        columns: our column name to the file's column or channel.
-
-    Raises:
-        MeasurementError: the file holds no histories, their times differ, or a column or cell
-            cannot be used; the message names it.
-    """
+    """Histories of floors at the same times, of any quantity, with or without the base."""
     channels = placed_channels(recording, columns)
     motions = {ours: one for ours, one in channels.items() if isinstance(ours, FloorChannel)}
     _require_same_times(recording.file, motions)

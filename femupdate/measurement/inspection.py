@@ -57,10 +57,7 @@ class InspectedChannel:
 
     Attributes:
         number: from 1, by which commands take it.
-        channel: as the file gives it.
         peak_m_s2: largest absolute acceleration, or None where the unit is not known.
-        floor: that its name or location tells, or None.
-        findings: sentences on what looks wrong.
     """
 
     number: int
@@ -120,15 +117,10 @@ class Inspection:
     """What is in a file.
 
     Attributes:
-        path: of the file.
-        reads: what the reader of its format reads.
-        recording: its content; modes, points and notes are there.
-        channels: its histories.
         functions: its functions of frequency, those of a table included.
         modes: its identified modes, those of a table included.
         findings: sentences on what looks wrong between channels.
         rotation: sentences on what vertical channels of the base tell of its rotation.
-        step: what to do next.
     """
 
     path: Path

@@ -22,7 +22,6 @@ class Reading:
 
     Attributes:
         unit: of accelerations, or of responses to a force, where the file does not give it.
-        columns: our column name to the file's.
         direction: of the motion; of identified modes other components are left out.
         force: floor at which the force acts, where the columns' names do not say it.
         noise: standard deviation of ln|H| where a table of FRFs gives none.

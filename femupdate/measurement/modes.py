@@ -51,12 +51,7 @@ def modes_in_table(
 
     Args:
         table: NaN where a cell is blank; of the column `mode` its numbers.
-        columns: our column name to the file's.
         named: whether every component must bear our name of a floor; else it keeps its own.
-
-    Raises:
-        MeasurementError: there is no column of frequencies, a row has none, or a column has a
-            name that is not known.
     """
     values = _columns(table, columns, named)
     if FREQUENCY not in values:
@@ -177,8 +172,6 @@ class IdentifiedModes:
         floors: (f,) with a sensor, bottom to top.
         shape: (m, f) displacement of the floors against the fixed base, in any scale and sign.
         shape_sd: (m, f) standard deviations, in the scale of the shape.
-        source: where they come from.
-        notes: sentences on what was done to them.
     """
 
     names: tuple[str, ...]

@@ -63,7 +63,6 @@ class FrfColumn:
     """One column of an FRF table.
 
     Attributes:
-        floor: that responds.
         part: `abs`, `re`, `im` or `sd`.
         force: floor at which a force acts; empty where the base moves.
     """
@@ -80,12 +79,7 @@ class FrfColumn:
 
 @dataclass(frozen=True)
 class ForceChannel:
-    """The history of a force of a hammer or a shaker.
-
-    Attributes:
-        floor: at which it acts.
-        direction: `x`, `y` or `z`.
-    """
+    """The history of a force of a hammer or a shaker."""
 
     floor: str
     direction: str = "x"

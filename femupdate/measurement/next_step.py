@@ -70,7 +70,6 @@ def columns_of(
     """Our column name to the file's, or to the channel's number with a minus where it is turned.
 
     Args:
-        proposed: see `proposal`.
         names: of a table's columns, the one of times included; None of any other file.
     """
     if names is None:
@@ -162,7 +161,6 @@ class NextStep:
 
     Attributes:
         command: or an empty text.
-        advice: a sentence on it.
         columns: our column name to the channel or column that the file proposes, both directions.
     """
 
@@ -181,10 +179,7 @@ def next_step(
     """Return what to run next on a file of histories.
 
     Args:
-        histories: of it.
         names: of a table's columns, the one of times included; None of any other file.
-        unit: that the user gave.
-        columns: our column name to the file's, that the user gave.
     """
     usable = [k for k, each in enumerate(histories) if is_usable(each)]
     unknown = unit is None and any(histories[k].unit is None for k in usable)

@@ -48,15 +48,12 @@ class Observation:
         coherence: (f, m) ordinary coherence of base and floor, or None.
         resolution_hz: bandwidth over which one estimate averages, or the spacing of a table that
             is coarser than the grid; None where it is not known. See `independent_share`.
-        source: where it comes from.
-        notes: sentences on how it was estimated and what is missing.
         scatter: (f, m) of several runs pooled into one (see `pooled`): sum of their squared
             deviations from what is pooled, each over the noise of its own run; None for one run.
         estimator: what the estimate makes of an FRF; None for a table.
         rotation: (m,) complex rotation of the base that goes with its unit translation, 1/m, for
             pictures; None where none was measured. Fits go through the estimator, which has all
             of the rotation.
-        excitation: what drove the building.
         quantity: of responses to a force what the file holds: receptance, mobility, accelerance.
         level: doublings of the amplitude of motion above that of the first record.
         halves: the data in two parts that err independently; none where they were not parted.
@@ -171,8 +168,6 @@ def resolved_share(frequency_hz: Floats, resolution_hz: float | None, *, estimat
     """Spacing of a grid (m,) over that of independent points, at most one.
 
     Args:
-        frequency_hz: the grid.
-        resolution_hz: see `Observation`.
         estimated: whether FRFs were estimated from histories, by Hann segments.
     """
     if resolution_hz is None or len(frequency_hz) < 2:

@@ -21,11 +21,7 @@ _VELOCITY = re.compile(r"(?P<length>[a-z]+)/s", re.IGNORECASE)
 
 
 def newtons(file: TextFile, values: Floats, unit: str | None, column: str) -> Floats:
-    """Forces in N.
-
-    Raises:
-        MeasurementError: the unit is missing or none of a force, or nothing pushes so strongly.
-    """
+    """Forces in N."""
     if unit not in FORCES:
         raise file.error(
             f"the force's unit is {unit or 'not given'}; write one of {', '.join(FORCES)} behind"
@@ -136,11 +132,7 @@ def bracketed(title: str) -> tuple[str, str | None]:
 
 
 def si_factor(file: TextFile, unit: str, kind: str) -> float:
-    """Return the SI factor of a unit that a file or an option names.
-
-    Raises:
-        MeasurementError: the name is not a unit of that kind.
-    """
+    """Return the SI factor of a unit that a file or an option names."""
     try:
         return _factor(plain_unit(unit), kind)
     except UnitError as error:

@@ -57,9 +57,6 @@ def _reader(name: str) -> Reader:
 def read_measured(path: str | Path) -> Recording:
     """Read any measured file.
 
-    Args:
-        path: the file; its format is told from its content.
-
     Raises:
         MeasurementError: the file is in no known format, or cannot be read as what it is.
     """

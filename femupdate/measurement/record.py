@@ -46,7 +46,6 @@ class GroundMotion:
         acceleration: (n,) m/s2.
         time_step: s.
         name: of the record, the file's name without its ending.
-        channel: the component's name in the file.
         rotation: (n,) of the base, rad/s2, that leans a building forward; None where it was not
             measured.
         scale: by which the values of the file were multiplied.
@@ -170,7 +169,6 @@ def read_record(
     how it turns.
 
     Args:
-        path: the file; its format is told from its content.
         unit: of the accelerations, where the file does not say it.
         channel: its name in the file, or its number from 1; needed where there are several and
             none, or more than one, is called base.

@@ -46,11 +46,8 @@ class RecordedChannel:
     """One history as the file gives it.
 
     Attributes:
-        name: the file's name for it.
         values: (n,) in `unit`.
         time_step: s.
-        unit: that the file states, or None.
-        quantity: what was measured.
         location: where the sensor sits, in the file's words; empty where it does not say.
         direction: in the file's words, such as `90 Deg` or `Up`; empty where it does not say.
         azimuth_deg: clockwise from north, where it is known.
@@ -80,11 +77,7 @@ class RecordedChannel:
 
 
 def acceleration_unit(file: TextFile, channel: RecordedChannel, asked: str | None) -> str:
-    """Return the unit of a channel of acceleration, stated in the file or asked for by the user.
-
-    Raises:
-        MeasurementError: the channel holds something else, or neither or both say, and differ.
-    """
+    """Return the unit of a channel of acceleration, stated in the file or asked for by the user."""
     stated, column = channel.unit, repr(channel.name)
     if channel.quantity not in ("acceleration", "unknown"):
         raise file.error(
@@ -108,14 +101,7 @@ def acceleration_unit(file: TextFile, channel: RecordedChannel, asked: str | Non
 
 
 def in_m_s2(file: TextFile, channel: RecordedChannel, asked: str | None) -> Floats:
-    """Values (n,) of a channel of acceleration in m/s2.
-
-    Args:
-        asked: its unit, where the file does not say it.
-
-    Raises:
-        MeasurementError: see `acceleration_unit`.
-    """
+    """Values (n,) of a channel of acceleration in m/s2."""
     unit = acceleration_unit(file, channel, asked)
     return channel.values * si_factor(file, unit, "acceleration")
 
@@ -139,11 +125,8 @@ class RecordedFunction:
     """A function of frequency as the file gives it.
 
     Attributes:
-        kind: what it is, such as `frequency response` or `coherence`.
-        name: the file's name for it.
         frequency_hz: (m,)
         values: (m,) real or complex, in `unit`.
-        unit: that the file states, or None.
         response: where and in which direction the response was measured.
         reference: likewise of the excitation or the reference.
     """
@@ -162,14 +145,9 @@ class RecordedMode:
     """An identified mode as the file gives it.
 
     Attributes:
-        frequency_hz: natural frequency.
         sensors: (s,) names of the components of the shape, such as `2F` or `point 3 +X`.
         shape: (s,) components, in the file's scale; NaN where one is missing.
         shape_sd: (s,) standard deviations in that scale, NaN where not known, or None.
-        frequency_sd_hz: standard deviation of the frequency, or None.
-        damping: ratio of critical damping, or None.
-        damping_sd: standard deviation of it, or None.
-        name: that the file gives it.
     """
 
     frequency_hz: float
@@ -193,16 +171,11 @@ class Recording:
         (True, 'plain')
 
     Attributes:
-        file: where it was read, for messages.
         channels: its histories, where the format says what is one.
         table: its columns, where they mean what the user takes them for.
-        functions: its functions of frequency.
-        modes: its identified modes.
         mode_table: a table of identified modes, whose columns mean what the user takes them for;
             NaN where a cell is blank.
         points: coordinates of its measuring points by their numbers, in the file's unit.
-        notes: sentences on what else the file holds.
-        format: name of the reader, set by `registry.read_measured`.
     """
 
     file: TextFile
@@ -216,11 +189,7 @@ class Recording:
     format: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse a channel with a gap: samples that are not finite, such as NaN.
-
-        Raises:
-            MeasurementError: there is such a channel.
-        """
+        """Refuse a channel with a gap: samples that are not finite, such as NaN."""
         for channel in self.channels:
             gaps = np.flatnonzero(~np.isfinite(channel.values))
             if gaps.size:
@@ -239,12 +208,7 @@ class Recording:
         return replace(self, file=file, table=table, mode_table=modes)
 
     def histories(self) -> tuple[RecordedChannel, ...]:
-        """Channels of the file; of a table, every column beside the one of times.
-
-        Raises:
-            MeasurementError: a table has no column of times, fewer than three rows, or its
-                sampling is not uniform.
-        """
+        """Channels of the file; of a table, every column beside the one of times."""
         if self.table is None:
             return self.channels
         return tuple(channels_of(self.table, _time_column(self.table)).values())
@@ -256,12 +220,7 @@ def channels_of(
     """The columns of a table as histories by their positions, but for that of the times.
 
     Args:
-        table: of histories.
-        at: position of the times.
         fewest, what: rows that there must be, and for what.
-
-    Raises:
-        MeasurementError: there are fewer rows, or the sampling is not uniform.
     """
     count, width = table.values.shape
     if count < fewest:

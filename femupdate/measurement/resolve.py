@@ -58,12 +58,8 @@ def positions(
     Args:
         what: one of them, such as `channel`.
         names: (c,) the file's, which are taken whole, before a comma, or by their first word.
-        columns: our name to the file's.
         listing: all of them by numbers from 1, where they may be taken by number.
         turned: whether a minus may stand before a name or number.
-
-    Raises:
-        MeasurementError: none, or more than one, is called so, or one is given to two names.
     """
     at_name: dict[str, int] = {}
     for ours, theirs in columns.items():
@@ -110,10 +106,6 @@ def given_channels(
     Args:
         columns: our column name to the file's channel or its number; a minus before it turns the
             channel round.
-        unit: of channels without one, for a listing in a message.
-
-    Raises:
-        MeasurementError: a name is not known, or stands for two channels.
     """
     known = _known(file, tuple(columns), {}, TIME)
     names, listing = [channel.name for channel in channels], channel_listing(file, channels, unit)
@@ -129,16 +121,7 @@ def given_channels(
 def placed_channels(
     recording: Recording, columns: Mapping[str, str] | None, unit: str | None = None
 ) -> dict[Motion, RecordedChannel]:
-    """The histories in a file, by what they are of a building.
-
-    Args:
-        columns: our column name to the file's column or channel.
-        unit: see `given_channels`.
-
-    Raises:
-        MeasurementError: the file holds no histories or does not say which is which, or a column
-            cannot be used; the message names it.
-    """
+    """The histories in a file, by what they are of a building."""
     file, channels = recording.file, recording.channels
     if recording.table is not None:
         layout = layout_of(recording.table, columns)
@@ -161,7 +144,6 @@ class Layout:
 
     Attributes:
         table: without a first row at zero frequency, where nothing accelerates.
-        at: position of the times or frequencies.
         of_histories: whether these are times.
         known: what each other column stands for, by its position.
     """
@@ -207,13 +189,8 @@ def layout_of(table: ColumnTable, columns: Mapping[str, str] | None) -> Layout:
     """What the columns of a table stand for.
 
     Args:
-        table: with the names of its columns.
         columns: our column name to the file's. Once it is given, other columns count only where
             they bear one of our names.
-
-    Raises:
-        MeasurementError: the table has neither times nor frequencies, or a column's name is not
-            known.
     """
     file = table.file
     if table.names is None:
@@ -257,15 +234,7 @@ def in_parts(positions: Mapping[str, int]) -> dict[str, tuple[int, int | None]]:
 def whole_or_parts(
     file: TextFile, name: str, columns: Mapping[str, _Column], what: str
 ) -> tuple[_Column, _Column | None]:
-    """A column, or those of the real and the imaginary part where there are both.
-
-    Args:
-        columns: by their names.
-        what: it is, for the message.
-
-    Raises:
-        MeasurementError: it is neither there whole nor in both parts, or there as both.
-    """
+    """A column, or those of the real and the imaginary part where there are both."""
     whole, real, imaginary = (columns.get(f"{name}{part}") for part in ("", "_re", "_im"))
     if whole is not None and real is None and imaginary is None:
         return whole, None
@@ -298,13 +267,7 @@ def _known(
     axis: str,
     at: int | None = None,
 ) -> dict[int, Known]:
-    """What channels or columns stand for, by their positions.
-
-    Args:
-        given: our names for some of them. Where there are any, others may have unknown names.
-        axis: our name of the times or frequencies.
-        at: position of these, where they are among the names.
-    """
+    """What channels or columns stand for, by their positions."""
     parse, columns = _KINDS[axis]
     known: dict[int, Known] = {}
     for position, title in enumerate(names):

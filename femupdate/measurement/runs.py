@@ -45,10 +45,6 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
 
     Args:
         runs: on one frequency grid; one alone is returned as it is.
-        floors: of the building, bottom to top.
-
-    Raises:
-        MeasurementError: there is no run, or their grids differ.
     """
     if not runs:
         raise MeasurementError("there is no run to pool; give one at least")
@@ -154,10 +150,6 @@ class Difference:
     """Difference of one run from the others together, at one floor in one band.
 
     Attributes:
-        source: the run.
-        others: those that it is compared with.
-        floor: its name.
-        band_hz: the band.
         mean: of the difference in ln|H|, run less others, weighted by precision.
         ratio: rms of the difference over the noise of both.
         independent: points that err independently.
@@ -221,10 +213,6 @@ def agreement(runs: Sequence[Observation], floors: Sequence[str]) -> Agreement:
     """Compare every run with all others, pooled, by the chi-square of their differences.
 
     Of two runs, the second is compared with the first.
-
-    Args:
-        runs: on one frequency grid.
-        floors: of the building, bottom to top.
     """
     found: list[Difference] = []
     compared = range(1, 2) if len(runs) == 2 else range(len(runs))

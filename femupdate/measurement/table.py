@@ -53,7 +53,6 @@ def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
     The first row names the columns; without complex cells the rows come back as they are.
 
     Args:
-        rows: of a table, its header first.
         blanks: cells that stand for a missing value.
     """
     delimiter = find_delimiter(rows[0][1])
@@ -103,10 +102,6 @@ def in_seconds(rows: list[Row], delimiter: str | None) -> list[Row]:
     """Rows whose first cells are times in seconds since the first, where all are moments.
 
     Their column is called `time_s`.
-
-    Args:
-        rows: of a table, its header first or not.
-        delimiter: of the cells.
     """
     if not _MOMENT.fullmatch(cells_of(rows[-1][1], delimiter)[0]):
         return rows  # as nearly all tables: not a row more need be looked at
@@ -135,16 +130,7 @@ def in_seconds(rows: list[Row], delimiter: str | None) -> list[Row]:
 
 
 def check_step(file: TextFile, step: float, title: str | None = None) -> None:
-    """Refuse a time step with which no building is measured.
-
-    Args:
-        file: where the step comes from.
-        step: s.
-        title: what messages call its column or channel.
-
-    Raises:
-        MeasurementError: it is none of the possible ones.
-    """
+    """Refuse a time step with which no building is measured."""
     # An impact on a model has steps of 1e-6 s, the slowest monitoring of a tower 10 s.
     shortest, longest = 1e-6, 10.0
     if not shortest <= step <= longest:
@@ -162,13 +148,7 @@ def uniform_step(file: TextFile, time: Floats, lines: Integers, title: str) -> f
     three quarters of its last printed digit, or by a hundredth of a step, whichever is larger.
 
     Args:
-        file: where the times come from.
         time: (n,) at least three times, s.
-        lines: (n,) their line numbers.
-        title: what messages call their column.
-
-    Raises:
-        MeasurementError: a time does not increase, or the sampling is not uniform.
     """
     backwards = np.flatnonzero(np.diff(time) <= 0)
     if backwards.size and np.mean(np.diff(time) <= 0) > 0.5:
@@ -216,11 +196,9 @@ class ColumnTable:
     """Columns of finite numbers with their names and units.
 
     Attributes:
-        file: where they come from.
         names: (c,) titles of the columns without their units, or None where there is no header.
         units: (c,) unit of each column, or None where the file does not say.
         values: (r, c) the numbers.
-        lines: (r,) line number of each row.
     """
 
     file: TextFile
@@ -235,13 +213,7 @@ class ColumnTable:
         columns: Mapping[str, NDArray[np.number]],
         units: Mapping[str, str | None],
     ) -> "ColumnTable":
-        """Arrays (r,) as a table; one of complex numbers becomes two, `name_re` and `name_im`.
-
-        Args:
-            file: where they come from.
-            columns: by their names.
-            units: of those that have one.
-        """
+        """Arrays (r,) as a table; one of complex numbers becomes two, `name_re` and `name_im`."""
         parts = {
             f"{name}{part}": (name, values)
             for name, column in columns.items()
@@ -273,10 +245,6 @@ def read_table(file: TextFile) -> ColumnTable:
     row whose first cell is not a number is the header; a second one without any number is the units
     row. Where the delimiter is not the comma, a comma in a number is the decimal sign. Dates and
     times of day in the first column become seconds.
-
-    Raises:
-        MeasurementError: a cell is blank, text or not finite, a row has another number of cells,
-            or two columns have one name.
     """
     rows = split_complex(rows_of_table(file))
     delimiter = find_delimiter(rows[0][1])
@@ -332,10 +300,6 @@ def parse_rows(
 
     Args:
         missing: a cell may be `nan`.
-
-    Raises:
-        MeasurementError: there is no row, or a cell is blank, text or not finite, or a row has
-            another number of cells than the first.
     """
     if not rows:
         raise file.error("the file has a header but no data; write it again from its source")
@@ -367,9 +331,6 @@ def read_head_rows(
 
     Args:
         split: a title into name and unit.
-
-    Raises:
-        MeasurementError: two columns have one name, or the units row has another width.
     """
     line, text = rows[0]
     if delimiter is None:  # "time (s) RF (g)": the unit stays with its name

@@ -24,7 +24,6 @@ class TextFile:
     """The lines of a text file, numbered from 1 in messages.
 
     Attributes:
-        path: where it was read.
         lines: (n,) its lines without their ends; none of a file that is not text.
         row_name: what messages call a line of it.
     """
@@ -55,9 +54,6 @@ def reading_package(file: TextFile, module: str, package: str, what: str) -> Any
 
     Args:
         what: files of the format, for the message.
-
-    Raises:
-        MeasurementError: it is not installed.
     """
     try:
         return importlib.import_module(module)
@@ -69,20 +65,12 @@ def reading_package(file: TextFile, module: str, package: str, what: str) -> Any
 
 
 def read_text(path: str | Path) -> TextFile:
-    """Read a text file in UTF-8 (with or without mark), UTF-16 with mark, or Shift-JIS.
-
-    Raises:
-        MeasurementError: the file is missing, a folder, unreadable, empty or not text.
-    """
+    """Read a text file in UTF-8 (with or without mark), UTF-16 with mark, or Shift-JIS."""
     return text_of(Path(path), read_bytes(path))
 
 
 def text_of(path: Path, data: bytes) -> TextFile:
-    """Return the text in the bytes of a file, or of a member of an archive.
-
-    Raises:
-        MeasurementError: they are not text, or hold nothing but comments.
-    """
+    """Return the text in the bytes of a file, or of a member of an archive."""
     if data.startswith(_ZIP_MARK):
         raise MeasurementError(
             f"{path}: this is a workbook or an archive, not text; export it as CSV or unpack it"
@@ -96,11 +84,7 @@ def text_of(path: Path, data: bytes) -> TextFile:
 
 
 def read_head(path: str | Path) -> str:
-    """Return the beginning of a file as text, with line ends as \\n; binary ones as latin-1.
-
-    Raises:
-        MeasurementError: the file is missing, a folder, unreadable or empty.
-    """
+    """Return the beginning of a file as text, with line ends as \\n; binary ones as latin-1."""
     data = read_bytes(path, _HEAD_BYTES)
     if b"\0" in data and not data.startswith(_UTF16_MARKS):
         return data.decode("latin-1")
@@ -115,11 +99,7 @@ def closest(name: str, known: Iterable[str]) -> str:
 
 
 def read_bytes(path: str | Path, limit: int = -1) -> bytes:
-    """Return the bytes of a file, at most `limit` of them.
-
-    Raises:
-        MeasurementError: the file is missing, no regular file, unreadable, too large or empty.
-    """
+    """Return the bytes of a file, at most `limit` of them."""
     # 300 MB of text make a table of some three times that in memory.
     data = read_file(path, 300 * 1_000_000, MeasurementError, limit)
     if not data.strip():

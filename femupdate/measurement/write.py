@@ -26,12 +26,8 @@ def write_observation_histories(
 
     Args:
         path: the CSV file; one that is there is replaced once the new one is whole.
-        histories: what to write.
         comments: lines that say where the numbers come from; each gets a # in front.
         digits: significant ones of the accelerations.
-
-    Raises:
-        MeasurementError: the file cannot be written.
     """
     names, values = [one.name for one in histories.channels], histories.acceleration
     buffer = io.StringIO()
@@ -50,12 +46,7 @@ def write_modes(
     """Write identified modes of real shapes as a table, and return its path.
 
     Args:
-        path: the CSV file; one that is there is replaced once the new one is whole.
         modes: with the same sensors.
-        comments: lines that say where the modes come from; each gets a # in front.
-
-    Raises:
-        MeasurementError: the file cannot be written.
     """
     sensors = modes[0].sensors
     spreads = [() if mode.shape_sd is None else tuple(mode.shape_sd) for mode in modes]
@@ -146,14 +137,9 @@ def write_mapping(
     """Write a mapping file, with all channels that are not used as comments, and return its path.
 
     Args:
-        path: of the mapping file.
-        file: that is mapped.
         columns: our column name to the channel's number or the column's name.
         channels: all of the file.
         unit: of the accelerations, where the file does not say it.
-
-    Raises:
-        MeasurementError: it cannot be written.
     """
     lines = [_HEAD.format(file=file.name)]
     if unit is not None:

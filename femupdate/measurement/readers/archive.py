@@ -42,14 +42,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """Channels of all records in an archive, in the order of the records' names.
-
-    Members are unpacked under names of our own into a folder that is removed again.
-
-    Raises:
-        MeasurementError: the archive is damaged, a workbook, too large when unpacked, or holds no
-            record; or a record in it cannot be read.
-    """
+    """Channels of all records in an archive, in the order of the records' names."""
     file = TextFile(path)
     try:
         with tempfile.TemporaryDirectory() as folder:

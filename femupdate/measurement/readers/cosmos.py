@@ -46,12 +46,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """Accelerations of all channels, by the column widths that the file states.
-
-    Raises:
-        MeasurementError: no acceleration is announced, the
-            sampling interval is missing, or another number of values follows than announced.
-    """
+    """Accelerations of all channels, by the column widths that the file states."""
     file = read_text(path)
     channels = tuple(_channels(file))
     if not channels:
@@ -95,10 +90,7 @@ def _channels(file: TextFile) -> Iterator[RecordedChannel]:
 
 
 def _direction(said: str, azimuth: float | None, code: str) -> str:
-    """What the header says in words, else in numbers, else the last letter of the channel's code.
-
-    Converted files write an azimuth of zero where nothing is known.
-    """
+    """What the header says in words, in numbers, or by the last letter of the channel's code."""
     if said.lower() not in _NOTHING:
         return said
     if azimuth in _VERTICAL:
@@ -115,11 +107,7 @@ def _header(file: TextFile, at: int, match: re.Match[str]) -> list[float | None]
 
 
 def _scale(file: TextFile, at: int, unit: str, real: list[float | None]) -> tuple[float, str]:
-    """What values are multiplied by, and their unit then.
-
-    Counts of Volume 0 become g: real header 22 has microvolts per count, 42 volts per g, and 47
-    the gain of the recorder.
-    """
+    """What values are multiplied by, and their unit then."""
     if not unit.lower().startswith("count"):
         return 1.0, unit
     microvolts, sensitivity = _item(real, 22), _item(real, 42)

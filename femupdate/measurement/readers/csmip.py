@@ -59,12 +59,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """Accelerations of all channels, by the column widths that the file states.
-
-    Raises:
-        MeasurementError: a layout is not understood, a channel holds fewer or more values than
-            announced, or a field is not a number.
-    """
+    """Accelerations of all channels, by the column widths that the file states."""
     file = read_text(path)
     channels = tuple(_channels(file))
     if not channels and not any(_MENTIONED.search(line) for line in file.lines):

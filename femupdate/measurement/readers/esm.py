@@ -15,12 +15,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """The one channel; its direction is the last letter of the stream, such as HNE.
-
-    Raises:
-        MeasurementError: a key is missing, the file holds velocity or displacement, or another
-            number of values follows than announced.
-    """
+    """The one channel; its direction is the last letter of the stream, such as HNE."""
     file = read_text(path)
     start = next((i for i, line in enumerate(file.lines) if _begins_values(line)), 0)
     if not start:

@@ -17,12 +17,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """All channels, in the unit that the header states.
-
-    Raises:
-        MeasurementError: the sampling rate, the unit or the row of channel names is missing, or a
-            cell is not a number.
-    """
+    """All channels, in the unit that the header states."""
     file = read_text(path)
     at, rate = header_value(file, _RATE, "SAMPLING RATE in Hz")
     step = 1.0 / positive(file, rate.group(1), "SAMPLING RATE", at)

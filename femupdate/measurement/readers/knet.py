@@ -22,12 +22,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """Acceleration = count times scale factor, gal, the offset included.
-
-    Raises:
-        MeasurementError: a header line is missing, or duration times sampling frequency is not
-            the number of values that follow.
-    """
+    """Acceleration = count times scale factor, gal, the offset included."""
     file = read_text(path)
     at, rate = header_value(file, r"^Sampling Freq\(Hz\)\s+([^\sH]+)", "Sampling Freq(Hz)")
     frequency = positive(file, rate.group(1), "Sampling Freq(Hz)", at)

@@ -24,11 +24,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """Arrays, also in structures, as the columns of a table.
-
-    Raises:
-        MeasurementError: the file is damaged or too large, or see `table_of_arrays`.
-    """
+    """Arrays, also in structures, as the columns of a table."""
     file = TextFile(path, row_name="row")
     try:
         with path.open("rb") as stream:
@@ -103,9 +99,6 @@ def require_whole(content: bytes, most: int) -> None:
     Args:
         content: of the file; one of version 4 has no such elements and is left to scipy.
         most: bytes that packed elements may unpack to.
-
-    Raises:
-        ValueError: one is cut short, of no known type, nested too deep, or unpacks to too much.
     """
     order = {b"IM": "<", b"MI": ">"}.get(content[_ORDER])
     if order is not None:

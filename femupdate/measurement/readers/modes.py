@@ -34,10 +34,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _header_at(rows: list[Row]) -> int | None:
-    """Index of the row that names the columns: the first one, or below what programs write above.
-
-    Below the first row, it must name the frequencies too.
-    """
+    """Index of the row that names the columns, the first or one below what programs write."""
     for index, (_, text) in enumerate(rows[:_MOST_ABOVE]):
         figures = [figure_of(bracketed(cell)[0]) for cell in cells_of(text, find_delimiter(text))]
         telling = any(figure in _TELLING for figure in figures) and len(figures) >= _LEAST_TOLD
@@ -47,11 +44,7 @@ def _header_at(rows: list[Row]) -> int | None:
 
 
 def _read(path: Path) -> Recording:
-    """A table whose cells may be blank.
-
-    Raises:
-        MeasurementError: a row has another number of cells, or a cell is text.
-    """
+    """A table whose cells may be blank."""
     file = read_text(path)
     rows = file.rows()
     above = _header_at(rows) or 0

@@ -15,12 +15,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """Arrays as the columns of a table.
-
-    Raises:
-        MeasurementError: the file is damaged, too large or holds objects, or see
-            `table_of_arrays`.
-    """
+    """Arrays as the columns of a table."""
     file = TextFile(path, row_name="row")
     try:
         return table_of_arrays(file, read_arrays(path, FILES.arrays_mb * 1_000_000))

@@ -27,12 +27,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """The one channel; its unit is what the third line states.
-
-    Raises:
-        MeasurementError: NPTS or DT is missing or wrong, the file holds velocity or displacement,
-            or another number of values follows than announced.
-    """
+    """The one channel; its unit is what the third line states."""
     file = read_text(path)
     found = _announcement(file.lines)
     if found is None:

@@ -41,12 +41,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """The traces over the time that all of them have.
-
-    Raises:
-        MeasurementError: ObsPy is not installed, the file is damaged, a trace has a gap, or the
-            traces have no time in common.
-    """
+    """The traces over the time that all of them have."""
     file = TextFile(path)
     obspy = reading_package(file, "obspy", "ObsPy", "records of seismic networks")
     with warnings.catch_warnings(), path.open("rb") as stream:

@@ -28,12 +28,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """The one channel, with its place from the comment `<loclbl=>`.
-
-    Raises:
-        MeasurementError: the file holds velocity or displacement, or pairs of times and values; a
-            header line is cut, or another number of values follows than announced.
-    """
+    """The one channel, with its place from the comment `<loclbl=>`."""
     file = read_text(path)
     if "ACCELEROGRAM" not in file.lines[0].upper():
         raise file.error("this is not an acceleration record; take the accelerogram beside it", 1)

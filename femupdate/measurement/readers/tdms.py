@@ -22,12 +22,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """Channels whose time step the waveform's properties or a channel of times gives.
-
-    Raises:
-        MeasurementError: npTDMS is not installed, the file is damaged, or no channel of numbers
-            has a time step.
-    """
+    """Channels whose time step the waveform's properties or a channel of times gives."""
     file = TextFile(path)
     nptdms = reading_package(file, "nptdms", "npTDMS", "TDMS files")
     try:

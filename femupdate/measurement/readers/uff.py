@@ -61,12 +61,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """Histories, functions of frequency, modes and points of a universal file.
-
-    Raises:
-        MeasurementError: pyuff is not installed, a set is damaged, or none of the sets that are
-            read is there.
-    """
+    """Histories, functions of frequency, modes and points of a universal file."""
     file = TextFile(path)
     pyuff = reading_package(file, "pyuff", "pyuff", "universal files")
     try:
@@ -190,11 +185,7 @@ def _place(dataset: Mapping[str, Any], end: str) -> str:
 
 
 def _modes(file: TextFile, sets: list[dict[str, Any]]) -> Iterator[RecordedMode]:
-    """The modes of all sets.
-
-    Raises:
-        MeasurementError: a point of a mode has no components.
-    """
+    """The modes of all sets."""
     for dataset in sets:
         if dataset.get("analysis_type") not in (_MODES, *_COMPLEX_MODES):
             continue

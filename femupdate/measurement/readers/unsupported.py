@@ -54,11 +54,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> NoReturn:
-    """Say what the file is.
-
-    Raises:
-        MeasurementError: always.
-    """
+    """Say what the file is."""
     what, advice = _known(read_head(path), path.suffix.lower()) or ("a format", _CONVERT)
     raise TextFile(path).error(f"this is {what}, which is known but not supported; {advice}")
 
