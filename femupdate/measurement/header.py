@@ -8,12 +8,10 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.measurement.text import TextFile
 
-_LINES = 60  # of a header
-
 
 def header_value(file: TextFile, pattern: str, what: str) -> tuple[int, re.Match[str]]:
-    """Return the index and the match of the first header line that fits a pattern."""
-    for index, line in enumerate(file.lines[:_LINES]):
+    """Return the index and the match of the first of the 60 header lines that fits a pattern."""
+    for index, line in enumerate(file.lines[:60]):
         match = re.search(pattern, line, re.IGNORECASE)
         if match:
             return index, match
@@ -50,11 +48,11 @@ def wrapped_numbers(file: TextFile, start: int, count: int, announced_at: int) -
                     index + 1,
                 )
             values.append(value)
-    check_count(file, len(values), count, announced_at)
+    _check_count(file, len(values), count, announced_at)
     return np.array(values, dtype=np.float64)
 
 
-def check_count(
+def _check_count(
     file: TextFile, found: int, announced: int, announced_at: int, channel: str = ""
 ) -> None:
     """Refuse a file that holds fewer or more values than it announces."""
@@ -78,7 +76,10 @@ class NumberBlock:
 
     Attributes:
         at: index of the line that announces them; they begin on the next.
-        width: characters of a column.
+        count: how many it announces.
+        per_line: of them.
+        width: of a column, in characters.
+        channel: what messages call them.
         whole: whether they are counts, without a decimal point.
     """
 
@@ -89,59 +90,43 @@ class NumberBlock:
     channel: str
     whole: bool = False
 
-    @property
-    def lines(self) -> range:
-        """Indices of the lines that hold them."""
-        return range(self.at + 1, self.at + 1 - (-self.count // self.per_line))
+    def fields(self, row: str) -> list[str]:
+        """Fields of a row; by its blanks where editors or mailers have moved the columns."""
+        row, words = row.rstrip(), row.split()
+        fields = [row[k : k + self.width] for k in range(0, len(row), self.width)]
+        moved = not all(map(self.holds, fields))
+        return (
+            words
+            if moved and len(words) <= self.per_line and all(map(self.holds, words))
+            else (fields)
+        )
+
+    def holds(self, field: str) -> bool:
+        """Whether a field is a number: one without its point is not where the format says."""
+        return (self.whole or "." in field) and finite(field) is not None
 
 
 def block_values(file: TextFile, block: NumberBlock) -> Floats:
     """Return the numbers of a block."""
-    fields: list[str] = []
-    for index in block.lines:
-        row = file.lines[index].rstrip() if index < len(file.lines) else ""
-        row = "" if _END.search(row) else row
-        found = _fields(row, block.width)
-        found = _by_blanks(row, found, block)
-        fields += _checked(file, index, found, block)
-        if len(found) < block.per_line:
+    after = block.at + 1 - (-block.count // block.per_line)
+    values: list[str] = []
+    for index in range(block.at + 1, after):
+        row = file.lines[index] if index < len(file.lines) else ""
+        fields = [] if _END.search(row) else block.fields(row)
+        for position, field in enumerate(fields, start=1):
+            if not block.holds(field):
+                raise file.error(
+                    f"{field.strip()!r} is not a number in columns of {block.width} characters, as"
+                    " the format says; fetch the record again",
+                    index + 1,
+                    str(position),
+                )
+        values += fields
+        if len(fields) < block.per_line:
             break
-    check_count(file, len(fields), block.count, block.at, block.channel)
-    after = block.lines.stop
-    if after < len(file.lines) and _holds_numbers(file.lines[after].rstrip(), block):
-        check_count(file, block.count + 1, block.count, block.at, block.channel)
-    return np.array(fields, dtype=np.float64)
-
-
-def _by_blanks(row: str, found: list[str], block: NumberBlock) -> list[str]:
-    """Fields of a row; by its blanks where editors or mailers have moved the columns."""
-    words = row.split()
-    moved = not all(_is_value(field, block.whole) for field in found)
-    fits = len(words) <= block.per_line and all(_is_value(word, block.whole) for word in words)
-    return words if moved and fits else found
-
-
-def _fields(row: str, width: int) -> list[str]:
-    return [row[start : start + width] for start in range(0, len(row), width)]
-
-
-def _checked(file: TextFile, index: int, fields: list[str], block: NumberBlock) -> list[str]:
-    for position, field in enumerate(fields):
-        # A field without its point means that the columns are not where the format says.
-        if not _is_value(field, block.whole):
-            raise file.error(
-                f"{field.strip()!r} is not a number in columns of {block.width} characters, as"
-                " the format says; fetch the record again",
-                index + 1,
-                str(position + 1),
-            )
-    return fields
-
-
-def _holds_numbers(row: str, block: NumberBlock) -> bool:
-    fields = _fields(row, block.width)
-    return bool(fields) and all(_is_value(field, block.whole) for field in fields)
-
-
-def _is_value(field: str, whole: bool = False) -> bool:
-    return (whole or "." in field) and finite(field) is not None
+    _check_count(file, len(values), block.count, block.at, block.channel)
+    row = file.lines[after].rstrip() if after < len(file.lines) else ""
+    more = [row[k : k + block.width] for k in range(0, len(row), block.width)]
+    if more and all(map(block.holds, more)):
+        _check_count(file, block.count + 1, block.count, block.at, block.channel)
+    return np.array(values, dtype=np.float64)

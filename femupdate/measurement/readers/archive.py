@@ -6,33 +6,23 @@ import tarfile
 import tempfile
 import zipfile
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile, read_head
 
-# Figures by which files are judged.
-_ARCHIVE_MB = 500  # of all files of an archive, unpacked
-
-# A station archive holds some tens of files of a few MB; text shrinks five to ten times.
+# Of all files unpacked: a station archive holds some tens of a few MB.
+_LARGEST_BYTES = 500_000_000
 _NOT_LOOKED_INTO = ("archive", "unsupported")
 _ZIP, _GZIP = ("PK\x03\x04", "PK\x05\x06"), "\x1f\x8b"
 _TAR, _TAR_AT = "ustar", 257  # its mark, and where that stands in the first header
 _PADDING = 1_000_000  # bytes of headers and blocks that are filled up, which pack well
-
-
-@dataclass(frozen=True)
-class _Packed:
-    """A file in an archive: its name, its size in bytes, and what reads it."""
-
-    name: str
-    size: int
-    read: Callable[[], bytes]
 
 
 def _recognises(head: str, suffix: str) -> bool:
@@ -42,11 +32,11 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """Channels of all records in an archive, in the order of the records' names."""
+    """Channels of all records in an archive, unpacked under our own names for a moment."""
     file = TextFile(path)
     try:
         with tempfile.TemporaryDirectory() as folder:
-            return _together(file, _unpacked(file, _members(file), Path(folder)))
+            return _together(file, _unpacked(file, Path(folder)))
     except MeasurementError:
         raise
     except Exception as error:  # a damaged archive makes zipfile and tarfile raise nearly anything
@@ -56,8 +46,8 @@ def _read(path: Path) -> Recording:
         ) from None
 
 
-def _members(file: TextFile) -> Iterator[_Packed]:
-    """Files of an archive; those of a tar one by one: what follows is not unpacked before."""
+def _members(file: TextFile) -> Iterator[tuple[str, int, Any]]:
+    """Name, bytes and what reads each file; of a tar, what follows is not unpacked before."""
     head = read_head(file.path)
     if head.startswith(_ZIP):
         with zipfile.ZipFile(file.path) as archive:
@@ -66,14 +56,17 @@ def _members(file: TextFile) -> Iterator[_Packed]:
                 raise file.error("this is a workbook, not a record; export it as CSV")
             _check_size(file, len(members), sum(member.file_size for member in members))
             for member in members:
-                yield _Packed(member.filename, member.file_size, partial(archive.read, member))
+                yield member.filename, member.file_size, partial(archive.read, member)
         return
     packed = head.startswith(_GZIP)
-    if packed and _is_alone(file.path):
-        with gzip.open(file.path, "rb") as single:
-            data = _Limited(file, single).read(_ARCHIVE_MB * 1_000_000 + 2 * _PADDING)
-        yield _Packed(file.path.stem, len(data), lambda: data)
-        return
+    if packed:
+        with gzip.open(file.path, "rb") as stream:
+            begin = stream.read(_TAR_AT + len(_TAR))
+        if not begin.endswith(_TAR.encode()) and begin.strip(b"\0"):  # an empty tar is zeros
+            with gzip.open(file.path, "rb") as single:
+                data = _Limited(file, single).read(_LARGEST_BYTES + 2 * _PADDING)
+            yield file.path.stem, len(data), lambda: data
+            return
     with (
         (gzip.open if packed else open)(file.path, "rb") as stream,
         tarfile.open(fileobj=_Limited(file, stream), mode="r|") as tar,
@@ -81,7 +74,7 @@ def _members(file: TextFile) -> Iterator[_Packed]:
         for entry in tar:
             content = tar.extractfile(entry) if entry.isreg() else None
             if content is not None:
-                yield _Packed(entry.name, entry.size, content.read)
+                yield entry.name, entry.size, content.read
 
 
 class _Limited(io.BufferedIOBase):
@@ -98,28 +91,20 @@ class _Limited(io.BufferedIOBase):
         return data
 
 
-def _is_alone(path: Path) -> bool:
-    """Whether gzip packed a single file, not an archive."""
-    with gzip.open(path, "rb") as stream:
-        head = stream.read(_TAR_AT + len(_TAR))
-    return not head.endswith(_TAR.encode()) and bool(head.strip(b"\0"))  # an empty tar is zeros
-
-
-def _unpacked(file: TextFile, members: Iterator[_Packed], folder: Path) -> dict[str, Path]:
+def _unpacked(file: TextFile, folder: Path) -> dict[str, Path]:
     """Where every file of an archive was unpacked to, by its name, in the order of the names."""
     paths: dict[str, Path] = {}
-    size = 0
-    for number, member in enumerate(members):
-        parts = PurePosixPath(member.name.replace("\\", "/"))
-        if parts.is_absolute() or ".." in parts.parts or ":" in member.name:
+    total = 0
+    for number, (name, size, read) in enumerate(_members(file)):
+        parts = PurePosixPath(name.replace("\\", "/"))
+        if parts.is_absolute() or ".." in parts.parts or ":" in name:
             raise file.error(
-                f"the archive would write {member.name!r} outside its folder; pack the records"
-                " again"
+                f"the archive would write {name!r} outside its folder; pack the records again"
             )
-        size += member.size
-        _check_size(file, number + 1, size)
-        paths[member.name] = folder / f"{number}{parts.suffix}"
-        paths[member.name].write_bytes(member.read())
+        total += size
+        _check_size(file, number + 1, total)
+        paths[name] = folder / f"{number}{parts.suffix}"
+        paths[name].write_bytes(read())
     return {name: paths[name] for name in sorted(paths)}
 
 
@@ -127,7 +112,7 @@ def _check_size(file: TextFile, count: int, size: int) -> None:
     """Refuse more files or bytes than archives of records hold."""
     factor = size / max(file.path.stat().st_size, 1)
     # At most 2,000 files, packed by a factor of 200: station archives hold some tens.
-    if count > 2000 or size > _ARCHIVE_MB * 1_000_000 or factor > 200.0:
+    if count > 2000 or size > _LARGEST_BYTES or factor > 200.0:
         raise file.error(
             f"the archive holds {count or 'some'} files of {size / 1e6:.0f} MB, {factor:.0f}"
             " times its own size: no archive of records; unpack it yourself and give the record"
@@ -135,8 +120,7 @@ def _check_size(file: TextFile, count: int, size: int) -> None:
 
 
 def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
-    alone = len(unpacked) == 1
-    members = {name: _member(file, name, path, alone) for name, path in unpacked.items()}
+    members = {name: _member(file, name, path, len(unpacked)) for name, path in unpacked.items()}
     readable = {name: recording for name, recording in members.items() if recording is not None}
     records = {name: recording for name, recording in readable.items() if recording.table is None}
     left_out = [name for name in unpacked if name not in (records or readable)]
@@ -147,13 +131,8 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
         (only,) = (records or readable).values()
         table = None if only.table is None else replace(only.table, file=file)
         return replace(only, file=file, table=table, notes=(*only.notes, *notes))
-    inner = [
-        name
-        for name, path in unpacked.items()
-        if name in left_out
-        and path.stat().st_size > 0
-        and _recognises(read_head(path), path.suffix.lower())
-    ]
+    heads = {name: read_head(unpacked[name]) for name in left_out if unpacked[name].stat().st_size}
+    inner = [name for name, head in heads.items() if _recognises(head, PurePosixPath(name).suffix)]
     if not records and inner:
         raise file.error(
             f"the archive holds other archives ({', '.join(inner)}); unpack it and give that of"
@@ -179,7 +158,7 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
     return Recording(file, tuple(named), notes=notes)
 
 
-def _member(file: TextFile, name: str, path: Path, alone: bool) -> Recording | None:
+def _member(file: TextFile, name: str, path: Path, members: int) -> Recording | None:
     """What a member holds; None of one that is no record."""
     from femupdate.measurement.reader import readers
 
@@ -192,7 +171,7 @@ def _member(file: TextFile, name: str, path: Path, alone: bool) -> Recording | N
     try:
         return reader.read(path)
     except MeasurementError as error:
-        if reader.fallback and not alone:  # a note beside the records
+        if reader.fallback and members > 1:  # a note beside the records
             return None
         raise MeasurementError(str(error).replace(str(path), f"{file.path}: {name}")) from None
 

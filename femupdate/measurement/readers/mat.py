@@ -16,7 +16,6 @@ from femupdate.measurement.thresholds import FILES
 from femupdate.storage import read_file
 
 _LARGEST_BYTES = FILES.arrays_mb * 1_000_000
-_ITEM_BYTES = 16  # of a complex number, the largest
 
 
 def _recognises(head: str, suffix: str) -> bool:
@@ -25,11 +24,20 @@ def _recognises(head: str, suffix: str) -> bool:
 
 def _read(path: Path) -> Recording:
     """Arrays, also in structures, as the columns of a table."""
+    from scipy.io import loadmat, whosmat
+
     file = TextFile(path, row_name="row")
     try:
         with path.open("rb") as stream:
             hdf = stream.read(10) == b"MATLAB 7.3"
-        arrays = _version_7_3(path) if hdf else _version_5(path)
+        if hdf:
+            arrays = _version_7_3(path)
+        else:
+            require_whole(read_file(path, _LARGEST_BYTES, MeasurementError), _LARGEST_BYTES)
+            _require_moderate(path, [shape for _, shape, _ in whosmat(path)])
+            content = loadmat(path, squeeze_me=True, struct_as_record=False)
+            parts = [_flat(name, content[name]) for name in content if not name.startswith("__")]
+            arrays = {key: item for part in parts for key, item in part.items()}
     except MeasurementError:
         raise
     except Exception as error:  # a damaged file makes scipy and h5py raise nearly anything
@@ -37,18 +45,6 @@ def _read(path: Path) -> Recording:
             f"this MATLAB file cannot be read ({error}); save it again with save -v7"
         ) from None
     return table_of_arrays(file, arrays)
-
-
-def _version_5(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat, whosmat
-
-    require_whole(read_file(path, _LARGEST_BYTES, MeasurementError), _LARGEST_BYTES)
-    _require_moderate(path, [shape for _, shape, _ in whosmat(path)])
-    found: dict[str, Any] = {}
-    for name, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():
-        if not name.startswith("__"):
-            found |= _flat(name, value)
-    return found
 
 
 def _flat(name: str, value: Any) -> dict[str, Any]:
@@ -71,13 +67,14 @@ def _version_7_3(path: Path) -> dict[str, Any]:
 
     with h5py.File(path, "r") as content:
         content.visititems(keep)
-        found = {name: item for name, item in found.items() if not name.startswith("#")}
-        _require_moderate(path, [item.shape for item in found.values()])
-        return {name: item[()] for name, item in found.items()}
+        numbers = {name: item for name, item in found.items() if not name.startswith("#")}
+        _require_moderate(path, [item.shape for item in numbers.values()])
+        return {name: item[()] for name, item in numbers.items()}
 
 
 def _require_moderate(path: Path, shapes: list[tuple[int, ...]]) -> None:
-    size = sum(int(np.prod(shape, dtype=object)) * _ITEM_BYTES for shape in shapes)
+    # 16 bytes are those of a complex number.
+    size = sum(int(np.prod(shape, dtype=object)) * 16 for shape in shapes)
     if size > _LARGEST_BYTES:
         raise MeasurementError(
             f"{path}: the file holds {size / 1e9:.3g} GB of numbers; save the channels alone"
@@ -86,31 +83,23 @@ def _require_moderate(path: Path, shapes: list[tuple[int, ...]]) -> None:
 
 READER = Reader("mat", "MATLAB files", _recognises, _read)
 
-
-_HEADER, _ORDER = 128, slice(126, 128)  # bytes
 _MATRIX, _PACKED = 14, 15
 _TYPES = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, _MATRIX, _PACKED, 16, 17, 18))
-_SMALL = 4  # bytes of data that fit into a tag
 
 
 def require_whole(content: bytes, most: int) -> None:
-    """Walk through all elements of a file.
+    """Walk through all elements of a file: ValueError where one is damaged.
 
     Args:
         content: of the file; one of version 4 has no such elements and is left to scipy.
         most: bytes that packed elements may unpack to.
     """
-    order = {b"IM": "<", b"MI": ">"}.get(content[_ORDER])
-    if order is not None:
-        _Elements(order, most).check(content[_HEADER:], 0)
+    order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
+    left = most
 
-
-class _Elements:
-    def __init__(self, order: str, most: int) -> None:
-        self._order, self._left = order, most
-
-    def check(self, data: bytes, depth: int) -> None:
+    def check(data: bytes, depth: int) -> None:
         """All elements of a stretch, one after the other."""
+        nonlocal left
         # Parts within parts are at most 50 levels deep.
         if depth > 50:
             raise ValueError("its structures are nested too deep")
@@ -118,26 +107,24 @@ class _Elements:
         while at < len(data):
             if len(data) - at < 8:
                 raise ValueError("an element is cut short")
-            kind, size = struct.unpack_from(f"{self._order}II", data, at)
-            small = kind >> 16
+            kind, size = struct.unpack_from(f"{order}II", data, at)
+            small = kind >> 16  # bytes of data that stand in the tag itself, up to four
             kind &= 0xFFFF
             if kind not in _TYPES:
                 raise ValueError(f"it holds data of a type that does not exist, {kind}")
-            if small:
-                size = small
-            if (small and size > _SMALL) or (not small and at + 8 + size > len(data)):
+            size = small or size
+            if small > 4 or (not small and at + 8 + size > len(data)):
                 raise ValueError("an element is cut short")
             body = data[at + 8 : at + 8 + size]
             if kind == _PACKED:
-                body = self._unpacked(body)
+                body = zlib.decompressobj().decompress(body, left + 1)
+                left -= len(body)
+                if left < 0:
+                    raise ValueError("its arrays unpack to more than a building's record needs")
             if kind in (_MATRIX, _PACKED) and not small:
-                self.check(body, depth + 1)
+                check(body, depth + 1)
             # Elements begin at multiples of eight bytes, but for what follows a packed one.
             at += 8 if small else 8 + size + (0 if kind == _PACKED else -size % 8)
 
-    def _unpacked(self, data: bytes) -> bytes:
-        found = zlib.decompressobj().decompress(data, self._left + 1)
-        self._left -= len(found)
-        if self._left < 0:
-            raise ValueError("its arrays unpack to more than a building's record needs")
-        return found
+    if order is not None:
+        check(content[128:], 0)
