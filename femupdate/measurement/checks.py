@@ -7,15 +7,17 @@ response to the base, or without one to the highest floor. A clock that drifts t
 that response in time, in proportion to frequency, which no change of the building does.
 """
 
+import re
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.measurement.histories import LARGEST_PEAK, SMALLEST_PEAK
 from femupdate.measurement.names import BASE, floor_height, parse_channel
+from femupdate.measurement.quantity import acceleration_factor, is_acceleration
 from femupdate.measurement.recording import RecordedChannel
 from femupdate.units import STANDARD_GRAVITY
 
@@ -144,11 +146,21 @@ def _stuck(values: Floats) -> tuple[int, int]:
 
 @dataclass(frozen=True, eq=False)
 class _Sensor:
-    """A horizontal channel on a known floor; the number is that of the file, from 1."""
+    """A horizontal channel on a known floor; the number is that of the file, from 1.
+
+    Attributes:
+        values: (n,) in one unit with those of the others, where units are known.
+        stack: what sensors above each other have in common: place in plan, or number on the floor.
+        behind_s, fast: delay and rate of its clock over the reference's, less one, taken out.
+    """
 
     number: int
     floor: str
     channel: RecordedChannel
+    values: Floats
+    stack: str = ""
+    behind_s: float = 0.0
+    fast: float = 0.0
 
     @property
     def title(self) -> str:
@@ -172,6 +184,11 @@ class _Response:
         return np.sqrt((1.0 - seen) / (2.0 * seen * self.averages))
 
 
+_PLACES = re.compile(
+    r"\b(?:\d+(?:st|nd|rd|th)?|roof|floor|flr?|level|stor(?:e?y|ies)|ground|base(?:ment)?|RF|\d+F)\b"
+)
+
+
 def pair_findings(
     channels: Sequence[RecordedChannel], floors: Sequence[str | None], placed: Collection[int] = ()
 ) -> tuple[str, ...]:
@@ -192,6 +209,14 @@ def pair_findings(
             same = np.array_equal(channels[earlier].values, channel.values)
             if same and np.ptp(channel.values):
                 findings.append(f"channels {earlier + 1} and {later + 1} hold the same numbers.")
+    rates: dict[float, list[str]] = defaultdict(list)
+    for channel in channels:
+        rates[round(1.0 / channel.time_step, 6)].append(channel.name)
+    if len(rates) > 1 and all(floor is not None for floor in floors):
+        told = ", ".join(f"{rate:g} Hz ({', '.join(names)})" for rate, names in rates.items())
+        findings.append(
+            f"the channels have unlike rates, {told}: all are taken at {min(rates):g} Hz."
+        )
     # Channels that share their direction and times, on floors that are known.
     groups: dict[object, list[_Sensor]] = defaultdict(list)
     for number, (channel, floor) in enumerate(zip(channels, floors, strict=True), start=1):
@@ -199,7 +224,9 @@ def pair_findings(
             parsed = parse_channel(channel.name)
             along = parsed.direction if parsed else channel.direction.upper()
             key = along, channel.values.size, channel.time_step
-            groups[key].append(_Sensor(number, floor, channel))
+            stack = parsed.sensor if parsed else _PLACES.sub("", channel.location.lower())
+            values = channel.values * acceleration_factor(channel.unit)
+            groups[key].append(_Sensor(number, floor, channel, values, " ".join(stack.split())))
     for group in groups.values():
         findings += _of_group(sorted(group, key=lambda sensor: floor_height(sensor.floor)))
     return tuple(findings)
@@ -207,15 +234,17 @@ def pair_findings(
 
 def _of_group(group: Sequence[_Sensor]) -> Iterator[str]:
     # Shorter records show too little.
-    if len(group) < 2 or group[0].channel.values.size < 1024:
+    if len(group) < 2 or group[0].values.size < 1024:
         return
     based = group[0].floor == BASE
-    seconds = group[0].channel.values.size * group[0].channel.time_step
+    seconds = group[0].values.size * group[0].channel.time_step
     # Without a base it takes two minutes to show the first mode.
     if not based and seconds < 120.0:
         return
     reference = group[0] if based else group[-1]
     others = [sensor for sensor in group if sensor is not reference]
+    if based:
+        others = _set_by_clock(reference, others)
     responses = {sensor.number: _response(reference, sensor, 0, 1) for sensor in others}
     first = _first_mode(responses[others[-1].number], based)
     if first is None:
@@ -232,42 +261,192 @@ def _of_group(group: Sequence[_Sensor]) -> Iterator[str]:
         where = where if based else "all other floors in the lowest mode"
         for sensor in against:
             yield f"{sensor.title} moves against {where}: is its direction reversed?"
-    sound = [sensor for sensor in others if sensor not in against]
-    yield from _out_of_order(reference, sound, responses, first)
-    for sensor in sound:
+    units = {sensor.channel.unit for sensor in group}
+    levels = {}
+    if len(units) == 1 or all(unit and is_acceleration(unit) for unit in units):
+        levels = {s.number: _level(reference, s, first) for s in others if based}
+        if based:
+            yield from _of_levels(reference, others, levels)
+        sound = [sensor for sensor in others if sensor not in against]
+        yield from _out_of_order(reference, sound, responses, first, levels)
+    yield from _of_clocks(reference, [s for s in others if s not in against], responses, first)
+
+
+def _of_clocks(
+    reference: _Sensor, sensors: Sequence[_Sensor], responses: dict[int, _Response], first: float
+) -> Iterator[str]:
+    """Sentences on channels that are late or whose clock does not run as the reference's."""
+    based = reference.floor == BASE
+    half = 0.5 * reference.values.size * reference.channel.time_step
+    for sensor in sensors:
         response = responses[sensor.number]
         used = _low(response, first, based)
         frequency, angle = response.frequency_hz[used], np.angle(response.values[used])
         delay = _shift(frequency, angle, response.phase_sd()[used], first)
         drift = _drift(reference, sensor, first)
+        whole = None if drift is None and not sensor.fast else (drift or 0.0) + sensor.fast * half
         # Beside a floor, neighbouring modes turn the phase at the first one's frequency too.
         least = (1.0 if based else 2.0) * _LATE / first
-        if delay is not None and abs(delay) > least and drift is None:
-            late = "behind" if delay > 0.0 else "ahead of"
+        late = (delay or 0.0) + sensor.behind_s
+        if abs(late) > least and whole is None:
+            side = "behind" if late > 0.0 else "ahead of"
             yield (
-                f"{sensor.title} runs {1e3 * abs(delay):.3g} ms {late} {reference.title}: are their"
+                f"{sensor.title} runs {1e3 * abs(late):.3g} ms {side} {reference.title}: are their"
                 " clocks the same?"
             )
-        if drift is not None:
+        if whole is not None:
             yield (
-                f"{sensor.title} drifts against {reference.title} by {1e3 * abs(drift):.3g} ms from"
-                " the first half of the record to the second: their clocks do not run alike."
+                f"{sensor.title} drifts against {reference.title} by {1e3 * abs(whole):.3g} ms from"
+                " the first half of the record to the second: 1000 s of its clock are"
+                f" {1000.0 / (1.0 + whole / half):.5g} s of the other's."
             )
 
 
-def _response(reference: _Sensor, one: _Sensor, part: int, parts: int) -> _Response:
+def _set_by_clock(reference: _Sensor, others: Sequence[_Sensor]) -> list[_Sensor]:
+    """The sensors, with delays and drifts of more than a part of the first period taken out.
+
+    Below the first mode floors move with the base: delay and pace of a clock are those with which
+    all phases there agree. The mode is told from powers, which know no delay.
+    """
+    from scipy.signal import welch
+
+    step, count = reference.channel.time_step, reference.values.size
+    options = {"fs": 1.0 / step, "nperseg": count // 12}
+    frequency, own = welch(reference.values, **options)
+    moved = welch(others[-1].values, **options)[1]
+    shown = own > 1e-4 * own.max()
+    size = np.where(shown, np.sqrt(moved / np.maximum(own, 1e-300)), 0.0)
+    size /= max(float(np.median(size[shown][:_LEAST_BINS])), 1e-300)
+    peak = next((k for k in range(1, len(size) - 1) if _is_peak(size, k, 2.0)), None)
+    if peak is None:
+        return list(others)
+    top = 0.7 * float(frequency[peak])
+    found = []
+    for sensor in others:
+        # Two hundred periods tell a pace to a few hundred ppm, the whole record the rest.
+        part = min(count, int(140.0 / top / step))
+        begin = int(np.argmax(np.convolve(reference.values**2, np.ones(part), "valid")))
+        x, y = (each.values[begin : begin + part] for each in (reference, sensor))
+        wide = 0.25 / (part * step * top)
+        paces = wide * np.arange(-np.ceil(0.012 / wide), np.ceil(0.012 / wide) + 1)
+        tried = [_agreement(x, y, step, top, pace) for pace in paces]
+        still = tried[len(tried) // 2]
+        best = max(range(len(tried)), key=lambda k: tried[k][0])
+        score, delay, pace = *tried[best], float(paces[best])
+        # What is left of the phases must fall to two fifths for a word.
+        if 1.0 - still[0] < 2.5 * (1.0 - score) + 0.01:
+            score, delay, pace = *still, 0.0
+        at_start = _agreement(x, y, step, top, 0.0, at=0.0)[0]
+        alike = 1.0 - at_start < 2.5 * (1.0 - score) + 0.01
+        if score < 0.5 or alike or (pace == 0.0 and abs(delay) < 0.25 / top):
+            found.append(sensor)
+            continue
+        # What lags by `delay` in the middle of the part where it was looked at.
+        time = step * np.arange(count)
+        middle = step * (begin + 0.5 * part)
+        read_at = time + delay + pace * (time - middle)
+        values = np.interp(read_at, time, sensor.values, left=0.0, right=0.0)
+        found.append(replace(sensor, values=values, behind_s=delay, fast=pace))
+    return found
+
+
+def _agreement(
+    x: Floats, y: Floats, step: float, top: float, pace: float, at: float | None = None
+) -> tuple[float, float]:
+    """How well phases of two histories agree up to a frequency, at most 1, and the delay, s.
+
+    The second one is read at another pace about its middle, and at the delay given or the best.
+    """
+    time = step * (np.arange(y.size) - 0.5 * y.size)
+    y = np.interp(time * (1.0 + pace), time, y) if pace else y
+    padded = 2 * x.size
+    window = np.hanning(x.size)
+    band = int(top * padded * step)
+    first, second = (np.fft.rfft(window * (v - v.mean()), padded)[: band + 1] for v in (x, y))
+    size = np.abs(first) * np.abs(second)
+    seen = (np.abs(first) > 0.03 * np.abs(first).max()) & (size > 0.0)
+    phase = np.where(seen, first.conj() * second / np.where(size > 0.0, size, 1.0), 0.0)
+    total = float(seen.sum())
+    if total < 2 * _LEAST_BINS:
+        return 0.0, 0.0
+    if at is not None:
+        turn = np.exp(2j * np.pi * np.arange(band + 1) / (padded * step) * at)
+        return float(abs((phase * turn).sum().real)) / total, at
+    length = 16 * (band + 1)
+    sums = np.abs(np.fft.ifft(phase, length).real) * length
+    best = int(sums.argmax())
+    delay = (best if best < length // 2 else best - length) * padded * step / length
+    return float(sums[best]) / total, delay
+
+
+def _is_peak(size: Floats, k: int, least: float) -> bool:
+    return bool(size[k] > least and size[k] >= size[k - 1 : k + 2].max())
+
+
+def _level(reference: _Sensor, sensor: _Sensor, first: float) -> float | None:
+    """Amplitude towards zero frequency, where floors move with the base; None where none shows.
+
+    What the first mode adds is in proportion to (f / f1)^2 / (1 - (f / f1)^2); both parts are
+    fitted to the spectra of the whole record.
+    """
+    count = reference.values.size
+    frequency = np.fft.rfftfreq(count, reference.channel.time_step)
+    used = (frequency > 0.0) & (frequency < 0.6 * first)
+    window = np.hanning(count)
+    x, y = (np.fft.rfft(window * (s.values - s.values.mean()))[used] for s in (reference, sensor))
+    share = (frequency[used] / first) ** 2
+    columns = np.stack([x, share / (1.0 - share) * x], axis=1)
+    normal = (columns.conj().T @ columns).real
+    if used.sum() < 8 or np.linalg.cond(normal) > 1e10:
+        return None
+    fitted = np.linalg.solve(normal, (columns.conj().T @ y).real)
+    left = float((np.abs(y - columns @ fitted) ** 2).mean())
+    # A Hann window makes neighbours repeat each other.
+    spread = float(np.sqrt(3.0 * left * np.linalg.inv(normal)[0, 0]))
+    level = abs(float(fitted[0]))
+    return level if spread < 0.05 * level else None
+
+
+_UNIT_RATIOS = {9.80665: "g and m/s2", 980.665: "g and gal", 100.0: "m/s2 and gal"}
+_UNIT_RATIOS |= {1000.0: "g and mg", 101.97: "m/s2 and mg"}
+
+
+def _of_levels(
+    reference: _Sensor, others: Sequence[_Sensor], levels: dict[int, float | None]
+) -> Iterator[str]:
+    """Sentences on channels that have another gain or unit than the reference."""
+    # Amplifiers are set in steps of two; buildings stay within some percent at low frequency.
+    odd = {
+        sensor: level
+        for sensor in others
+        if (level := levels[sensor.number]) is not None and abs(np.log(level)) > np.log(1.3)
+    }
+    several = list(odd.values())
+    if len(odd) == len(others) > 1 and max(several) < 1.2 * min(several):
+        odd = {reference: 1.0 / float(np.mean(several))}
+    for sensor, level in odd.items():
+        beside = "all floors" if sensor is reference else reference.title
+        ratio = max(level, 1.0 / level)
+        units = next((u for r, u in _UNIT_RATIOS.items() if abs(np.log(ratio / r)) < 0.1), "")
+        units = f" (as between {units})" if units else ""
+        yield (
+            f"{sensor.title} moves {level:.3g} times as much as {beside} at low frequency, where"
+            f" both should move together{units}: is its gain or unit right?"
+        )
+
+
+def _response(reference: _Sensor, sensor: _Sensor, part: int, parts: int) -> _Response:
     """Response of one part of several of the record."""
     from scipy.signal import csd, welch
 
-    size = reference.channel.values.size // parts
+    size = reference.values.size // parts
     x, y = (
-        each.channel.values[part * size : (part + 1) * size]
-        / max(float(np.abs(each.channel.values).max()), 1e-300)
-        for each in (reference, one)
+        each.values[part * size : (part + 1) * size] / max(float(np.abs(each.values).max()), 1e-300)
+        for each in (reference, sensor)
     )
-    scale = float(np.abs(one.channel.values).max() / np.abs(reference.channel.values).max())
+    scale = float(np.abs(sensor.values).max() / np.abs(reference.values).max())
     # Twelve segments of Welch's method, half overlapping.
-    segment = reference.channel.values.size // 12 // parts
+    segment = reference.values.size // 12 // parts
     options = {"fs": 1.0 / reference.channel.time_step, "nperseg": segment}
     frequency, own = welch(x, **options)
     other, cross = welch(y, **options)[1], csd(x, y, **options)[1]
@@ -285,9 +464,12 @@ def _first_mode(top: _Response, based: bool) -> float | None:
         velocity = np.where(seen, top.power / np.maximum(top.frequency_hz, 1e-12) ** 2, 0.0)
         return float(top.frequency_hz[velocity.argmax()]) if seen.any() else None
     size = np.where(top.coherence > 0.7, np.abs(top.values), 0.0)
+    lowest = size[size > 0.0][:_LEAST_BINS]
+    if size.max() < 1.25 and lowest.size:  # less than the base anywhere: another gain
+        size /= float(np.median(lowest))
     for k in range(1, size.size - 1):
         # A peak of 1.25 times the base is a mode.
-        if size[k] > 1.25 and size[k] >= size[k - 1 : k + 2].max():
+        if _is_peak(size, k, 1.25):
             return float(top.frequency_hz[k])
     return None
 
@@ -300,17 +482,23 @@ def _low(response: _Response, first: float, based: bool) -> Flags:
 
 
 def _out_of_order(
-    reference: _Sensor, others: Sequence[_Sensor], responses: dict[int, _Response], first: float
+    reference: _Sensor,
+    others: Sequence[_Sensor],
+    responses: dict[int, _Response],
+    first: float,
+    levels: dict[int, float | None],
 ) -> Iterator[str]:
     """A sentence where floors do not move the more the higher they are, in the first mode."""
     sizes = {reference.number: 1.0}
+    seen = np.all([responses[s.number].coherence > _COHERENCE for s in others], axis=0)
     for sensor in others:
         response = responses[sensor.number]
         near = np.abs(response.frequency_hz - first) <= 0.1 * first + response.frequency_hz[1]
-        near &= response.coherence > _COHERENCE
+        near &= seen
         if not near.any():
             return
         sizes[sensor.number] = float(np.abs(response.values[near]).max())
+        sizes[sensor.number] /= levels.get(sensor.number) or 1.0
     # Floors must be in order where the mode amplifies twofold.
     if reference.floor == BASE and max(sizes.values()) < 2.0:
         return
@@ -320,7 +508,9 @@ def _out_of_order(
         (low, high)
         for k, low in enumerate(ordered)
         for high in ordered[k + 1 :]
-        if low.floor != high.floor and sizes[low.number] > 1.6 * sizes[high.number]
+        if low.floor != high.floor
+        and low.stack == high.stack
+        and sizes[low.number] > 1.6 * sizes[high.number]
     ]
     if not wrong:
         return
@@ -331,9 +521,9 @@ def _out_of_order(
     )
 
 
-def _drift(reference: _Sensor, one: _Sensor, first: float) -> float | None:
+def _drift(reference: _Sensor, sensor: _Sensor, first: float) -> float | None:
     """Seconds by which a channel falls behind from half to half; None where it does not."""
-    early, late = (_response(reference, one, part, 2) for part in (0, 1))
+    early, late = (_response(reference, sensor, part, 2) for part in (0, 1))
     used = (early.frequency_hz > 0.0) & (np.minimum(early.coherence, late.coherence) > _COHERENCE)
     turn = np.angle(late.values[used] / early.values[used])
     sd = np.hypot(early.phase_sd(), late.phase_sd())[used]

@@ -8,18 +8,23 @@ acceleration. Of more than two sensors the slope is the least-squares one.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.excitation import Excitation
 from femupdate.errors import MeasurementError
+from femupdate.measurement.clock import check_step
 from femupdate.measurement.names import BASE, FloorChannel, ForceChannel, floor_height
 from femupdate.measurement.quantity import newtons, si_factor
-from femupdate.measurement.recording import RecordedChannel, Recording, acceleration_unit
+from femupdate.measurement.recording import (
+    RecordedChannel,
+    Recording,
+    acceleration_unit,
+    in_step,
+)
 from femupdate.measurement.resolve import Motion, placed_channels
-from femupdate.measurement.table import check_step
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY, percent
@@ -32,6 +37,7 @@ _LARGEST_FLOOR = 40.0
 # m/s2.
 LARGEST_PEAK = RECORD.largest_g * STANDARD_GRAVITY
 SMALLEST_PEAK = RECORD.smallest_g * STANDARD_GRAVITY
+_Motion = TypeVar("_Motion", bound=Motion)
 LARGEST_RESPONSE = _LARGEST_FLOOR * LARGEST_PEAK  # m/s2
 
 
@@ -99,10 +105,10 @@ def histories_of(
     if forces:
         return _under_force(file, forces, channels, motions, unit)
     _require_base_and_floors(file, tuple(motions))
-    _require_same_times(file, motions)
+    motions, done = _at_same_times(file, motions)
     first = next(iter(motions.values()))
     rows = [_acceleration(file, each, channel, unit) for channel, each in motions.items()]
-    return Histories(first.time_step, tuple(motions), np.array(rows), file.path.name)
+    return Histories(first.time_step, tuple(motions), np.array(rows), file.path.name, notes=done)
 
 
 def motions_in(
@@ -111,8 +117,7 @@ def motions_in(
     """Histories of floors at the same times, of any quantity, with or without the base."""
     channels = placed_channels(recording, columns)
     motions = {ours: one for ours, one in channels.items() if isinstance(ours, FloorChannel)}
-    _require_same_times(recording.file, motions)
-    return motions
+    return _at_same_times(recording.file, motions)[0]
 
 
 def _under_force(
@@ -131,8 +136,9 @@ def _under_force(
     floors = {ours: one for ours, one in motions.items() if ours.floor != BASE}
     if not floors:
         raise file.error("there is a force but no floor that responds; add columns 2F ... RF")
-    excitation = channels[force]
-    _require_same_times(file, {force: excitation, **floors})
+    together, done = _at_same_times(file, {force: channels[force], **floors})
+    excitation = together.pop(force)
+    floors = {ours: together[ours] for ours in floors}
     pushed = newtons(file, excitation.values, excitation.unit, repr(excitation.name))
     if np.ptp(excitation.values) == 0.0:
         raise file.error(
@@ -147,7 +153,7 @@ def _under_force(
         for ours, each in motions.items()
         if ours.floor == BASE and ours.direction == force.direction
     ]
-    notes = _base_beside(force.floor, base, moved)
+    notes = (*done, *_base_beside(force.floor, base, moved))
     return Histories(excitation.time_step, names, rows, file.path.name, force.floor, notes)
 
 
@@ -163,7 +169,11 @@ def _base_beside(forced: str, base: Sequence[Floats], floors: Sequence[Floats]) 
     )
 
 
-def _require_same_times(file: TextFile, channels: Mapping[Any, RecordedChannel]) -> None:
+def _at_same_times(
+    file: TextFile, channels: Mapping[_Motion, RecordedChannel]
+) -> tuple[dict[_Motion, RecordedChannel], tuple[str, ...]]:
+    """The channels at the same times, and sentences on what was done for that."""
+    channels = in_step(file, channels, one_rate=True)
     first = next(iter(channels.values()))
     if first.values.size < RECORD.fewest_of_spectrum:
         raise file.error(
@@ -172,12 +182,15 @@ def _require_same_times(file: TextFile, channels: Mapping[Any, RecordedChannel])
         )
     check_step(file, first.time_step, repr(first.name))
     for each in channels.values():
-        if (each.time_step, each.values.size) != (first.time_step, first.values.size):
+        if each.values.size != first.values.size:
             raise file.error(
                 f"channel {each.name!r} has {each.values.size} values every {each.time_step:g} s,"
                 f" {first.name!r} {first.values.size} every {first.time_step:g} s; bring them to"
                 " the same times"
             )
+    return channels, tuple(
+        dict.fromkeys(words for each in channels.values() for words in each.done)
+    )
 
 
 def _require_base_and_floors(file: TextFile, channels: tuple[FloorChannel, ...]) -> None:

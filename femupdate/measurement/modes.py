@@ -261,7 +261,12 @@ def _check(file: TextFile, mode: RecordedMode) -> None:
             f"the frequency of {which} is {mode.frequency_hz:g} Hz; it must be above 0"
         )
     # No building loses more than half: such a figure is in percent.
-    if mode.damping is not None and not 0.0 < mode.damping <= 0.5:
+    if mode.damping is not None and mode.damping <= 0.0:
+        raise file.error(
+            f"the damping ratio of {which} is {mode.damping:g}; it must be above 0: leave the cell"
+            " blank where it is not known"
+        )
+    if mode.damping is not None and not mode.damping <= 0.5:
         raise file.error(
             f"the damping ratio of {which} is {mode.damping:g}, which no building has; give a"
             " ratio such as 0.02, or write the unit % behind the column's name: damping (%)"

@@ -112,6 +112,11 @@ def is_acceleration(unit: str) -> bool:
     return _known(plain_unit(unit), "acceleration")
 
 
+def acceleration_factor(unit: str | None) -> float:
+    """SI factor of a unit of acceleration, 1 of any other or none."""
+    return _factor(plain_unit(unit), "acceleration") if unit and is_acceleration(unit) else 1.0
+
+
 def split_unit(cell: str) -> tuple[str, str | None]:
     """Split a column's title into name and unit: `RF (m/s2)` gives `("RF", "m/s2")`."""
     name, unit = bracketed(cell)

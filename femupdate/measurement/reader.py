@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement import readers as folder
-from femupdate.measurement.recording import Recording
+from femupdate.measurement.recording import Recording, in_step
 from femupdate.measurement.text import read_head, read_text
 
 
@@ -63,7 +63,9 @@ def read_measured(path: str | Path) -> Recording:
     path = Path(path)
     reader = _recognised(path)
     try:
-        return replace(reader.read(path), format=reader.name)
+        recording = reader.read(path)
+        channels = in_step(recording.file, dict(enumerate(recording.channels)))
+        return replace(recording, channels=tuple(channels.values()), format=reader.name)
     except MeasurementError:
         raise
     except Exception as error:  # damage of a kind that the reader does not expect

@@ -3,7 +3,6 @@
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
+from femupdate.measurement.clock import check_step, rate_ratio, resampled
 from femupdate.measurement.histories import LARGEST_PEAK, SMALLEST_PEAK, fault_of, rotation_of
 from femupdate.measurement.names import BASE, FloorChannel, parse_channel
 from femupdate.measurement.quantity import plain_unit
@@ -22,13 +22,9 @@ from femupdate.measurement.recording import (
     in_m_s2,
 )
 from femupdate.measurement.resolve import given_channels, positions
-from femupdate.measurement.table import check_step
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY
-
-# Figures by which files are judged.
-_LARGEST_RATIO = 1000  # of two rates, in whole numbers, at most
 
 logger = logging.getLogger(__name__)
 
@@ -121,40 +117,21 @@ class GroundMotion:
     def resampled(self, time_step: float) -> "GroundMotion":
         """Return the motion at another time step (s), band-limited to the lower Nyquist frequency.
 
-        Polyphase filtering (scipy.signal.resample_poly) with a linear-phase Kaiser window: flat
-        within 0.1 % up to 0.9 of the lower Nyquist frequency, no delay. The record is taken as
-        zero before its start and after its end.
+        Flat within 0.1 % up to 0.9 of the lower Nyquist frequency, without delay; see
+        `clock.resampled`.
 
         Raises:
             MeasurementError: the two steps are in no ratio of whole numbers up to 1000.
         """
-        from scipy.signal import firwin, resample_poly
-
         if time_step == self.time_step:
             return self
-        ratio = self._ratio(time_step)
-        up, down = ratio.numerator, ratio.denominator
-        # 32 periods of the lower rate to either side,
-        half = 32 * max(up, down)
-        # and a Kaiser window whose stopband is 80 dB down.
-        window = firwin(2 * half + 1, 1.0 / max(up, down), window=("kaiser", 8.0))
-        return self._changed(
-            lambda row: np.asarray(resample_poly(row, up, down, window=window)),
-            time_step=float(time_step),
-        )
-
-    def _ratio(self, time_step: float) -> Fraction:
-        if np.isfinite(time_step) and time_step > 0:
-            ratio = Fraction(self.time_step / time_step).limit_denominator(_LARGEST_RATIO)
-            drift = abs(float(ratio) * time_step / self.time_step - 1.0) * self.acceleration.size
-            # The last sample may drift by a thousandth of a step.
-            if 0 < ratio.numerator <= _LARGEST_RATIO and drift < 1e-3:
-                return ratio
-        raise MeasurementError(
-            f"ground motion {self.name}: cannot be resampled from {self.time_step:g} s to"
-            f" {time_step:g} s; take a step in a ratio of whole numbers up to"
-            f" {_LARGEST_RATIO}"
-        )
+        ratio = rate_ratio(self.time_step, time_step, self.acceleration.size)
+        if ratio is None:
+            raise MeasurementError(
+                f"ground motion {self.name}: cannot be resampled from {self.time_step:g} s to"
+                f" {time_step:g} s; take a step in a ratio of whole numbers up to 1000"
+            )
+        return self._changed(lambda row: resampled(row, ratio), time_step=float(time_step))
 
 
 def read_record(
@@ -184,6 +161,8 @@ def read_record(
         raise file.error("there are no histories in the file; give the record of the ground")
     base = _base_channels(file, channels, columns or {}, unit)
     chosen = _choose(file, channels, channel, unit, base)
+    for words in chosen.done:
+        logger.warning("%s: %s", file.path, words)
     motion = GroundMotion(
         acceleration=in_m_s2(file, chosen, unit),
         time_step=chosen.time_step,

@@ -3,15 +3,23 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
-from femupdate.measurement.names import TIME_NAME, parse_channel
+from femupdate.measurement.clock import (
+    counted_unit,
+    even_step,
+    interpolated,
+    rate_ratio,
+    resampled,
+)
+from femupdate.measurement.names import TIME_NAME, floors_of, parse_channel
 from femupdate.measurement.quantity import FORCES, is_acceleration, plain_unit, si_factor
-from femupdate.measurement.table import ColumnTable, uniform_step
+from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile
 from femupdate.units import UNITS
 
@@ -52,6 +60,8 @@ class RecordedChannel:
         direction: in the file's words, such as `90 Deg` or `Up`; empty where it does not say.
         azimuth_deg: clockwise from north, where it is known.
         stated_peak: largest absolute value by the file's header, in `unit`.
+        start: of the first sample on the file's clock, s; None where the file does not say.
+        done: sentences on what was done to its times: rounded, interpolated, cut.
     """
 
     name: str
@@ -63,6 +73,13 @@ class RecordedChannel:
     direction: str = ""
     azimuth_deg: float | None = None
     stated_peak: float | None = None
+    start: float | None = None
+    done: tuple[str, ...] = ()
+
+    @property
+    def end(self) -> float:
+        """Time of the last sample on the file's clock, s."""
+        return (self.start or 0.0) + (self.values.size - 1) * self.time_step
 
     @property
     def vertical(self) -> bool:
@@ -211,15 +228,17 @@ class Recording:
         """Channels of the file; of a table, every column beside the one of times."""
         if self.table is None:
             return self.channels
-        return tuple(channels_of(self.table, _time_column(self.table)).values())
+        read = channels_of(self.table, _time_column(self.table))
+        return tuple(in_step(self.file, read).values())
 
 
 def channels_of(
     table: ColumnTable, at: int, fewest: int = 3, what: str = "record"
 ) -> dict[int, RecordedChannel]:
-    """The columns of a table as histories by their positions, but for that of the times.
+    """The columns of a table as histories by their positions, but for those of times.
 
     Args:
+        at: position of the times.
         fewest, what: rows that there must be, and for what.
     """
     count, width = table.values.shape
@@ -228,19 +247,188 @@ def channels_of(
             f"{count} rows are too short for a {what}; give at least {fewest}",
             int(table.lines[-1]),
         )
-    seconds = si_factor(table.file, table.units[at] or "s", "time")
-    step = uniform_step(table.file, table.values[:, at] * seconds, table.lines, table.title(at))
-    return {
-        column: RecordedChannel(
+    table.require_filled([at])
+    time, counted = _seconds(table, at)
+    step, even, words = even_step(table.file, time, table.lines, table.title(at))
+    values, begin = table.values, float(time[0])
+    if even is not None:
+        table.require_filled(range(width))
+        values, begin = interpolated(values, time, even), float(even[0])
+    clocks = _other_clocks(table, at, time)
+    channels: dict[int, RecordedChannel] = {}
+    for column in range(width):
+        if column == at or column in clocks.values():
+            continue
+        clock, of_column = clocks.get(column), step
+        start, done = begin, (*counted, *words)
+        if clock is not None:
+            other, counted = _seconds(table, clock)
+            of_column, _, words = even_step(table.file, other, table.lines, table.title(clock))
+            start, done = float(other[0]), (*counted, *words)
+        first, every, seen, blank = _filled(table, column, values[:, column], of_column)
+        channels[column] = RecordedChannel(
             name=table.names[column] if table.names else str(column),
-            values=table.values[:, column],
-            time_step=step,
+            values=seen,
+            time_step=of_column * every,
             unit=table.units[column],
             quantity="force" if table.units[column] in FORCES else "acceleration",
+            start=start + first * of_column,
+            done=(*done, *blank),
         )
-        for column in range(width)
-        if column != at
-    }
+    return channels
+
+
+def _seconds(table: ColumnTable, at: int) -> tuple[Floats, tuple[str, ...]]:
+    """A column of times in s, and a sentence where its numbers alone tell their unit."""
+    values = table.values[:, at]
+    unit, counted = counted_unit(table.names[at] if table.names else "", table.units[at], values)
+    small = {"us": 1e-6, "ns": 1e-9}.get(unit)
+    return values * (small or si_factor(table.file, unit, "time")), counted
+
+
+def _other_clocks(table: ColumnTable, at: int, time: Floats) -> dict[int, int]:
+    """Position of the clock of each column that has one of its own; -1 of a clock of no use."""
+    names = table.names or ()
+    clocks: dict[int, int] = {}
+    for clock in second_clocks(table, at):
+        apart = _seconds(table, clock)[0] - time
+        length, step = float(np.ptp(time)), float(np.ptp(time)) / max(len(time) - 1, 1)
+        offset = abs(float(np.median(apart)))
+        if float(np.ptp(apart)) < 0.5 * step and (offset < 0.01 * step or offset > length):
+            clocks[-clock - 1] = clock  # the same times once more, or counted from elsewhere
+            continue
+        place = re.split(r"[_ .]", names[clock], maxsplit=1)[-1]
+        floors = floors_of([place, *names])
+        owners = [k for k, floor in enumerate(floors[1:]) if floor and floor == floors[0]]
+        owners = [k for k in owners if k not in (at, clock)]
+        if not owners:
+            raise table.file.error(
+                f"{names[at]} and {names[clock]} are two clocks, {offset:.3g} s apart, and it is"
+                " not said which columns go by which; give the columns of each clock in a file of"
+                " their own"
+            )
+        clocks |= dict.fromkeys(owners, clock)
+    return clocks
+
+
+def second_clocks(table: ColumnTable, at: int) -> list[int]:
+    """Positions of other columns that are called as times and grow as times do."""
+    return [
+        k
+        for k, name in enumerate(table.names or ())
+        if k != at and TIME_NAME.match(name) and (np.diff(table.values[:, k]) > 0.0).all()
+    ]
+
+
+def _filled(
+    table: ColumnTable, column: int, values: Floats, step: float
+) -> tuple[int, int, Floats, tuple[str, ...]]:
+    """First row, rows from value to value, and values of a column with blank cells, and words."""
+    where = np.flatnonzero(np.isfinite(values))
+    if where.size == values.size:
+        return 0, 1, values, ()
+    title = table.title(column)
+    apart = np.diff(where)
+    if where.size > 2 and apart[0] > 1 and (apart == apart[0]).all():
+        every = int(apart[0])
+        words = f"{title} has a value in every {every}. row only: {1.0 / (step * every):g} Hz."
+        return int(where[0]), every, values[where], (words,)
+    runs = np.split(where, np.flatnonzero(apart > 1) + 1)
+    longest = max(runs, key=len)
+    # Of a gap within, the longer side is worth its while; one blank cell in a short table is not.
+    if longest.size < (3 if len(runs) == 1 else max(1024, values.size // 2)):
+        table.require_filled([column])
+    first, last = int(longest[0]), int(longest[-1])
+    words = (
+        f"{title} has blank cells: it is used from {first * step:.4g} to {last * step:.4g} s after"
+        " the first row."
+    )
+    return first, 1, values[first : last + 1], (words,)
+
+
+_Key = TypeVar("_Key")
+
+
+def in_step(
+    file: TextFile, channels: Mapping[_Key, RecordedChannel], one_rate: bool = False
+) -> dict[_Key, RecordedChannel]:
+    """Channels over the time that all of them have, where each says when it starts.
+
+    Args:
+        one_rate: whether those of a higher rate are brought to the lowest.
+    """
+    found = dict(channels)
+    steps = {each.time_step for each in found.values()}
+    slow = next((each for each in found.values() if each.time_step == max(steps)), None)
+    if slow is None:
+        return found
+    done: list[str] = []
+    if all(each.start is not None for each in found.values()):
+        latest = max(each.start or 0.0 for each in found.values())
+        ahead = (latest - (slow.start or 0.0)) / slow.time_step
+        begin = (slow.start or 0.0) + np.ceil(ahead - 1e-3) * slow.time_step
+        end = min(each.end for each in found.values())
+        if end <= begin:
+            raise file.error("the channels have no time in common; give records of the same event")
+        places = {
+            key: (begin - (each.start or 0.0)) / each.time_step for key, each in found.items()
+        }
+        counts = {
+            key: int((end - begin) / each.time_step + 1e-3) + 1 for key, each in found.items()
+        }
+        for key, each in found.items():
+            first = round(places[key])
+            counts[key] = min(counts[key], each.values.size - first)
+        for key, each in found.items():
+            alike = [counts[k] for k, other in found.items() if other.time_step == each.time_step]
+            first, cut = round(places[key]), min(alike)
+            values = each.values[first : first + cut]
+            found[key] = replace(each, values=values, start=begin)
+        if any(each.values.size < channels[key].values.size - 1 for key, each in found.items()):
+            earliest = min(each.start or 0.0 for each in channels.values())
+            late = [each for each in channels.values() if (each.start or 0.0) > earliest]
+            names = ", ".join(f"{e.name} {(e.start or 0.0) - earliest:.4g} s" for e in late[:6])
+            done.append(
+                f"Cut to the time that all channels have, {begin - earliest:.4g} to"
+                f" {end - earliest:.4g} s"
+                + (f": by the file, {names} later than the first." if late else ".")
+            )
+        apart = max(abs(place - round(place)) for place in places.values())
+        # From a tenth of a step on it is worth a word.
+        if apart > 0.1 and len(steps) == 1:
+            done.append(
+                f"Channels begin up to {apart:.2g} of a sample apart; resample them to one clock."
+            )
+    if one_rate and len(steps) > 1:
+        found = _at_lowest_rate(file, found, slow)
+        done.append(
+            f"Channels of unlike rates, {', '.join(f'{1.0 / step:g}' for step in sorted(steps))}"
+            f" Hz, are all taken at {1.0 / slow.time_step:g} Hz, that of {slow.name}."
+        )
+    return {key: replace(each, done=(*each.done, *done)) for key, each in found.items()}
+
+
+def _at_lowest_rate(
+    file: TextFile, channels: Mapping[_Key, RecordedChannel], slow: RecordedChannel
+) -> dict[_Key, RecordedChannel]:
+    found = {}
+    for key, each in channels.items():
+        ratio = rate_ratio(each.time_step, slow.time_step, each.values.size)
+        if ratio is None:
+            raise file.error(
+                f"{each.name} is sampled at {1.0 / each.time_step:g} Hz, {slow.name} at"
+                f" {1.0 / slow.time_step:g} Hz; bring them to one rate"
+            )
+        mean = each.values.mean()
+        values = each.values if ratio == 1 else resampled(each.values - mean, ratio) + mean
+        found[key] = replace(each, values=values, time_step=slow.time_step)
+    sizes = [each.values.size for each in found.values()]
+    if max(sizes) - min(sizes) > 2:
+        raise file.error(
+            "the channels have unlike rates and lengths, and the file does not say when they start;"
+            " cut them to the same times"
+        )
+    return {key: replace(c, values=c.values[: min(sizes)]) for key, c in found.items()}
 
 
 def _time_column(table: ColumnTable) -> int:
@@ -253,7 +441,7 @@ def _time_column(table: ColumnTable) -> int:
         return named[0] if named else 0
     # No acceleration grows by the same step from row to row: such a first column is the time.
     try:
-        uniform_step(table.file, table.values[:, 0], table.lines, table.title(0))
+        even_step(table.file, table.values[:, 0], table.lines, table.title(0))
     except MeasurementError:
         if table.names is None and (np.diff(table.values[:, 0]) > 0.0).all():
             raise

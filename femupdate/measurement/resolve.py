@@ -26,7 +26,13 @@ from femupdate.measurement.names import (
     parse_history,
 )
 from femupdate.measurement.quantity import force_unit, si_factor, split_unit
-from femupdate.measurement.recording import RecordedChannel, Recording, channel_listing, channels_of
+from femupdate.measurement.recording import (
+    RecordedChannel,
+    Recording,
+    channel_listing,
+    channels_of,
+    second_clocks,
+)
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile, closest
 from femupdate.measurement.thresholds import RECORD
@@ -206,7 +212,12 @@ def layout_of(table: ColumnTable, columns: Mapping[str, str] | None) -> Layout:
     ((at, axis),) = axes.items()
     if axis == FREQUENCY and table.values[0, at] == 0.0:
         table = replace(table, values=table.values[1:], lines=table.lines[1:])
-    known = _known(file, table.names or (), given, axis, at)
+    unused = [at]
+    if axis == TIME:
+        unused += [k for k in second_clocks(table, at) if k not in given]
+    else:
+        table.require_filled(range(table.values.shape[1]))
+    known = _known(file, table.names or (), given, axis, unused)
     return Layout(table, at, axis == TIME, known)
 
 
@@ -265,7 +276,7 @@ def _known(
     names: Sequence[str],
     given: Mapping[int, str],
     axis: str,
-    at: int | None = None,
+    unused: Sequence[int] = (),
 ) -> dict[int, Known]:
     """What channels or columns stand for, by their positions."""
     parse, columns = _KINDS[axis]
@@ -273,7 +284,7 @@ def _known(
     for position, title in enumerate(names):
         name = given.get(position, title)
         parsed = parse(name)
-        if position == at:
+        if position in unused:
             continue
         if parsed is None and given and position not in given:
             logger.info("%s: column %r is left out", file.path, name)

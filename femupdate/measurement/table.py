@@ -1,5 +1,6 @@
-"""Tables of numbers in text: cells, header, units, time step, and the cell that is wrong."""
+"""Tables of numbers in text: cells, header, units, and the cell that is wrong."""
 
+import csv
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Floats, Integers
+from femupdate.measurement.clock import DATE_ALONE, is_moment, seconds_of
 from femupdate.measurement.names import TIME
 from femupdate.measurement.quantity import split_unit
 from femupdate.measurement.text import TextFile
-
-# Figures by which files are judged.
-_DECIMALS = 9  # of times that are looked at, at most
 
 Row = tuple[int, str]  # line number, text
 
@@ -37,6 +36,32 @@ def is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+_THOUSANDS = r"[-+]?[1-9]\d{0,2}(,\d{3})+"
+
+
+def _unquoted(rows: list[Row]) -> list[Row]:
+    """Rows without quotes, and without commas that part thousands or are decimal signs in them."""
+    delimiter = find_delimiter(re.sub(r'"[^"]*"', "", rows[-1][1]))
+    if delimiter is None or not any('"' in text for _, text in (rows[0], rows[-1])):
+        return rows
+    table = list(csv.reader([text for _, text in rows], delimiter=delimiter, skipinitialspace=True))
+    numbers = [
+        cell for cells in table for cell in cells if re.fullmatch(r"[-+\d.,eE]*,[\d.]+", cell)
+    ]
+    thousands = any("." in cell or cell.count(",") > 1 for cell in numbers) or all(
+        re.fullmatch(_THOUSANDS, cell) for cell in numbers
+    )
+    for cells in table:
+        for k, cell in enumerate(cells):
+            if "," in cell and is_number(cell.replace(",", "")):
+                cells[k] = cell.replace(",", "" if thousands else ".")
+            elif delimiter in cell:
+                cells[k] = cell.replace(delimiter, " ")
+    if len(table) != len(rows):  # a quote that nothing closes
+        return rows
+    return [(line, delimiter.join(cells)) for (line, _), cells in zip(rows, table, strict=True)]
 
 
 _NUMBER = r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?"
@@ -92,100 +117,30 @@ def _complex(cell: str) -> re.Match[str] | None:
     return _COMPLEX.fullmatch(cell) if len(cell) <= 80 else None
 
 
-# 2020-01-31 12:00:00.005, also with T and Z, or 12:00:00.005 alone.
-_MOMENT = re.compile(
-    r"(?P<date>\d{4}[-/]\d\d[-/]\d\d)?[T ]?(?P<time>\d\d:\d\d:\d\d(?:[.,]\d{1,9})?)Z?"
-)
-
-
 def in_seconds(rows: list[Row], delimiter: str | None) -> list[Row]:
-    """Rows whose first cells are times in seconds since the first, where all are moments.
+    """Rows whose first cells are seconds since the first, where all are moments, as `time_s`.
 
-    Their column is called `time_s`.
+    A date and a time of day may stand in two cells.
     """
-    if not _MOMENT.fullmatch(cells_of(rows[-1][1], delimiter)[0]):
+    last = cells_of(rows[-1][1], delimiter)
+    apart = len(last) > 1 and DATE_ALONE.fullmatch(last[0]) is not None and is_moment(last[1])
+
+    def moment(cells: Sequence[str]) -> str:
+        return " ".join(cells[: 1 + apart])
+
+    if not is_moment(moment(last)):
         return rows  # as nearly all tables: not a row more need be looked at
-    first = [cells_of(text, delimiter)[0] for _, text in rows]
-    matches = [_MOMENT.fullmatch(cell) for cell in first]
-    start = next((k for k, match in enumerate(matches) if match), len(rows))
-    plain = all(text.strip().startswith(cell) for (_, text), cell in zip(rows, first, strict=True))
-    if start == len(rows) or not all(matches[start:]) or not plain:
+    table = [cells_of(text, delimiter) for _, text in rows]
+    start = next(k for k, cells in enumerate(table) if is_moment(moment(cells)))
+    seconds = seconds_of([moment(cells) for cells in table[start:]])
+    if seconds is None:
         return rows
-    moments = np.array(
-        [
-            f"{(match['date'] or '2000-01-01').replace('/', '-')}T{match['time'].replace(',', '.')}"
-            for match in matches[start:]
-            if match
-        ],
-        dtype="datetime64[ns]",
-    )
-    seconds = (moments - moments[0]) / np.timedelta64(1, "s")
-    comma = "," if delimiter != "," else "."
-    timed = [
-        (line, f"{value:.9f}".replace(".", comma) + text.strip()[len(cell) :])
-        for (line, text), cell, value in zip(rows[start:], first[start:], seconds, strict=True)
+    leads = [TIME, *["s"] * (start - 1)][:start] + [f"{value:.9f}" for value in seconds]
+    mark = delimiter or " "
+    return [
+        (line, mark.join([lead, *cells[1 + (apart and len(cells) == len(last)) :]]))
+        for (line, _), lead, cells in zip(rows, leads, table, strict=True)
     ]
-    head = [(line, TIME + text.strip()[len(first[0]) :]) for line, text in rows[: min(start, 1)]]
-    return [*head, *rows[1:start], *timed]
-
-
-def check_step(file: TextFile, step: float, title: str | None = None) -> None:
-    """Refuse a time step with which no building is measured."""
-    # An impact on a model has steps of 1e-6 s, the slowest monitoring of a tower 10 s.
-    shortest, longest = 1e-6, 10.0
-    if not shortest <= step <= longest:
-        raise file.error(
-            f"the time step is {step:.3g} s, and buildings are measured every {shortest:g} to"
-            f" {longest:g} s; is the time's unit wrong?",
-            column=title,
-        )
-
-
-def uniform_step(file: TextFile, time: Floats, lines: Integers, title: str) -> float:
-    """Return the time step of uniformly sampled times, s.
-
-    Printed times are rounded: a time may differ from the straight line through all of them by
-    three quarters of its last printed digit, or by a hundredth of a step, whichever is larger.
-
-    Args:
-        time: (n,) at least three times, s.
-    """
-    backwards = np.flatnonzero(np.diff(time) <= 0)
-    if backwards.size and np.mean(np.diff(time) <= 0) > 0.5:
-        raise file.error("the times do not increase; sort the rows by time", None, title)
-    check_step(file, float(np.median(np.diff(time))), title)
-    digit = 10.0 ** -_decimals(time)
-    time = time - time[0]
-    step, start = np.polyfit(np.arange(time.size), time, 1)
-    # A hundredth of a step turns the phase at half the Nyquist frequency by less than a degree;
-    # a lost sample shifts all times by half a step.
-    tolerance = min(max(0.75 * digit, 0.01 * step), 0.3 * step)
-    deviation = np.abs(time - (start + step * np.arange(time.size)))
-    if backwards.size or deviation.max() > tolerance:
-        steps = np.diff(time)
-        usual = float(np.median(steps))
-        worst = int(np.argmax(np.abs(steps - usual)))
-        raise file.error(
-            f"the sampling is not uniform: {steps[worst]:.6g} s after the row before, elsewhere"
-            f" {usual:.6g} s; fill the gap or resample to one time step",
-            int(lines[worst + 1]),
-            title,
-        )
-    # The nearest whole sampling rate or round step that the first and last time's digits allow.
-    allowed = digit / (time.size - 1)
-    rate, rounded = round(1.0 / step), round(step, _DECIMALS)
-    if rate > 0 and abs(step - 1.0 / rate) <= allowed:
-        return 1.0 / rate
-    return rounded if abs(step - rounded) <= allowed else float(step)
-
-
-def _decimals(time: Floats) -> int:
-    """Number of decimals that the times are printed with."""
-    scale = np.abs(time).max() * 1e-14
-    for decimals in range(_DECIMALS):
-        if np.abs(np.round(time, decimals) - time).max() <= scale:
-            return decimals
-    return _DECIMALS
 
 
 _MOST_ABOVE, _LEAST_ROWS, _LEAST_COLUMNS = 60, 10, 2
@@ -198,7 +153,7 @@ class ColumnTable:
     Attributes:
         names: (c,) titles of the columns without their units, or None where there is no header.
         units: (c,) unit of each column, or None where the file does not say.
-        values: (r, c) the numbers.
+        values: (r, c) the numbers, NaN where a cell is blank.
     """
 
     file: TextFile
@@ -226,6 +181,17 @@ class ColumnTable:
         values = np.column_stack([column.astype(np.float64) for _, column in parts.values()])
         stated = tuple(units.get(name) or None for name, _ in parts.values())
         return ColumnTable(file, tuple(parts), stated, values, np.arange(len(values)) + 1)
+
+    def require_filled(self, columns: Sequence[int]) -> None:
+        """Refuse blank cells in some columns."""
+        blank = np.argwhere(np.isnan(self.values[:, list(columns)]))
+        if blank.size:
+            row, column = blank[0]
+            raise self.file.error(
+                "the cell is blank; fill in the measured value or remove the row or column",
+                int(self.lines[row]),
+                self.title(columns[column]),
+            )
 
     def title(self, column: int) -> str:
         """Return what messages call a column."""
@@ -256,13 +222,13 @@ def read_table(file: TextFile) -> ColumnTable:
             raise file.error(
                 f"column {position + 1} has no name; give every column one or remove it", rows[0][0]
             )
-    values, lines = parse_rows(file, data, delimiter, names)
+    values, lines = parse_rows(file, data, delimiter, names, blanks=True)
     return ColumnTable(file, names, units or (None,) * values.shape[1], values, lines)
 
 
 def rows_of_table(file: TextFile) -> list[Row]:
     """Rows of a table without what loggers write above it: lines of other numbers of cells."""
-    rows = file.rows()
+    rows = _unquoted(file.rows())
     delimiter = find_delimiter(rows[-1][1])
     width = len(cells_of(rows[-1][1], delimiter))
     if len(cells_of(rows[0][1], delimiter)) == width or width < _LEAST_COLUMNS:
@@ -295,16 +261,22 @@ def parse_rows(
     delimiter: str | None,
     names: tuple[str, ...] | None,
     missing: bool = False,
+    blanks: bool = False,
 ) -> tuple[Floats, Integers]:
     """Return the values (r, c) of numeric rows and their line numbers (r,).
 
     Args:
         missing: a cell may be `nan`.
+        blanks: a cell may be blank, which gives NaN.
     """
     if not rows:
         raise file.error("the file has a header but no data; write it again from its source")
     texts = [text for _, text in rows]
     if delimiter != ",":
+        if any(re.search(r"\d,\d{3}\.", text) for text in texts):  # 1,234.5
+            texts = [text.replace(",", "") for text in texts]
+        elif any(re.search(r"\d\.\d{3},", text) for text in texts):  # 1.234,5
+            texts = [text.replace(".", "") for text in texts]
         texts = [text.replace(",", ".") for text in texts]
     width = len(names) if names else len(cells_of(texts[0], delimiter))
     lines = np.array([number for number, _ in rows])
@@ -313,12 +285,14 @@ def parse_rows(
     except ValueError:
         values = None
     refused = np.isinf if missing else lambda found: ~np.isfinite(found)
-    if values is None or values.shape[1] != width or refused(values).any():
-        _blame(
-            file, list(zip(lines.tolist(), texts, strict=True)), delimiter, width, names, refused
-        )
+    if values is not None and values.shape[1] == width and not refused(values).any():
+        return values, lines
+    numbered = list(zip(lines.tolist(), texts, strict=True))
+    _blame(file, numbered, delimiter, width, names, refused, blanks)
+    if not blanks:
         raise file.error("the table cannot be read as numbers; write plain decimal numbers")
-    return values, lines
+    cells = [[cell or "nan" for cell in cells_of(text, delimiter)] for text in texts]
+    return np.array(cells, dtype=np.float64), lines
 
 
 def read_head_rows(
@@ -378,10 +352,17 @@ def _blame(
     width: int,
     names: tuple[str, ...] | None,
     refused: Callable[[Any], Any],
+    blanks: bool,
 ) -> None:
     """Raise the error of the first cell that is no number or a refused one."""
     for line, text in rows:
         cells = cells_of(text, delimiter)
+        if len(cells) in (2 * width, 2 * width - 1) and delimiter == "," and width > 1:
+            raise file.error(
+                f"the row has {len(cells)} cells where {width} are expected: commas stand between"
+                " cells and in numbers; export the table with semicolons",
+                line,
+            )
         if len(cells) != width:
             raise file.error(
                 f"the row has {len(cells)} cells where {width} are expected; the file may be cut"
@@ -390,6 +371,8 @@ def _blame(
             )
         for position, cell in enumerate(cells):
             if is_number(cell) and not refused(float(cell.replace(",", "."))):
+                continue
+            if blanks and not cell:
                 continue
             what = f"{cell!r} is not a number" if cell else "the cell is blank"
             if is_number(cell):

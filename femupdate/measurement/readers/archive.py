@@ -60,8 +60,8 @@ def _members(file: TextFile) -> Iterator[tuple[str, int, Any]]:
         return
     packed = head.startswith(_GZIP)
     if packed:
-        with gzip.open(file.path, "rb") as stream:
-            begin = stream.read(_TAR_AT + len(_TAR))
+        with gzip.open(file.path, "rb") as single:
+            begin = single.read(_TAR_AT + len(_TAR))
         if not begin.endswith(_TAR.encode()) and begin.strip(b"\0"):  # an empty tar is zeros
             with gzip.open(file.path, "rb") as single:
                 data = _Limited(file, single).read(_LARGEST_BYTES + 2 * _PADDING)

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from femupdate.measurement.header import header_value, positive, wrapped_numbers
+from femupdate.measurement.header import finite, header_value, positive, wrapped_numbers
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import read_text
@@ -32,6 +32,7 @@ def _read(path: Path) -> Recording:
     factor = positive(file, scale.group(1), "Scale Factor", scale_at)
     divisor = positive(file, scale.group(2), "Scale Factor", scale_at)
     _, direction = header_value(file, r"^Dir\.\s+(\S+)", "Dir.")
+    stated = re.search(r"^Max\. Acc\. \(gal\)\s+(\S+)", "\n".join(file.lines[:20]), re.MULTILINE)
     memo, _ = header_value(file, r"^Memo\.", "the line 'Memo.' before its data")
     values = wrapped_numbers(file, memo + 1, count, at) * (factor / divisor)
     along, place = _KIKNET.get(direction.group(1), (direction.group(1), ""))
@@ -43,6 +44,7 @@ def _read(path: Path) -> Recording:
         location=place,
         direction=along,
         azimuth_deg=azimuth_of(along),
+        stated_peak=finite(stated[1]) if stated else None,
     )
     return Recording(file, (channel,))
 

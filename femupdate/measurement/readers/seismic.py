@@ -41,7 +41,7 @@ def _recognises(head: str, suffix: str) -> bool:
 
 
 def _read(path: Path) -> Recording:
-    """The traces over the time that all of them have."""
+    """The traces, each with its start."""
     file = TextFile(path)
     obspy = reading_package(file, "obspy", "ObsPy", "records of seismic networks")
     with warnings.catch_warnings(), path.open("rb") as stream:
@@ -58,8 +58,7 @@ def _read(path: Path) -> Recording:
             ) from None
     traces = [trace for trace in traces if trace.data.dtype.kind in "fiu"]  # others are logs
     _require_whole(file, traces)
-    common, notes = _together(file, traces)
-    return Recording(file, tuple(_channel(trace, kind == _ALTUS) for trace in common), notes=notes)
+    return Recording(file, tuple(_channel(trace, kind == _ALTUS) for trace in traces))
 
 
 def _require_whole(file: TextFile, traces: list[Any]) -> None:
@@ -80,32 +79,6 @@ def _require_whole(file: TextFile, traces: list[Any]) -> None:
             raise file.error(f"{trace.id} holds no history of finite numbers")
 
 
-def _together(file: TextFile, traces: list[Any]) -> tuple[list[Any], tuple[str, ...]]:
-    """The traces cut to the time that all have, and sentences on what was done."""
-    start = max(trace.stats.starttime for trace in traces)
-    end = min(trace.stats.endtime for trace in traces)
-    if end <= start:
-        raise file.error("the traces have no time in common; give records of the same event")
-    cut = [trace.copy().trim(start, end, nearest_sample=True) for trace in traces]
-    shortest = min(trace.stats.npts for trace in cut if trace.stats.delta == cut[0].stats.delta)
-    for trace in cut:
-        if trace.stats.delta == cut[0].stats.delta:
-            trace.data = trace.data[:shortest]
-    notes = []
-    if any(trace.stats.npts != whole.stats.npts for trace, whole in zip(cut, traces, strict=True)):
-        notes.append(f"Cut to the time that all traces have: {start} to {end}.")
-    late = [
-        abs(cut_trace.stats.starttime - cut[0].stats.starttime) / cut_trace.stats.delta
-        for cut_trace in cut
-    ]
-    # From a tenth of a step on it is worth a word.
-    if max(late) > 0.1:
-        notes.append(
-            f"Traces begin up to {max(late):.2g} of a sample apart; resample them to one clock."
-        )
-    return cut, tuple(notes)
-
-
 def _channel(trace: Any, known: bool) -> RecordedChannel:
     """A trace; in m/s2 where the file's own constants are known and applied."""
     code = trace.stats.channel
@@ -123,6 +96,7 @@ def _channel(trace: Any, known: bool) -> RecordedChannel:
         location=".".join(word for word in place if word),
         direction=direction,
         azimuth_deg=azimuth_of(direction) if last in "NE" else None,
+        start=float(trace.stats.starttime.timestamp),
     )
 
 

@@ -1,15 +1,17 @@
 """TDMS files of LabVIEW, by npTDMS."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from femupdate.arrays import Floats
+from femupdate.measurement.clock import even_step, interpolated
 from femupdate.measurement.names import TIME_NAME
 from femupdate.measurement.quantity import FORCES, is_acceleration
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedChannel, Recording
-from femupdate.measurement.table import uniform_step
 from femupdate.measurement.text import TextFile, reading_package
 
 _STEP = "wf_increment"
@@ -37,60 +39,59 @@ def _read(path: Path) -> Recording:
         raise file.error(
             f"this TDMS file cannot be read ({error}); save it again from its program"
         ) from None
-    timed = _timed(file, numbers)
+    # Three times tell a step.
+    clocks = {
+        name: np.asarray(channel[:], float)
+        for name, channel in numbers
+        if TIME_NAME.match(channel.name) and len(channel) >= 3
+    }
+    timed = [
+        (name, channel)
+        for name, channel in numbers
+        if float(channel.properties.get(_STEP, 0.0)) > 0.0
+        or (name in clocks and not TIME_NAME.match(channel.name))
+    ]
     if not timed:
         raise file.error(
             "no channel of the file has a time step (wf_increment), and none is called time; export"
             " the channels as CSV with a column of times"
         )
-    several = len({name for name, *_ in timed}) > 1
-    left_out = [
-        channel.name
-        for _, channel in channels
-        if all(channel is not measured for _, measured, _ in timed)
-    ]
+    several = len({name for name, _ in timed}) > 1
+    measured = {id(channel) for _, channel in timed}
+    left_out = [channel.name for _, channel in channels if id(channel) not in measured]
     notes = (f"Channels without numbers or a time step: {', '.join(left_out)}.",)
-    return Recording(
-        file,
-        tuple(
-            _channel(f"{name}/{channel.name}" if several else channel.name, channel, step)
-            for name, channel, step in timed
-        ),
-        notes=notes if left_out else (),
-    )
+    found = (_channel(file, group, several, channel, clocks) for group, channel in timed)
+    return Recording(file, tuple(found), notes=notes if left_out else ())
 
 
-def _timed(file: TextFile, numbers: list[tuple[str, Any]]) -> list[tuple[str, Any, float]]:
-    """Group, channel and time step: of the waveform, else of the times in the channel's group."""
-    # Three times tell a step.
-    steps = {
-        name: uniform_step(
-            file, np.asarray(channel[:], float), np.arange(len(channel)) + 1, channel.name
-        )
-        for name, channel in numbers
-        if TIME_NAME.match(channel.name) and len(channel) >= 3
-    }
-    timed = []
-    for name, channel in numbers:
-        step = float(channel.properties.get(_STEP, 0.0))
-        if step <= 0.0 and not TIME_NAME.match(channel.name):
-            step = steps.get(name, 0.0)
-        if step > 0.0:
-            timed.append((name, channel, step))
-    return timed
-
-
-def _channel(name: str, channel: Any, step: float) -> RecordedChannel:
-    unit = next((str(channel.properties[key]) for key in _UNITS if key in channel.properties), "")
-    known = unit.strip() not in _NO_UNIT
+def _channel(
+    file: TextFile, group: str, several: bool, channel: Any, clocks: Mapping[str, Floats]
+) -> RecordedChannel:
+    """A channel at the step and the start of its waveform, else at its group's times."""
+    given = channel.properties
+    step, begin = float(given.get(_STEP, 0.0)), given.get("wf_start_time")
+    values = np.asarray(channel[:], dtype=np.float64)
+    start: float | None = float(given.get("wf_start_offset", 0.0)) or None
+    if begin is not None:
+        start = int(np.datetime64(begin, "ns").astype(np.int64)) / 1e9 + (start or 0.0)
+    done: tuple[str, ...] = ()
+    if step <= 0.0:
+        time = clocks[group]
+        step, even, done = even_step(file, time, np.arange(time.size) + 1, channel.name)
+        start = float(time[0])
+        if even is not None and values.size == time.size:
+            values = interpolated(values, time, even)
+    unit = next((str(given[key]) for key in _UNITS if key in given), "")
     quantity = "acceleration" if is_acceleration(unit) else "unknown"
     return RecordedChannel(
-        name=name,
-        values=np.asarray(channel[:], dtype=np.float64),
+        name=f"{group}/{channel.name}" if several else channel.name,
+        values=values,
         time_step=step,
-        unit=unit if known else None,
+        unit=unit if unit.strip() not in _NO_UNIT else None,
         quantity="force" if unit in FORCES else quantity,
-        location=str(channel.properties.get("description", "")),
+        location=str(given.get("description", "")),
+        start=start,
+        done=done,
     )
 
 

@@ -4,13 +4,15 @@ import contextlib
 import io
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from femupdate.errors import MeasurementError
+from femupdate.measurement.clock import even_step, interpolated
 from femupdate.measurement.quantity import force_unit, is_acceleration
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import (
@@ -69,7 +71,9 @@ def _read(path: Path) -> Recording:
             warnings.simplefilter("ignore")
             content = pyuff.UFF(str(path))
             types = [int(kind) for kind in content.get_set_types()]
-            sets = [_set(content, k) for k, kind in enumerate(types) if kind in _READ]
+            texts = _texts(path)
+            texts = texts if len(texts) == len(types) else [()] * len(types)
+            sets = [_set(content, k, texts[k]) for k, kind in enumerate(types) if kind in _READ]
         return _recording(file, types, sets)
     except MeasurementError:
         raise
@@ -79,9 +83,19 @@ def _read(path: Path) -> Recording:
         ) from None
 
 
-def _set(content: Any, number: int) -> dict[str, Any]:
+def _texts(path: Path) -> list[tuple[str, ...]]:
+    """Lines of every set, without those that part them."""
+    lines = path.read_bytes().decode("utf-8", errors="replace").replace("\r\n", "\n").split("\n")
+    at = [k for k, line in enumerate(lines) if line.strip() == "-1"]
+    return [tuple(lines[a + 1 : b]) for a, b in zip(at[::2], at[1::2], strict=False)]
+
+
+def _set(content: Any, number: int, lines: Sequence[str]) -> dict[str, Any]:
     """A set; an empty one of a result (2414) that pyuff cannot follow, such as stresses."""
-    if content.get_set_types()[number] != 2414:
+    kind = int(content.get_set_types()[number])
+    if kind == 58 and len(lines) > 12 and lines[0].strip() == "58":
+        return _text_58(lines)
+    if kind != 2414:
         dataset: dict[str, Any] = content.read_sets(number)
         return dataset
     try:
@@ -90,6 +104,58 @@ def _set(content: Any, number: int) -> dict[str, Any]:
     except Exception:
         return {"type": 2414}
     return dataset
+
+
+_RECORD_6 = (
+    *("func_type", "func_id", "ver_num", "load_case_id"),
+    *("rsp_ent_name", "rsp_node", "rsp_dir", "ref_ent_name", "ref_node", "ref_dir"),
+)
+_AXES = ("abscissa", "ordinate", "orddenom")
+
+
+def _text_58(lines: Sequence[str]) -> dict[str, Any]:
+    """A function in text, whatever widths its program gives names and numbers.
+
+    Numbers may have a D for their exponent, touch, and stand in any number on a line.
+    """
+    found: dict[str, Any] = {"type": 58}
+    found |= {f"id{k}": lines[k].strip() for k in range(1, 6)}
+    row = lines[6]
+    ends = (0, 5, 15, 20, 30, 41, 51, 55, 66, 76, 80)
+    fields = [row[a:b].strip() for a, b in pairwise(ends)]
+    whole = all(re.fullmatch(r"-?\d*", fields[k]) for k in (0, 1, 2, 3, 5, 6, 8, 9))
+    if not whole or len(row.rstrip()) > 80:  # a name that is too long moves what follows
+        fields = row.split()
+        fields = fields if len(fields) == len(_RECORD_6) else fields[:4] + _around_names(row)
+    for name, text in zip(_RECORD_6, fields, strict=True):
+        found[name] = text if name.endswith("ent_name") else int(text or 0)
+    figures = re.findall(r"\S+", lines[7])
+    kind, count, even = (int(text) for text in figures[:3])
+    least, step = (float(text.upper().replace("D", "E")) for text in figures[3:5])
+    found |= {"num_pts": count, "abscissa_spacing": even, "abscissa_inc": step}
+    found["abscissa_min"] = least
+    for name, line in zip(_AXES, lines[8:11], strict=True):
+        found[f"{name}_spec_data_type"] = int(line[:10])
+        found[f"{name}_axis_lab"] = line[25:46].strip()
+        found[f"{name}_axis_units_lab"] = line[46:].strip()
+    text = " ".join(lines[12:]).upper().replace("D", "E")
+    numbers = re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?|NAN|[-+]?INF\w*", text)
+    values = np.array([float(number) for number in numbers])
+    parts = 2 if kind in (5, 6) else 1
+    values = values[: values.size - values.size % (parts + (even == 0))]
+    table = values.reshape(-1, parts + (even == 0))
+    given = table[:, even == 0 :] if even == 0 else table
+    found["data"] = given[:, 0] + 1j * given[:, 1] if parts == 2 else given[:, 0]
+    found["x"] = table[:, 0] if even == 0 else least + step * np.arange(len(table))
+    return found
+
+
+def _around_names(row: str) -> list[str]:
+    """Fields of names, nodes and directions behind the first thirty characters of record 6."""
+    match = re.match(r"(.*?)\s+(\d+)\s+(-?\d+)\s+(.*?)\s+(\d+)\s+(-?\d+)\s*$", row[30:])
+    if match is None:
+        raise ValueError(f"record 6 is {row.strip()!r}")
+    return [text.strip() for text in match.groups()]
 
 
 def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> Recording:
@@ -139,8 +205,10 @@ def _channel(file: TextFile, dataset: Mapping[str, Any], number: int, si: bool) 
     step = float(dataset["abscissa_inc"]) if even else float((x[-1] - x[0]) / (x.size - 1))
     if not (np.isfinite(step) and step > 0.0):
         raise file.error(f"set 58 number {number} has a time step of {step:g}; correct it")
-    if not even and np.abs(np.diff(x) / step - 1.0).max() > 0.01:
-        raise file.error(f"set 58 number {number} is not sampled uniformly; resample it")
+    done: tuple[str, ...] = ()
+    if not even:
+        step, times, done = even_step(file, x, np.arange(x.size) + 1, f"set 58 number {number}")
+        values = values if times is None else interpolated(values, x, times)
     label = _unit(dataset)
     axis, code = _text(dataset["ordinate_axis_lab"]), dataset["ordinate_spec_data_type"]
     general = code in _GENERAL and axis.lower() not in _QUANTITIES.values()
@@ -156,6 +224,8 @@ def _channel(file: TextFile, dataset: Mapping[str, Any], number: int, si: bool) 
         quantity=quantity or ("acceleration" if is_acceleration(label) else "unknown"),
         location=_place(dataset, "rsp"),
         direction=_DIRECTIONS.get(dataset["rsp_dir"], ""),
+        start=float(dataset["abscissa_min"]) if even else float(x[0]),
+        done=done,
     )
 
 

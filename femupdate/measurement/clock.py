@@ -1,0 +1,212 @@
+"""When samples were taken: times as people and loggers write them, to one even time step."""
+
+import re
+from collections.abc import Sequence
+from datetime import date
+from fractions import Fraction
+
+import numpy as np
+
+from femupdate.arrays import Floats, Integers
+from femupdate.measurement.text import TextFile
+
+_DECIMALS = 9  # of times that are looked at, at most
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_DATE = r"(?P<first>\d{1,4})[-/.](?P<second>\d{1,2}|[A-Za-z]{3,9})[-/.](?P<third>\d{1,4})"
+_TIME = (
+    r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<sec>\d{2}))?(?:[.,:](?P<part>\d{1,9}))?"
+    r"\s*(?P<half>[AaPp])?(?(half)\.?[Mm]\.?)\s*(?P<zone>Z|UTC|GMT|[-+]\d{2}:?\d{2})?"
+)
+_MOMENT = re.compile(rf"(?:{_DATE})?[T ,_]*{_TIME}")
+DATE_ALONE = re.compile(_DATE)
+
+
+def is_moment(text: str) -> bool:
+    """Whether a text is a time of day, with or without a date."""
+    return _MOMENT.fullmatch(text) is not None
+
+
+def seconds_of(texts: Sequence[str]) -> Floats | None:
+    """Seconds since the first of some moments; None where one of them is none.
+
+    A day may end within times without dates, a minute may have a leap second, and of days and
+    months that could be either, the order is taken in which time runs evenly.
+    """
+    matches = [_MOMENT.fullmatch(text) for text in texts]
+    found = [match.groupdict() for match in matches if match]
+    if len(found) < len(texts):
+        return None
+    readings = []
+    for day_first in (False, True):
+        try:
+            readings.append(_in_order(found, day_first))
+        except ValueError:  # there is no such day
+            continue
+    if not readings or len(texts) < 2:
+        return readings[0] if readings else None
+    return min(readings, key=lambda each: float(np.ptp(np.diff(each))))
+
+
+def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats:
+    """Seconds since the first moment, the day before the month or behind it."""
+    days: dict[tuple[str | None, ...], int] = {}
+    seconds = np.empty(len(found))
+    for k, of in enumerate(found):
+        written = of["first"], of["second"], of["third"]
+        if written not in days:
+            days[written] = _day(*written, day_first=day_first) if of["first"] else 0
+        hour, minute, part = int(of["hour"] or 0), int(of["minute"] or 0), of["part"] or "0"
+        sec = int(of["sec"] or 0)
+        if of["sec"] is None and of["part"] is not None:  # 12:03.5 has minutes and seconds
+            hour, minute, sec = 0, hour, minute
+        if of["half"]:
+            hour = hour % 12 + (12 if of["half"] in "Pp" else 0)
+        zone = (of["zone"] or "Z").replace(":", "")
+        away = int(zone[:3]) * 3600 + int(zone[0] + zone[3:]) * 60 if zone[0] in "-+" else 0
+        whole = (days[written] - next(iter(days.values()))) * 86400 + hour * 3600 + minute * 60
+        seconds[k] = whole + sec - away + int(part) / 10 ** len(part)
+    leap = [k for k, of in enumerate(found) if of["sec"] == "60"]
+    if leap:
+        seconds[leap[-1] + 1 :] += 1.0
+    # Without dates a clock goes back by a day at midnight, one of twelve hours by half a day.
+    if found[0]["first"] is None:
+        back = -np.diff(seconds, prepend=seconds[0])
+        turns = np.where(back > 50000.0, 86400.0, np.where(back > 40000.0, 43200.0, 0.0))
+        seconds += np.cumsum(turns)
+    return np.asarray(seconds - seconds[0])
+
+
+def _day(first: str | None, second: str | None, third: str | None, *, day_first: bool) -> int:
+    a, b, c = first or "", second or "", third or ""
+    if b.isalpha():
+        b = str(_MONTHS.index(b[:3].lower()) + 1)
+        year, month, day = (a, b, c) if len(a) == 4 else (c, b, a)
+    elif len(a) == 4:
+        year, month, day = a, b, c
+    else:
+        year, month, day = (c, b, a) if day_first else (c, a, b)
+    return date(int(year) + (2000 if len(year) < 3 else 0), int(month), int(day)).toordinal()
+
+
+def counted_unit(name: str, unit: str | None, values: Floats) -> tuple[str, tuple[str, ...]]:
+    """Unit of a column of times, and a sentence where nothing but the numbers tells it."""
+    named = re.search(r"[_ ](ms|msec|us|ns)$", name, re.IGNORECASE)
+    if unit or named:
+        return unit or (named[1].lower().replace("msec", "ms") if named else "s"), ()
+    # Seconds since 1970 reach 1e11 in the year 5138.
+    largest = float(np.abs(values).max())
+    for least, since in ((1e17, "ns"), (1e14, "us"), (1e11, "ms")):
+        if largest > least:
+            return since, (f"The times are read as {since} since 1970.",)
+    return "s", ()
+
+
+def check_step(file: TextFile, step: float, title: str | None = None) -> None:
+    """Refuse a time step, s, with which no building is measured."""
+    # An impact on a model has steps of 1e-6 s, the slowest monitoring of a tower 10 s.
+    shortest, longest = 1e-6, 10.0
+    if not shortest <= step <= longest:
+        raise file.error(
+            f"the time step is {step:.3g} s, and buildings are measured every {shortest:g} to"
+            f" {longest:g} s; is the time's unit wrong? Times in ms have the name time_s (ms)",
+            column=title,
+        )
+
+
+def even_step(
+    file: TextFile, time: Floats, lines: Integers, title: str
+) -> tuple[float, Floats | None, tuple[str, ...]]:
+    """Time step of printed times (n,), s, and what had to be done to have one.
+
+    A time may differ from the straight line through all of them by three quarters of its last
+    printed digit, or by a hundredth of a step. Times with fewer digits than their step takes give
+    the rate by the first and the last. A clock that is uneven throughout gives even times (k,), s,
+    to which the values are to be interpolated. A gap is refused.
+    """
+    steps = np.diff(time)
+    if (steps <= 0).mean() > 0.5 and (time[-1] <= time[0] or (steps < 0).any()):
+        raise file.error("the times do not increase; sort the rows by time", None, title)
+    digit = 10.0 ** -_decimals(time)
+    since = time - time[0]
+    step, start = np.polyfit(np.arange(time.size), since, 1)
+    # A hundredth of a step turns the phase at half the Nyquist frequency by less than a degree;
+    # a lost sample shifts all times by half a step.
+    tolerance = min(max(0.75 * digit, 0.01 * step), 0.3 * step)
+    deviation = np.abs(since - (start + step * np.arange(time.size)))
+    # The nearest whole sampling rate or round step that the first and last time's digits allow.
+    allowed = digit / (time.size - 1)
+    rate, rounded = round(1.0 / step), round(step, _DECIMALS)
+    if rate > 0 and abs(step - 1.0 / rate) <= allowed:
+        step = 1.0 / rate
+    elif abs(step - rounded) <= allowed:
+        step = rounded
+    if (steps > 0).all() and deviation.max() <= tolerance:
+        check_step(file, float(step), title)
+        return float(step), None, ()
+    enough = time.size >= 64  # of fewer rows nothing is told
+    if enough and (steps >= 0).all() and deviation.max() <= 0.75 * digit:
+        check_step(file, float(step), title)
+        words = (
+            f"The times are rounded to {digit:g} s: {1.0 / step:.6g} Hz is taken, which is the"
+            " number of steps over the time from the first row to the last."
+        )
+        return float(step), None, (words,)
+    usual = float(np.median(steps))
+    worst = int(np.argmax(np.abs(steps - usual)))
+    uneven = np.abs(steps - usual) > max(1.5 * digit, 0.002 * usual)
+    if not (enough and (steps > 0).all() and steps.max() < 3.5 * usual and uneven.mean() > 0.1):
+        raise file.error(
+            f"the sampling is not uniform: {steps[worst]:.6g} s after the row before, elsewhere"
+            f" {usual:.6g} s; fill the gap or resample to one time step",
+            int(lines[worst + 1]),
+            title,
+        )
+    whole = round(1.0 / usual)
+    step = 1.0 / whole if whole and abs(usual * whole - 1.0) < 0.02 else usual
+    check_step(file, step, title)
+    even = np.arange(int(since[-1] / step * (1.0 + 1e-9)) + 1) * step
+    words = (
+        f"The times are uneven, by {1e3 * float(steps.std()):.2g} ms (rms) from row to row and"
+        f" {1e3 * float(steps.max()):.3g} ms at most: all columns are interpolated to"
+        f" {1.0 / step:.6g} Hz."
+    )
+    return step, time[0] + even, (words,)
+
+
+def interpolated(values: Floats, time: Floats, even: Floats) -> Floats:
+    """Values (n,) or (n, c) at even times (k,), by cubic splines."""
+    from scipy.interpolate import CubicSpline
+
+    return np.asarray(CubicSpline(time, values, axis=0)(even))
+
+
+def _decimals(time: Floats) -> int:
+    """Number of decimals that the times are printed with."""
+    scale = np.abs(time).max() * 1e-14
+    for decimals in range(_DECIMALS):
+        if np.abs(np.round(time, decimals) - time).max() <= scale:
+            return decimals
+    return _DECIMALS
+
+
+def rate_ratio(step: float, other: float, samples: int) -> Fraction | None:
+    """One time step over another in whole numbers up to 1000, within a thousandth of a step."""
+    if not (np.isfinite(other) and other > 0):
+        return None
+    ratio = Fraction(step / other).limit_denominator(1000)
+    drift = abs(float(ratio) * other / step - 1.0) * samples
+    return ratio if 0 < ratio.numerator <= 1000 and drift < 1e-3 else None
+
+
+def resampled(values: Floats, ratio: Fraction) -> Floats:
+    """Values (n,) at a rate that is higher by a ratio, zero before their start and after their end.
+
+    Polyphase filtering with a linear-phase Kaiser window: flat within 0.1 % up to 0.9 of the lower
+    Nyquist frequency, no delay.
+    """
+    from scipy.signal import firwin, resample_poly
+
+    up, down = ratio.numerator, ratio.denominator
+    # 32 periods of the lower rate to either side, and a Kaiser window 80 dB down.
+    window = firwin(64 * max(up, down) + 1, 1.0 / max(up, down), window=("kaiser", 8.0))
+    return np.asarray(resample_poly(values, up, down, window=window))
