@@ -48,6 +48,13 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
         given = f"its unit {channel.unit!r} is not one of acceleration"
         given = given if channel.unit else "the file does not say its unit"
         findings.append(f"{given}; give it with --unit.")
+        # Below some hundred, whole numbers may be of any unit.
+        if peak > 500.0 and np.array_equal(channel.values, np.rint(channel.values)):
+            findings[-1] = (
+                f"{given}, and whole numbers look like counts of a digitiser; give what a count is"
+                ' with --unit, such as --unit "4.7e-6 m/s2", or for each channel as'
+                " --columns RF=RF*4.7e-6 --unit m/s2."
+            )
     if channel.quantity == "acceleration" and si is not None:
         if peak * si > LARGEST_PEAK:
             findings.append(
@@ -71,7 +78,8 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
     if not _SLOWEST_HZ <= rate <= _FASTEST_HZ:
         findings.append(
             f"its sampling rate is {rate:.3g} Hz; buildings are measured at"
-            f" {_SLOWEST_HZ:g} to {_FASTEST_HZ:g} Hz: is the time's unit wrong?"
+            f" {_SLOWEST_HZ:g} to {_FASTEST_HZ:g} Hz: is the time's unit wrong? Times in ms are"
+            " called time_s (ms)."
         )
     if channel.quantity != "force":
         return (*findings, *_of_shape(values, channel))
@@ -222,7 +230,7 @@ def pair_findings(
     for number, (channel, floor) in enumerate(zip(channels, floors, strict=True), start=1):
         if floor is not None and not channel.vertical and np.ptp(channel.values):
             parsed = parse_channel(channel.name)
-            along = parsed.direction if parsed else channel.direction.upper()
+            along = parsed.direction if parsed else channel.direction.upper() or "x"
             key = along, channel.values.size, channel.time_step
             stack = parsed.sensor if parsed else _PLACES.sub("", channel.location.lower())
             values = channel.values * acceleration_factor(channel.unit)
@@ -290,9 +298,9 @@ def _of_clocks(
         late = (delay or 0.0) + sensor.behind_s
         if abs(late) > least and whole is None:
             side = "behind" if late > 0.0 else "ahead of"
+            size = f"{abs(late):.3g} s" if abs(late) >= 1.0 else f"{1e3 * abs(late):.3g} ms"
             yield (
-                f"{sensor.title} runs {1e3 * abs(late):.3g} ms {side} {reference.title}: are their"
-                " clocks the same?"
+                f"{sensor.title} runs {size} {side} {reference.title}: are their clocks the same?"
             )
         if whole is not None:
             yield (
@@ -419,7 +427,7 @@ def _of_levels(
     odd = {
         sensor: level
         for sensor in others
-        if (level := levels[sensor.number]) is not None and abs(np.log(level)) > np.log(1.3)
+        if (level := levels[sensor.number]) is not None and abs(np.log(level)) > np.log(1.5)
     }
     several = list(odd.values())
     if len(odd) == len(others) > 1 and max(several) < 1.2 * min(several):

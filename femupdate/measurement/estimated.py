@@ -116,6 +116,7 @@ def choose_segments(samples: int, time_step: float, wanted_s: float, source: str
     if length < 16:
         raise MeasurementError(
             f"{source}: {samples} samples are too short for a spectrum; give a longer record"
+            + (", or are the times in ms? Then call them time_s (ms)" if time_step > 0.5 else "")
         )
     return _cut(samples, time_step, length, wanted_s)
 

@@ -120,7 +120,7 @@ class Inspection:
         functions: its functions of frequency, those of a table included.
         modes: its identified modes, those of a table included.
         findings: sentences on what looks wrong between channels.
-        rotation: sentences on what vertical channels of the base tell of its rotation.
+        rotation: sentences on what was done to times, and on the base's rotation.
     """
 
     path: Path
@@ -235,6 +235,7 @@ def inspect_file(
     modes = recording.modes if table is None else modes_in_table(table, columns or {}, named=False)
     tabled = bool(functions) and recording.table is not None
     histories = () if tabled or table is not None else recording.histories()
+    done = tuple(dict.fromkeys(words for each in histories for words in each.done))
     floors = proposed_floors(histories)
     placed = _placed([parse_channel(each.name) for each in histories])
     if columns and histories:  # as the user says them, in the directions x, y and z
@@ -261,7 +262,7 @@ def inspect_file(
         functions=functions,
         modes=modes,
         findings=(*pair_findings(histories, floors, placed=placed), *mode_findings(modes)),
-        rotation=_rotation(recording, histories, floors, placed, unit),
+        rotation=(*done, *_rotation(recording, histories, floors, placed, unit)),
         step=_step(path, recording, histories, functions, modes, unit, columns),
     )
 

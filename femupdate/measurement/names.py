@@ -141,35 +141,58 @@ def _floor_name(text: str) -> str:
     return BASE if text.lower() == BASE else text.upper()
 
 
-_ROOF = re.compile(r"\broof\b|\bRF\b", re.IGNORECASE)
+_ROOF = re.compile(
+    r"\b(roof|RF|top|dach|DG|toit|techo|azotea|tetto)\b|屋[上根顶]|顶层", re.IGNORECASE
+)
+_STORY = r"floor|flr?|level|lvl|stor(?:e?y|ies)|stockwerk|etage|étage|piso|piano|OG"
 _NUMBERED = re.compile(
-    r"\b(\d+)(?:st|nd|rd|th)?[ _-]*(?:floor|flr?|level|story|storey)\b"
-    r"|\b(?:floor|flr?|level|story|storey)[ _-]*(\d+)\b|(?<![A-Za-z0-9])(\d+)F\b",
+    rf"\b(\d+)(?:st|nd|rd|th|\.)?[ -]*(?:{_STORY})\b|\b(?:{_STORY})[ -]*(\d+)\b"
+    r"|(?<![A-Za-z0-9])(?:x|a|acc)?(\d+)F\b|^[LF][ -]?(\d+)$|(\d+)[階层楼]",
     re.IGNORECASE,
 )
-_BELOW = re.compile(r"\bbasement\b|\bfoundation\b|\bground floor\b|\blobby\b|\bbase\b", re.I)
-_BESIDE = re.compile(r"\bgr(?:oun|n)d\b|free[ -]?field|\bpit\b", re.IGNORECASE)
+_BELOW = re.compile(
+    r"\b(basement|foundation|ground floor|lobby|base|B\d?F?|GF|EG|UG|erdgescho(ss|ß)|keller"
+    r"|fundament|rez|RDC|cimentaci[oó]n|fondazione|(shak\w+ )?table)\b|基[礎础]|地下",
+    re.IGNORECASE,
+)
+_BESIDE = re.compile(
+    r"\bgr(?:oun|n)d\b|free[ -]?field|\b(pit|boden|soil|sol|suelo|terreno|input)\b|地[表盤面]|^地$",
+    re.IGNORECASE,
+)
 
 
 def floors_of(texts: Sequence[str]) -> tuple[str | None, ...]:
     """Return the floors that columns' names or sensors' locations tell, None where they do not.
 
     `Roof - center` is RF, `4th floor, east core` 4F; `Basement`, `Free field` and `1st Floor` are
-    the base. Where a first floor stands beside a base or basement, the count begins above that.
+    the base. Where a first floor stands beside a base, basement or the ground, the count begins
+    above that, and without a roof the last floor of an unbroken count in short names is RF.
     """
     numbers = [_number(text) for text in texts]
-    based = any(n is None and base_rank(t) == 0 for n, t in zip(numbers, texts, strict=True))
-    shift = 1 if based and 1 in numbers else 0
-    return tuple(
-        _floor(text, None if number is None else number + shift)
+    ranks = [base_rank(text) for text in texts]
+    own = any(parse_channel(text) not in (None, parse_channel(BASE)) for text in texts)
+    below = [rank for rank, number in zip(ranks, numbers, strict=True) if number in (None, 0)]
+    # Free fields of station archives are named beside a first floor that is the base.
+    grounds = [t for t, rank in zip(texts, ranks, strict=True) if rank == 1]
+    beside = any(re.search(r"free|pit", text, re.IGNORECASE) for text in grounds)
+    based = 0 in below or (1 in below and not beside)
+    shift = 1 if based and 1 in numbers and not own else 0
+    floors = [
+        _floor(text, None if number is None else number + (shift if number else 0))
         for text, number in zip(texts, numbers, strict=True)
-    )
+    ]
+    counted = sorted({number for number in numbers if number})
+    whole = shift and counted == list(range(1, len(counted) + 1)) and len(counted) > 1
+    short = all(len(text) <= 12 for text in texts)  # of a station each sensor's place is told
+    if whole and short and "RF" not in floors:
+        floors = ["RF" if floor == f"{counted[-1] + 1}F" else floor for floor in floors]
+    return tuple(floors)
 
 
 def base_rank(text: str) -> int:
     """Return 0 for a place in the building's base, 1 for the ground beside it, 2 for no base."""
     number, words = _number(text), text.replace("_", " ")
-    if number == 1 or (number is None and _BELOW.search(words)):
+    if number in (0, 1) or (number is None and _BELOW.search(words)):
         return 0
     return 1 if number is None and _BESIDE.search(words) else 2
 

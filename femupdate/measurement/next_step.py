@@ -92,7 +92,7 @@ def _key(
     if parsed is not None:
         return parsed.direction
     if channel.azimuth_deg is None:
-        return channel.direction.upper()
+        return channel.direction.upper() or "x"
     for key, indices in directions.items():
         other = channels[indices[0]].azimuth_deg
         if other is not None and _angle(channel.azimuth_deg, other) <= _ALONG_DEG:
@@ -194,6 +194,14 @@ def next_step(
     proposed = proposal(histories)
     columns = columns_of(proposed, histories, names)
     along = columns_of({k: v for k, v in proposed.items() if ".y" not in k}, histories, names)
+    told = proposed_floors(histories)
+    left_over = [histories[k].name for k in usable if told[k] is None]
+    if proposed and left_over and (names is not None or not any(h.location for h in histories)):
+        return NextStep(
+            "",
+            f"The names do not say which floor {', '.join(left_over)} is; say it for all channels"
+            f" by --columns, such as base={histories[usable[0]].name},RF={left_over[0]}.",
+        )
     base = [ours for ours in proposed if ours.startswith(BASE)]
     floors = [ours for ours in proposed if not ours.startswith(BASE)]
     others = [title for title in names or () if title.lower() != TIME]

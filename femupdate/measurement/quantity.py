@@ -153,6 +153,9 @@ def _known(name: str, kind: str) -> bool:
 
 
 def _factor(name: str, kind: str) -> float:
+    several = re.fullmatch(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*?\s*([^\d\s].*)", name)
+    if several and kind == "acceleration":  # 4.7e-6 m/s2 is what a count of a digitiser may be
+        return float(several[1]) * factor(several[2], kind)
     # The first digitised CSMIP records are written in tenths of g.
     if kind == "acceleration" and name.lower().replace(" ", "") == "g/10":
         return factor("g", kind) / 10.0

@@ -1,6 +1,7 @@
 """What a measured file holds, whatever its format: histories, functions of frequency, modes."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -88,9 +89,9 @@ class RecordedChannel:
         up = _word(self.direction).replace("-", "") in _VERTICAL
         return up or (named is not None and named.direction == "z")
 
-    def turned(self) -> "RecordedChannel":
-        """The same in the opposite direction."""
-        return replace(self, values=-self.values)
+    def times(self, factor: float) -> "RecordedChannel":
+        """The same multiplied by a factor, -1 for the opposite direction."""
+        return self if factor == 1.0 else replace(self, values=factor * self.values)
 
 
 def acceleration_unit(file: TextFile, channel: RecordedChannel, asked: str | None) -> str:
@@ -344,6 +345,17 @@ def _filled(
         " the first row."
     )
     return first, 1, values[first : last + 1], (words,)
+
+
+def told_apart(channels: Sequence[RecordedChannel]) -> tuple[RecordedChannel, ...]:
+    """The channels, those of one name with their location or number behind it."""
+    count = Counter(each.name for each in channels)
+    return tuple(
+        each
+        if count[each.name] == 1
+        else replace(each, name=f"{each.name}, {each.location or f'channel {number}'}")
+        for number, each in enumerate(channels, start=1)
+    )
 
 
 _Key = TypeVar("_Key")

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+import numpy as np
+
 from femupdate.arrays import Floats
 from femupdate.measurement.names import (
     BASE,
@@ -101,6 +103,16 @@ def _matching(names: Sequence[str], asked: str, numbered: bool) -> list[int]:
     return [k for k, fits in enumerate(best) if fits]
 
 
+def without_factors(columns: Mapping[str, str]) -> tuple[dict[str, str], dict[str, float]]:
+    """Our names to the file's, and what the values of some are multiplied by: `RF=a3*4.7e-6`."""
+    plain, factors = dict(columns), {}
+    for ours, theirs in columns.items():
+        scaled = re.fullmatch(r"(.+?)\s*\*\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)", theirs)
+        if scaled:
+            plain[ours], factors[ours] = scaled[1], float(scaled[2])
+    return plain, factors
+
+
 def given_channels(
     file: TextFile,
     channels: Sequence[RecordedChannel],
@@ -111,16 +123,17 @@ def given_channels(
 
     Args:
         columns: our column name to the file's channel or its number; a minus before it turns the
-            channel round.
+            channel round, and `*4.7e-6` behind it multiplies its values.
     """
+    columns, factors = without_factors(columns)
     known = _known(file, tuple(columns), {}, TIME)
     names, listing = [channel.name for channel in channels], channel_listing(file, channels, unit)
     at = positions(file, "channel", names, columns, listing, turned=True)
     chosen: dict[Motion, RecordedChannel] = {}
     for (ours, theirs), motion in zip(columns.items(), known.values(), strict=True):
         if isinstance(motion, FloorChannel | ForceChannel):
-            channel = channels[at[ours]]
-            chosen[motion] = channel.turned() if theirs.startswith("-") else channel
+            sign = -1.0 if theirs.startswith("-") else 1.0
+            chosen[motion] = channels[at[ours]].times(sign * factors.get(ours, 1.0))
     return chosen
 
 
@@ -201,7 +214,11 @@ def layout_of(table: ColumnTable, columns: Mapping[str, str] | None) -> Layout:
     file = table.file
     if table.names is None:
         raise file.error(f"the first row must name the columns ({HISTORY_COLUMNS})", 1)
-    given = renamed_columns(table, columns or {})
+    columns, factors = without_factors(columns or {})
+    given = renamed_columns(table, columns)
+    if factors:
+        by = np.array([factors.get(given.get(k, ""), 1.0) for k in range(len(table.names))])
+        table = replace(table, values=table.values * by)
     axes = axes_of([given.get(k, name) for k, name in enumerate(table.names)])
     if len(axes) != 1:
         first = table.names[0]

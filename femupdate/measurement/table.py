@@ -231,8 +231,15 @@ def rows_of_table(file: TextFile) -> list[Row]:
     rows = _unquoted(file.rows())
     delimiter = find_delimiter(rows[-1][1])
     width = len(cells_of(rows[-1][1], delimiter))
-    if len(cells_of(rows[0][1], delimiter)) == width or width < _LEAST_COLUMNS:
+    titles = cells_of(rows[0][1], delimiter)
+    if len(titles) == width or width < _LEAST_COLUMNS:
         return rows
+    if delimiter == "," and width in (2 * len(titles) - 1, 2 * len(titles)) and len(titles) > 1:
+        raise file.error(
+            f"the row has {width} cells where {len(titles)} are expected: commas stand between"
+            " cells and in numbers; export the table with semicolons",
+            rows[-1][0],
+        )
     other = [
         k
         for k, (_, text) in enumerate(rows[:_MOST_ABOVE])
@@ -357,12 +364,6 @@ def _blame(
     """Raise the error of the first cell that is no number or a refused one."""
     for line, text in rows:
         cells = cells_of(text, delimiter)
-        if len(cells) in (2 * width, 2 * width - 1) and delimiter == "," and width > 1:
-            raise file.error(
-                f"the row has {len(cells)} cells where {width} are expected: commas stand between"
-                " cells and in numbers; export the table with semicolons",
-                line,
-            )
         if len(cells) != width:
             raise file.error(
                 f"the row has {len(cells)} cells where {width} are expected; the file may be cut"

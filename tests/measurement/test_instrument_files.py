@@ -44,7 +44,7 @@ def test_miniseed(obspy, trace, tmp_path):
     np.testing.assert_array_equal(east.values, VALUES[5:190])
     np.testing.assert_array_equal(up.values, 2 * VALUES[:185])
     np.testing.assert_array_equal(north.values, 3 * VALUES[5:190])
-    assert recording.notes[0].startswith("Cut to the time that all traces have")
+    assert recording.channels[0].done[0].startswith("Cut to the time that all channels have")
 
 
 def test_sac(trace, tmp_path):

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from femupdate.measurement.clock import is_moment
 from femupdate.measurement.names import TIME_NAME
 from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
@@ -24,7 +25,8 @@ def _recognises(head: str, suffix: str) -> bool:
     rows = split_complex(rows) if rows else rows
     cells = [cells_of(text, find_delimiter(text)) for _, text in rows]
     named = bool(cells) and TIME_NAME.match(cells[0][0]) is not None
-    return named or any(all(map(is_number, row)) for row in cells)
+    dated = any(is_moment(" ".join(row[:count])) for row in cells for count in (1, 2))
+    return named or dated or any(all(map(is_number, row)) for row in cells)
 
 
 def _read(path: Path) -> Recording:

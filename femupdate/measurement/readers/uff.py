@@ -20,6 +20,7 @@ from femupdate.measurement.recording import (
     RecordedFunction,
     RecordedMode,
     Recording,
+    told_apart,
 )
 from femupdate.measurement.text import TextFile, reading_package
 
@@ -177,7 +178,7 @@ def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> 
             (histories if history else functions).append(dataset)
     recording = Recording(
         file,
-        tuple(_channel(file, dataset, k, si) for k, dataset in enumerate(histories, start=1)),
+        told_apart([_channel(file, each, k, si) for k, each in enumerate(histories, start=1)]),
         functions=tuple(_function(file, dataset, si) for dataset in functions),
         modes=tuple(_modes(file, sets)),
         points=points,

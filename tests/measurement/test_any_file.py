@@ -1,0 +1,378 @@
+"""Files as loggers and people write them: what is done is said, and what it gives is right."""
+
+import datetime
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import cont2discrete, lfilter, ss2tf
+
+from femupdate.errors import MeasurementError
+from femupdate.measurement.inspection import inspect_file
+from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.names import floors_of
+
+STEP = 0.01
+NAMES = ("base", "2F", "3F", "RF")
+
+
+def shaken(count: int = 4000, step: float = STEP) -> np.ndarray:
+    """(4, n) accelerations, m/s2, of a base and three floors with modes at 3.8, 10 and 16 Hz."""
+    rng = np.random.default_rng(5)
+    base = rng.normal(size=count)
+    squared, shapes = np.linalg.eigh(
+        np.diag([2.1, 2.0, 0.8]) - np.diag([1.2, 0.8], 1) - np.diag([1.2, 0.8], -1)
+    )
+    floors = np.zeros((3, count))
+    for omega, shape in zip(2.0 * np.pi * 8.72 * np.sqrt(squared), shapes.T, strict=True):
+        A = np.array([[0.0, 1.0], [-(omega**2), -0.04 * omega]])
+        C = np.array([[-(omega**2), -0.04 * omega]])
+        above, below = ss2tf(
+            *cont2discrete((A, np.array([[0.0], [-1.0]]), C, np.zeros((1, 1))), step)[:4]
+        )
+        floors += np.outer(shape * shape.sum(), lfilter(above[0], below, base))
+    return np.vstack([base, floors]) + 0.003 * rng.normal(size=(4, count))
+
+
+ROWS = shaken()
+TIME = STEP * np.arange(ROWS.shape[1])
+
+
+def table(time, rows=ROWS, head="time_s,base,2F,3F,RF\ns,m/s2,m/s2,m/s2,m/s2", mark=",") -> str:
+    """A table; times are printed as they come, blank cells are NaN."""
+    cells = [[f"{v:.6f}" if np.isfinite(v) else "" for v in row] for row in np.transpose(rows)]
+    return "\n".join([head, *(mark.join([t, *c]) for t, c in zip(time, cells, strict=True))]) + "\n"
+
+
+def printed(form: str, time=TIME) -> list[str]:
+    return [form.format(t) for t in time]
+
+
+def dated(form: str, first: str = "2024-01-02 15:00:00") -> list[str]:
+    """Moments; %L are milliseconds."""
+    begin = datetime.datetime.fromisoformat(first)
+    moments = [begin + datetime.timedelta(milliseconds=10 * k) for k in range(TIME.size)]
+    return [m.strftime(form.replace("%L", f"{m.microsecond // 1000:03d}")) for m in moments]
+
+
+def at(time, rows=ROWS) -> np.ndarray:
+    """The rows at other times, band-limited."""
+    from scipy.signal import resample
+
+    fine = resample(rows, 16 * rows.shape[1], axis=1)
+    own = STEP / 16 * np.arange(fine.shape[1])
+    return np.array([np.interp(time, own, row) for row in fine])
+
+
+def blanked(row: int, cells: slice) -> np.ndarray:
+    rows = ROWS.copy()
+    rows[row, cells] = np.nan
+    return rows
+
+
+def scaled(**factors: float) -> np.ndarray:
+    return (
+        ROWS
+        * np.array(
+            [factors.get(name.lower(), 1.0) for name in map(str, ("base", "f2", "f3", "rf"))]
+        )[:, None]
+    )
+
+
+_JITTER = np.sort(TIME + 3e-4 * np.random.default_rng(1).normal(size=TIME.size))
+_LEAP = dated("%H:%M:%S.%L", "2016-12-31 23:59:50")
+_LEAP = [t.replace("00:00:00", "23:59:60") if t.startswith("00:00:00") else t for t in _LEAP]
+_LEAP = [
+    "2016-12-31T" + t if t[:2] == "23" else f"2017-01-01T00:00:{int(t[6:8]) - 1:02d}{t[8:]}"
+    for t in _LEAP
+]
+
+# Text of a file; words that inspect says; rate of what is read, Hz; its samples.
+TABLES = {
+    "times in ms": (
+        table(printed("{:.0f}", 1e3 * TIME), head="time_ms,base,2F,3F,RF\n,m/s2,m/s2,m/s2,m/s2"),
+        "",
+        100,
+        4000,
+    ),
+    "since 1970": (
+        table(
+            printed("{:.0f}", 1.7e12 + 1e3 * TIME),
+            head="timestamp,base (m/s2),2F (m/s2),3F (m/s2),RF (m/s2)",
+        ),
+        "ms since 1970",
+        100,
+        4000,
+    ),
+    "two decimals": (table(printed("{:.2f}", 0.5 * TIME)), "rounded to 0.01 s: 200 Hz", 200, 4000),
+    "whole seconds": (
+        table(printed("{:.0f}", np.floor(TIME))),
+        "rounded to 1 s: 100 Hz",
+        100,
+        4000,
+    ),
+    "jitter": (
+        table(printed("{:.6f}", _JITTER), at(_JITTER)),
+        "are interpolated to 100 Hz",
+        100,
+        3999,
+    ),
+    "starts late": (table(printed("{:.2f}"), blanked(3, slice(0, 500))), "RF 5 s later", 100, 3500),
+    "gap": (
+        table(printed("{:.2f}"), blanked(1, slice(1000, 1040))),
+        "blank cells: it is used from 10.4",
+        100,
+        2960,
+    ),
+    "half rate": (
+        table(printed("{:.2f}"), blanked(2, slice(1, None, 2))),
+        "all are taken at 50 Hz",
+        50,
+        2000,
+    ),
+    "quotes": (
+        table(
+            printed('"{:,.3f}"', 1e3 * TIME),
+            head='"time_s (ms)",base,2F,3F,RF\n,m/s2,m/s2,m/s2,m/s2',
+        ),
+        "",
+        100,
+        4000,
+    ),
+    "points of thousands": (
+        table(
+            printed("{:.2f}", TIME),
+            1e3 * ROWS,
+            "time_s;base;2F;3F;RF\ns;mm/s2;mm/s2;mm/s2;mm/s2",
+            ";",
+        ).replace(".", ","),
+        "",
+        100,
+        4000,
+    ),
+    "units of each": (
+        table(
+            printed("{:.2f}"),
+            scaled(base=1 / 9.80665, f2=100.0, rf=1e3 / 9.80665),
+            "time_s,base,2F,3F,RF\ns,g,gal,m/s2,mg",
+        ),
+        "",
+        100,
+        4000,
+    ),
+    "12-hour clock": (
+        table(dated("%m/%d/%Y %I:%M:%S.%L %p", "2024-01-02 11:59:50")),
+        "",
+        100,
+        4000,
+    ),
+    "day first": (
+        table(
+            dated("%d.%m.%Y %H:%M:%S,%L"),
+            mark=";",
+            head=";".join(("time_s", *NAMES)) + "\n;m/s2;m/s2;m/s2;m/s2",
+        ),
+        "",
+        100,
+        4000,
+    ),
+    "offset": (table(dated("%Y-%m-%dT%H:%M:%S.%L+09:00", "2024-01-02 23:59:50")), "", 100, 4000),
+    "colons": (table(dated("%H:%M:%S:%L", "2024-01-02 23:59:50")), "", 100, 4000),
+    "leap second": (table(_LEAP), "", 100, 4000),
+    "month in letters": (table(dated("%d-%b-%Y %H:%M:%S.%L")), "", 100, 4000),
+    "date and time apart": (
+        table(
+            dated("%Y/%m/%d,%H:%M:%S.%L"),
+            head="date,time," + ",".join(f"{n} (m/s2)" for n in NAMES),
+        ),
+        "",
+        100,
+        4000,
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "words", "rate", "samples"), TABLES.values(), ids=TABLES)
+def test_tables_are_read_as_they_come(write, text, words, rate, samples):
+    path = write(text, "any.csv")
+    columns = {"time_s": "timestamp"} if "timestamp" in text[:20] else None
+    columns = {"time_s": "time_ms"} if "time_ms" in text[:20] else columns
+    seen = inspect_file(path)
+    assert words in " ".join((*seen.rotation, *seen.all_findings))
+    assert words or seen.all_findings == ()
+    read = read_observation_file(path, columns=columns)
+    assert (round(1.0 / read.time_step, 6), read.acceleration.shape) == (rate, (4, samples))
+    if rate == 100:
+        uneven = "interpolated" in words
+        begin = 0 if uneven else ROWS.shape[1] - samples
+        apart = read.acceleration - ROWS[:, begin : begin + samples]
+        if uneven:  # of white noise the upper half cannot be had back
+            assert uniform_filter1d(apart, 9, axis=1)[:, 20:-20].std() < 0.02
+        else:
+            assert np.abs(apart).max() < 2e-5
+
+
+WRONG = {
+    "late": (at(TIME - 0.8)[3], 3, "channel 4 (RF) runs 799 ms behind"),
+    "two seconds early": (at(TIME + 2.0)[1], 1, "channel 2 (2F) runs 1.99 s ahead"),
+    "fast clock": (at(TIME * 1.008)[3], 3, "channel 4 (RF) drifts against channel 1 (base)"),
+    "quarter": (0.25 * ROWS[3], 3, "channel 4 (RF) moves 0.25"),
+    "base in g": (ROWS[0] / 9.80665, 0, "channel 1 (base) moves 0.10"),
+    "turned": (-ROWS[2], 2, "channel 3 (3F) moves against the base"),
+}
+
+
+@pytest.mark.parametrize(("row", "number", "words"), WRONG.values(), ids=WRONG)
+def test_what_is_wrong_with_a_channel_is_said_and_nothing_else(write, row, number, words):
+    rows = ROWS.copy()
+    rows[number] = row
+    (finding,) = inspect_file(write(table(printed("{:.2f}"), rows), "wrong.csv")).all_findings
+    assert words in finding
+
+
+REFUSED = {
+    "one blank cell": (
+        table(printed("{:.2f}", TIME[:90]), blanked(2, slice(50, 51))[:, :90]),
+        "line 53, column '3F': the cell is blank",
+    ),
+    "rows missing": (
+        table(np.delete(printed("{:.2f}"), slice(90, 99)), np.delete(ROWS, slice(90, 99), 1)),
+        "the sampling is not uniform",
+    ),
+    "commas twice": (
+        table(printed("{:.2f}")).replace(".", ","),
+        "export the table with semicolons",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_told_is_refused_with_its_place(write, text, message):
+    with pytest.raises(MeasurementError, match=message):
+        read_observation_file(write(text, "bad.csv"))
+
+
+def test_counts_take_a_factor_for_each_channel(write):
+    factors = {"base": 4e-6, "2F": 5e-6, "3F": 4e-6, "RF": 2e-5}
+    counts = np.rint(ROWS / np.array(list(factors.values()))[:, None])
+    text = "time_s,base,2F,3F,RF\n" + "\n".join(
+        ",".join([f"{t:.2f}", *(f"{v:.0f}" for v in row)])
+        for t, row in zip(TIME, counts.T, strict=True)
+    )
+    path = write(text, "counts.csv")
+    assert any("counts of a digitiser" in words for words in inspect_file(path).all_findings)
+    read = read_observation_file(path, "m/s2", {k: f"{k}*{v}" for k, v in factors.items()})
+    np.testing.assert_allclose(read.acceleration, ROWS, atol=2e-5)
+    same = read_observation_file(path, "2e-6 m/s2").acceleration
+    np.testing.assert_allclose(same[0], 2e-6 * counts[0])
+
+
+def test_two_clocks_of_a_file_are_brought_to_one_or_refused(tmp_path):
+    late = {"time_s": TIME, "base": ROWS[0], "F2": ROWS[1], "time_roof": TIME + 3.0, "RF": ROWS[3]}
+    late["RF"] = at(TIME + 3.0)[3]
+    savemat(tmp_path / "two.mat", late)
+    columns = {"base": "base", "2F": "F2", "RF": "RF"}
+    read = read_observation_file(tmp_path / "two.mat", "m/s2", columns)
+    np.testing.assert_allclose(read.acceleration[2][:3000], ROWS[3][300:3300], atol=1e-6)
+    assert "RF 3 s later" in " ".join(read.notes)
+    savemat(tmp_path / "odd.mat", {**late, "t_x": TIME * 1.01})
+    with pytest.raises(MeasurementError, match="two clocks"):
+        read_observation_file(tmp_path / "odd.mat", "m/s2", columns)
+
+
+def universal(name: str, start: float, rows: list[str], even: int, node: int, step=STEP) -> str:
+    lines = ["    -1", "    58", "r", "NONE", "01-JAN-24 10:00:00", "NONE", "NONE"]
+    lines.append(
+        f"    1         1    0         0 {name:<10}{node:10d}   1       NONE         0   0"
+    )
+    lines.append(
+        f"{2 if even else 4:10d}{len(rows):10d}{even:10d}{start:13.5e}{step:13.5e}{0.0:13.5e}"
+    )
+    lines += [
+        "        17    0    0    0 Time                 s",
+        "        12    1    0    0 Acceleration         m/s2",
+        *["         0    0    0    0 NONE                 NONE"] * 2,
+    ]
+    return "\n".join([*lines, *rows, "    -1", ""])
+
+
+UNIVERSAL = {  # name, start of the roof, its row as text
+    "late start": ("NONE", 3.0, 1, lambda t, v: f"{v:13.5e}"),
+    "long name": ("PF-I-0301y+", 0.0, 1, lambda t, v: f"{v:13.5e}"),
+    "D exponents": ("NONE", 0.0, 0, lambda t, v: f"{t:20.12e}{v:20.12e}".replace("e", "D")),
+    "pairs": ("NONE", 0.0, 0, lambda t, v: f" {t:.12E} {v:.12E}"),
+}
+
+
+@pytest.mark.parametrize(("name", "start", "even", "form"), UNIVERSAL.values(), ids=UNIVERSAL)
+def test_universal_files_of_other_programs(write, name, start, even, form):
+    pytest.importorskip("pyuff")
+    rows = [*ROWS[:3], at(TIME + start)[3]]
+    text = "".join(
+        universal(
+            name,
+            start if k == 3 else 0.0,
+            [form(t, v) for t, v in zip(TIME, row, strict=True)],
+            even,
+            k + 1,
+        )
+        for k, row in enumerate(rows)
+    )
+    path = write(text, "other.uff")
+    columns = {floor: str(k) for k, floor in enumerate(NAMES, start=1)}
+    read = read_observation_file(path, columns=columns)
+    places = [each.location for each in read_channels(path)]
+    assert places == [f"point {k} +X" for k in range(1, 5)]
+    begin = round(start / STEP)
+    np.testing.assert_allclose(read.acceleration[0], ROWS[0][begin:], atol=1e-4)
+    np.testing.assert_allclose(
+        read.acceleration[3][: -begin - 1], ROWS[3][begin : -begin - 1], atol=1e-4
+    )
+    assert ("3 s later" in " ".join(read.notes)) == (start > 0.0)
+
+
+def read_channels(path):
+    return [each.channel for each in inspect_file(path).channels]
+
+
+@pytest.mark.parametrize(
+    ("names", "floors"),
+    [
+        ("Ground Floor1 Floor2 Roof", "base 2F 3F RF"),
+        ("Boden 1.OG 2.OG Dach", "base 2F 3F RF"),
+        ("foundation Level_1 Level_2 Level_3", "base 2F 3F RF"),
+        ("1F 2F 3F RF", "base 2F 3F RF"),
+        ("基礎 2階 3階 屋上", "base 2F 3F RF"),
+        ("acc_base acc_2F x3F acc_roof", "base 2F 3F RF"),
+        ("basement 2nd_floor 3rd_floor top", "base 2F 3F RF"),
+    ],
+)
+def test_the_next_command_runs_with_the_names_that_people_give(write, names, floors):
+    names, floors = names.split(), floors.split()
+    assert floors_of(names) == tuple(floors)
+    head = ",".join(["time_s", *names]) + "\ns" + ",m/s2" * 4
+    path = write(table(printed("{:.2f}"), head=head), "named.csv")
+    columns = inspect_file(path).step.columns
+    assert columns == dict(zip(floors, names, strict=True))
+    assert read_observation_file(path, columns=columns).floors == ("2F", "3F", "RF")
+
+
+def test_nothing_is_proposed_where_a_column_is_left_over(write):
+    path = write(
+        table(printed("{:.2f}"), head="time_s,Ground,A,Floor2,Roof\ns" + ",m/s2" * 4), "a.csv"
+    )
+    step = inspect_file(path).step
+    assert step.command == ""
+    assert "which floor A is" in step.advice
+
+
+def test_sensors_in_opposite_corners_are_not_said_to_be_swapped(write):
+    """A floor that turns moves less at one corner than the floor below at the other."""
+    rows = ROWS[[0, 1, 2, 2, 3, 3]]
+    rows[4] = ROWS[3] - 0.8 * (ROWS[3] - ROWS[0])
+    head = "time_s,base,2F:1,3F:1,3F:2,RF:2,RF:1\ns" + ",m/s2" * 6
+    path = write(table(printed("{:.2f}"), rows, head), "turns.csv")
+    assert not any(
+        "3F:1" in words for words in inspect_file(path).all_findings if "swapped" in words
+    )
