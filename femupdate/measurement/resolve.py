@@ -211,17 +211,17 @@ def layout_of(table: ColumnTable, columns: Mapping[str, str] | None) -> Layout:
         columns: our column name to the file's. Once it is given, other columns count only where
             they bear one of our names.
     """
-    file = table.file
-    if table.names is None:
+    file, names = table.file, table.names
+    if names is None:
         raise file.error(f"the first row must name the columns ({HISTORY_COLUMNS})", 1)
     columns, factors = without_factors(columns or {})
     given = renamed_columns(table, columns)
     if factors:
-        by = np.array([factors.get(given.get(k, ""), 1.0) for k in range(len(table.names))])
+        by = np.array([factors.get(given.get(k, ""), 1.0) for k in range(len(names))])
         table = replace(table, values=table.values * by)
-    axes = axes_of([given.get(k, name) for k, name in enumerate(table.names)])
+    axes = axes_of([given.get(k, name) for k, name in enumerate(names)])
     if len(axes) != 1:
-        first = table.names[0]
+        first = names[0]
         raise file.error(
             f"one column must be {TIME} or {FREQUENCY}, the first is {first!r}; rename it or map"
             f" it: columns={{{TIME!r}: {first!r}}}"
@@ -234,7 +234,7 @@ def layout_of(table: ColumnTable, columns: Mapping[str, str] | None) -> Layout:
         unused += [k for k in second_clocks(table, at) if k not in given]
     else:
         table.require_filled(range(table.values.shape[1]))
-    known = _known(file, table.names or (), given, axis, unused)
+    known = _known(file, names, given, axis, unused)
     return Layout(table, at, axis == TIME, known)
 
 
