@@ -18,41 +18,10 @@ from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
 from femupdate.workflow.train import check_training
+from tests.sticks import write_stick
 
-BUILDING = """\
-name = "three"
-kind = "shear"
-
-[frequency_grid]
-start = "0.2 Hz"
-step = "0.1 Hz"
-count = 150
-
-[prior.theta]
-lower = 0.5
-upper = 2
-
-[prior.zeta]
-lower = 0.01
-upper = 0.1
-
-[damping]
-law = "constant"
-ratio = 0.04
-"""
-STORY = '[[stories]]\nname = "S{n}"\nmass = "{m} kg"\nstiffness = "{k} N/m"\n'
-EFFECT = '[[effects]]\nname = "{0}"\nplace = "{1}"\n'
 EFFECTS = (("added_mass", "3F"), ("foundation_rocking", "base"), ("channel_gain", "RF"))
 THETA, SIZES, ZETA, NOISE = (0.8, 1.4, 1.1), (0.15, 0.12, -0.06), 0.04, 0.2
-
-
-def write_building(path, *effects):
-    stories = "".join(
-        STORY.format(n=n + 1, m=m, k=k)
-        for n, (m, k) in enumerate(((3.0, 9e3), (2.0, 5e3), (1.5, 4e3)))
-    )
-    path.write_text(BUILDING + stories + "".join(EFFECT.format(*one) for one in effects))
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +29,7 @@ def calibrated(tmp_path_factory):
     """A study whose building lists effects, calibrated without --exact, and the report."""
     home = tmp_path_factory.mktemp("effects")
     study = Study(home / "study")
-    model = open_study(study, str(write_building(home / "three.toml", *EFFECTS)))
+    model = open_study(study, str(write_stick(home / "three.toml", *EFFECTS)))
     both = torch.tensor([[*THETA, *SIZES]], dtype=torch.float64)
     zeta = torch.tensor([ZETA], dtype=torch.float64)
     clean = open_system(study, model).log_frf(both, zeta, model.frequency_hz)[0].numpy()
@@ -103,7 +72,7 @@ def test_predict_takes_the_posterior_of_effects(calibrated, tmp_path, write_reco
 
 def test_a_building_with_effects_is_not_trained(tmp_path):
     study = Study(tmp_path / "study")
-    listed = str(write_building(tmp_path / "damped.toml", ("story_damper", "2F")))
+    listed = str(write_stick(tmp_path / "damped.toml", ("story_damper", "2F")))
     with pytest.raises(SurrogateError, match=r"three lists effects, .*`femupdate calibrate`"):
         check_training(study, 1000, 64, building=listed)
     assert not study.folder.exists()
@@ -112,6 +81,6 @@ def test_a_building_with_effects_is_not_trained(tmp_path):
 @pytest.mark.parametrize(("stories", "words"), [(9, ""), (10, "has 11 parameters")])
 def test_many_parameters_take_no_surrogate(tmp_path, stories, words):
     """Each story has a factor, and the damping ratio is free."""
-    building = load_building(str(write_building(tmp_path / "three.toml")))
+    building = load_building(str(write_stick(tmp_path / "three.toml")))
     high = building.model_copy(update={"stories": building.stories[:1] * stories})
     assert unserved(high) == words
