@@ -3,7 +3,7 @@
 import numpy as np
 
 from femupdate.inference.data import WILD
-from femupdate.inference.diagnostics import PredictiveCheck, r_hat
+from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import Observation, independent_share
@@ -127,12 +127,44 @@ def calibration_notes(info: SurrogateInfo, observation: Observation) -> tuple[st
 
 def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
     """What decides whether a posterior can be used, the decisive first."""
-    return (
-        *_unlike(fitting),
-        *_missed(posterior, fitting),
-        *_at_limits(posterior),
-        *_runs_apart(posterior),
-    )
+    notes, check = [], fitting.check
+    if fitting.explained is not None and fitting.explained < LEAST_EXPLAINED:
+        notes.append(
+            "The observation is unlike anything that this building can do: do not trust this."
+        )
+    missed = fitting.misfit > 2.0
+    if missed:
+        what = "the measured ln|H|" if posterior.observation.valid.any() else "what was measured"
+        allowed = (
+            "the intervals allow for it"
+            if fitting.learned
+            else "the standard deviations are too small by about that factor"
+        )
+        notes.append(
+            f"The model misses {what} by {fitting.misfit**0.5:.1f} times its noise (rms, best "
+            f"draw): something is missing in the model; {allowed}, and `femupdate diagnose` looks "
+            "for it."
+        )
+    if wild := fitting.wild > _FEW_WILD:
+        notes.append(
+            f"{percent(fitting.wild, 1)} of the points are farther off than {WILD:g} "
+            "standard deviations of noise and model error together: they count no more, neither "
+            "for the parameters nor in the p-value."
+        )
+    # Where no error was learned, the first note says so already.
+    new = fitting.learned or not (missed or wild)
+    if new and check is not None and check.whole < _UNUSUAL and check.ratio**0.5 > _BEYOND:
+        notes.append(
+            f"The data miss the model by {check.ratio**0.5:.2g} times what is allowed for (noise "
+            "and error of the model, rms): intervals are too narrow by about that factor."
+        )
+    notes += _at_limits(posterior)
+    worst = r_hat(posterior.theta)
+    if worst is not None and worst.max() > 1.05:
+        notes.append(
+            f"The independent runs differ (r-hat up to {worst.max():.2f}): use more particles."
+        )
+    return tuple(notes)
 
 
 def error_notes(posterior: Posterior, of_forces: tuple[str, ...] = ()) -> tuple[str, ...]:
@@ -162,52 +194,6 @@ def overstated_noise(fitting: Fitting, assumed: bool = False) -> tuple[str, ...]
     )
 
 
-def _unlike(fitting: Fitting) -> list[str]:
-    if fitting.explained is None or fitting.explained >= LEAST_EXPLAINED:
-        return []
-    return ["The observation is unlike anything that this building can do: do not trust this."]
-
-
-def _compared(posterior: Posterior) -> str:
-    """What was measured, in words."""
-    return "the measured ln|H|" if posterior.observation.valid.any() else "what was measured"
-
-
-def _missed(posterior: Posterior, fitting: Fitting) -> list[str]:
-    """How well the data are met."""
-    notes, check = [], fitting.check
-    if fitting.misfit > 2.0:
-        allowed = (
-            "the intervals allow for it"
-            if fitting.learned
-            else "the standard deviations are too small by about that factor"
-        )
-        notes.append(
-            f"The model misses {_compared(posterior)} by {fitting.misfit**0.5:.1f} times its noise "
-            f"(rms, best draw): something is missing in the model; {allowed}, and `femupdate "
-            "diagnose` looks for it."
-        )
-    if fitting.wild > _FEW_WILD:
-        notes.append(
-            f"{percent(fitting.wild, 1)} of the points are farther off than {WILD:g} "
-            "standard deviations of noise and model error together: they count no more, neither "
-            "for the parameters nor in the p-value."
-        )
-    # Where no error was learned, the first note says so already.
-    new = fitting.learned or not notes
-    if new and check is not None and _exceeds(check):
-        notes.append(
-            f"The data miss the model by {check.ratio**0.5:.2g} times what is allowed for (noise "
-            "and error of the model, rms): intervals are too narrow by about that factor."
-        )
-    return notes
-
-
-def _exceeds(check: PredictiveCheck) -> bool:
-    """Whether data surely miss the model by noticeably more than is allowed for."""
-    return check.whole < _UNUSUAL and check.ratio**0.5 > _BEYOND
-
-
 def _at_limits(posterior: Posterior) -> list[str]:
     """Parameters that press against the limits of their prior, damping ratios too."""
     told = []
@@ -225,10 +211,3 @@ def _at_limits(posterior: Posterior) -> list[str]:
                 f"{end} limit: widen the prior{where}, or look for what is missing in the model."
             )
     return told
-
-
-def _runs_apart(posterior: Posterior) -> list[str]:
-    worst = r_hat(posterior.theta)
-    if worst is None or worst.max() <= 1.05:
-        return []
-    return [f"The independent runs differ (r-hat up to {worst.max():.2f}): use more particles."]

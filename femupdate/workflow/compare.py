@@ -229,70 +229,61 @@ def compare_states(before: State, after: State) -> CompareReport:
     Raises:
         InferenceError: the posteriors are of different factors, or from the same data.
     """
-    one, two = (state.posterior.of("stiffness") for state in (before, after))
-    names, other = one.names, two.names
-    if names != other or not names:
+    states = before, after
+    first, second = (state.posterior.of("stiffness") for state in states)
+    if first.names != second.names or not first.names:
         raise InferenceError(
-            f"{before.name} and {after.name} have other stiffness factors ({', '.join(names)}; "
-            f"{', '.join(other)}); compare posteriors of one building"
+            f"{before.name} and {after.name} have other stiffness factors "
+            f"({', '.join(first.names)}; {', '.join(second.names)}); compare posteriors of one "
+            "building"
         )
-    _require_different(before, after)
-    return CompareReport(
-        before=before,
-        after=after,
-        names=names,
-        changes=changes(np.log(one.samples), np.log(two.samples)),
-        notes=(*_notes(before, after), *_widths(before, after)),
-    )
-
-
-def _require_different(before: State, after: State) -> None:
     files = [
         {value for key, value in state.hashes.items() if key.startswith("observation")}
-        for state in (before, after)
+        for state in states
     ]
-    if files[0] & files[1] or _same_responses(before, after):
+    seen, other = (state.posterior.observation for state in states)
+    same = seen.floors == other.floors and bool(seen.valid.any())
+    if files[0] & files[1] or (
+        same and np.array_equal(seen.log_frf, other.log_frf, equal_nan=True)
+    ):
         raise InferenceError(
             f"{before.name} and {after.name} come from the same measurement; compare posteriors of "
             "two measurements"
         )
-
-
-def _same_responses(before: State, after: State) -> bool:
-    one, other = before.posterior.observation, after.posterior.observation
-    if one.floors != other.floors or not one.valid.any():
-        return False
-    return np.array_equal(one.log_frf, other.log_frf, equal_nan=True)
+    return CompareReport(
+        before=before,
+        after=after,
+        names=first.names,
+        changes=changes(np.log(first.samples), np.log(second.samples)),
+        notes=_notes(before, after),
+    )
 
 
 def _notes(before: State, after: State) -> tuple[str, ...]:
-    notes = []
-    ways = [state.posterior.drawn.likelihood for state in (before, after)]
+    """What bears on a comparison of two posteriors."""
+    states, notes = (before, after), []
+    ways = [state.posterior.drawn.likelihood for state in states]
     if ways[0] != ways[1]:
         notes.append(
             f"One posterior is {ways[0]}, the other {ways[1]}: errors of the model that cancel "
             "between two of one kind do not cancel here."
         )
-    hashes = [state.hashes.get("building") for state in (before, after)]
+    hashes = [state.hashes.get("building") for state in states]
     if None not in hashes and hashes[0] != hashes[1]:
         notes.append(
             "The two building files differ: each factor is relative to its own file, so a "
             "difference between the files shows as a change."
         )
-    if set(before.posterior.observation.floors) != set(after.posterior.observation.floors):
+    floors = [set(state.posterior.observation.floors) for state in states]
+    if floors[0] != floors[1]:
         notes.append("The floors measured differ, which can move factors where the model errs.")
+    worst = max(state.summary.get("misfit") or 0.0 for state in states)
+    if worst > 1.5:
+        notes.append(
+            f"The model misses the data by {worst**0.5:.2g} times their noise: the probabilities "
+            "are surer than they should be. `femupdate diagnose` looks for what is missing."
+        )
     return tuple(notes)
-
-
-def _widths(before: State, after: State) -> tuple[str, ...]:
-    """What the posteriors say of themselves that bears on a comparison."""
-    worst = max(one.summary.get("misfit") or 0.0 for one in (before, after))
-    if worst <= 1.5:
-        return ()
-    return (
-        f"The model misses the data by {worst**0.5:.2g} times their noise: the probabilities are "
-        "surer than they should be. `femupdate diagnose` looks for what is missing.",
-    )
 
 
 def _share(value: float) -> str:

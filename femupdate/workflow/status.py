@@ -3,7 +3,6 @@
 import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -121,42 +120,55 @@ def study_status(study: Study) -> StatusReport:
         StudyError: the record of the study cannot be read.
         BuildingError: its building file cannot be used.
     """
-    return _Look(study).report()
+    look = _Look(study)
+    known, warnings, unfinished = look.building, [], []
+    if (name := study.key("posterior")) in look.artefacts:
+        notes = kept_summary(study).get("notes", ())
+        warnings = [f"{capital(name)}: {note}" for note in notes]
+    if "surrogate" not in look.artefacts and study.path("dataset").exists():
+        unfinished = ["A training was interrupted; `femupdate train` goes on where it stopped."]
+    return StatusReport(
+        folder=study.folder,
+        building=None if known is None else f"{known.name} ({known.title or known.name})",
+        holds=look.holds,
+        unfinished=tuple(unfinished),
+        warnings=tuple(warnings),
+        studies=look.studies,
+        next=look.next(),
+    )
 
 
 class _Look:
-    """One look at a study.
-
-    Args:
-        study: to look at.
-    """
+    """One look at a study."""
 
     def __init__(self, study: Study) -> None:
         self.study = study
         self.artefacts = study.artefacts()
         path = study.path(BUILDING_FILE)
         self.building: Building | None = load_building(path) if path.exists() else None
-
-    def report(self) -> StatusReport:
-        """Everything."""
-        known = self.building
-        return StatusReport(
-            folder=self.study.folder,
-            building=None if known is None else f"{known.name} ({known.title or known.name})",
-            holds=self.holds,
-            unfinished=self._unfinished(),
-            warnings=self._warnings(),
-            studies=self._studies(),
-            next=self._next(),
+        # Of the building, and of it without its effects, from which the finder's basis is made.
+        self.hashes = (
+            ()
+            if self.building is None
+            else (mechanics_hash(self.building), mechanics_hash(without_effects(self.building)))
         )
-
-    @cached_property
-    def holds(self) -> tuple[Holding, ...]:
-        """All that is recorded, in the order in which it was made."""
+        # In the order in which they were made.
         made = sorted(self.artefacts.items(), key=lambda pair: pair[1].created)
-        return tuple(self._item(name, artefact) for name, artefact in made)
+        self.holds = tuple(self._item(name, artefact) for name, artefact in made)
+        self.studies = tuple(path.parent for path in sorted(study.folder.glob("*/study.json")))
 
     def _item(self, name: str, artefact: Artefact) -> Holding:
+        """The state of an item, and the command that makes it again, as far as it is known."""
+        words = artefact.settings.get("words", ())
+        if not words or (words[0] != artefact.command and artefact.command in _ALONE):
+            words = [artefact.command, *sources_of(artefact)]
+            if artefact.command == "predict":
+                words.insert(1, "--record")
+            for option, file in files_beside_of(artefact).items():
+                words += [f"--{option}", file]
+            if owner_of(name) != MAIN_POSTERIOR:
+                option = "--name" if artefact.command == "calibrate" else "--posterior"
+                words += [option, owner_of(name)]
         state, reason = self._state(name, artefact)
         return Holding(
             name=name,
@@ -167,23 +179,8 @@ class _Look:
             version=artefact.version,
             created=artefact.created,
             sources=sources_of(artefact),
-            again=self._again(name, artefact),
+            again=shlex.join(words),
         )
-
-    def _again(self, name: str, artefact: Artefact) -> str:
-        """The command that makes an item again: as it was called, else as far as it is known."""
-        words = artefact.settings.get("words", ())
-        if words and (words[0] == artefact.command or artefact.command not in _ALONE):
-            return shlex.join(words)
-        words = [artefact.command, *sources_of(artefact)]
-        if artefact.command == "predict":
-            words.insert(1, "--record")
-        for option, file in files_beside_of(artefact).items():
-            words += [f"--{option}", file]
-        if owner_of(name) != MAIN_POSTERIOR:
-            option = "--name" if artefact.command == "calibrate" else "--posterior"
-            words += [option, owner_of(name)]
-        return shlex.join(words)
 
     def _state(self, name: str, artefact: Artefact) -> tuple[str, str]:
         path = self.study.path(artefact.file)
@@ -191,54 +188,25 @@ class _Look:
             return MISSING, ""
         if file_hash(path) != artefact.sha256:
             return DAMAGED, ""
-        seen = Study(self.study.folder, owner_of(name))
-        changed = [
-            key for key, value in artefact.made_from.items() if self._differs(seen.key(key), value)
-        ]
-        changed += self._changed_files(artefact)
+        seen, changed = Study(self.study.folder, owner_of(name)), []
+        for key, value in artefact.made_from.items():
+            other = self.artefacts.get(seen.key(key))
+            if key == "building":
+                differs = bool(self.hashes) and value not in self.hashes
+            else:
+                differs = other is not None and other.sha256 != value
+            if differs:
+                changed.append(key)
+        # Sources that are still where they were but have another content.
+        hashes = set(artefact.made_from.values())
+        names = (*sources_of(artefact), *files_beside_of(artefact).values())
+        there = [Path(file) for file in names if Path(file).is_file()]
+        changed += [f"file {file.name}" for file in there if file_hash(file) not in hashes]
         if changed:
             return STALE, f"the {' and the '.join(dict.fromkeys(changed))} changed since"
         return CURRENT, ""
 
-    def _differs(self, key: str, value: str) -> bool:
-        """Whether what an artefact was made from is another thing now."""
-        if key == "building":
-            return bool(self.hashes) and value not in self.hashes
-        other = self.artefacts.get(key)
-        return other is not None and other.sha256 != value
-
-    @cached_property
-    def hashes(self) -> tuple[str, ...]:
-        """Of the building, and of it without its effects, from which the finder's basis is made."""
-        if self.building is None:
-            return ()
-        return mechanics_hash(self.building), mechanics_hash(without_effects(self.building))
-
-    def _changed_files(self, artefact: Artefact) -> list[str]:
-        """Sources that are still where they were but have another content."""
-        hashes = set(artefact.made_from.values())
-        names = (*sources_of(artefact), *files_beside_of(artefact).values())
-        there = [Path(name) for name in names if Path(name).is_file()]
-        return [f"file {path.name}" for path in there if file_hash(path) not in hashes]
-
-    def _unfinished(self) -> tuple[str, ...]:
-        told = []
-        if "surrogate" not in self.artefacts and self.study.path("dataset").exists():
-            told.append("A training was interrupted; `femupdate train` goes on where it stopped.")
-        return tuple(told)
-
-    def _warnings(self) -> tuple[str, ...]:
-        """Notes of the calibration, kept beside the chosen posterior."""
-        name = self.study.key("posterior")
-        if name not in self.artefacts:
-            return ()
-        notes = kept_summary(self.study).get("notes", ())
-        return tuple(f"{capital(name)}: {note}" for note in notes)
-
-    def _studies(self) -> tuple[Path, ...]:
-        return tuple(path.parent for path in sorted(self.study.folder.glob("*/study.json")))
-
-    def _next(self) -> tuple[tuple[str, str], ...]:
+    def next(self) -> tuple[tuple[str, str], ...]:
         """What to run, and why, in the order of the work."""
         if self.building is None:
             reason = "The study has no building yet; NAME is a file or one of `femupdate list`."
@@ -264,7 +232,7 @@ class _Look:
         reason = "Everything is current; this writes the page to hand on."
         report = (self._say(f"report{option}"), reason)
         repaired = self.study.path(REPAIRED)
-        if repaired not in self._studies():
+        if repaired not in self.studies:
             return (report,)
         command = f"femupdate report --study {shlex.quote(str(repaired))}"
         return (report, (command, "The same of the building that `repair` made."))
