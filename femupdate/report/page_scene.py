@@ -1,6 +1,6 @@
 """What the page's model is drawn from: nodes, faces, colours, moving shapes and signs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -137,9 +137,24 @@ def scene_content(
         signs: glyphs, and whether they are of an effect (else of sensors).
         floors: name and height, m.
     """
-    geometry = thinned.geometry
+    from matplotlib import colormaps
+
+    geometry, steps = thinned.geometry, np.linspace(0.0, 1.0, _STEPS)
     low, high = geometry.nodes.min(axis=0), geometry.nodes.max(axis=0)
     plan = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+    colored, moving = [], []
+    for field in fields:
+        faces, lines = field.faces[thinned.faces], field.lines[thinned.lines]
+        known = np.concatenate([faces, lines])
+        known = known[np.isfinite(known)]
+        span = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+        values = {"faces": faces, "lines": lines, "low": span[0], "high": span[1]}
+        colored.append({"name": field.name, "unit": field.unit, "map": field.map, **values})
+    for mode in modes:
+        largest = np.linalg.norm(mode.shape, axis=1).max() or 1.0
+        shape = (mode.shape[thinned.nodes] / largest).round(_DECIMALS).ravel()
+        spread = None if mode.spread is None else mode.spread[thinned.nodes].round(2)
+        moving.append({"name": mode.name, "shape": shape, "spread": spread})
     return {
         "nodes": geometry.nodes.round(3).ravel(),
         "faces": geometry.shells.ravel(),
@@ -149,58 +164,26 @@ def scene_content(
         "span": float(np.hypot(*(high - low)[:2])) or geometry.size,
         "height": float(high[2] - low[2]) or geometry.size,
         "centre": 0.5 * (low + high),
-        "fields": [_field(one, thinned) for one in fields],
-        "modes": [_mode(one, thinned) for one in modes],
-        "signs": [_sign(glyphs, effect) for glyphs, effect in signs],
+        "fields": colored,
+        "modes": moving,
+        "signs": [
+            {
+                "effect": effect,
+                "faces": [np.asarray(face).round(3).ravel() for face in glyphs.faces],
+                "lines": [np.asarray(line).round(3).ravel() for line in glyphs.lines],
+                "balls": [
+                    [*np.asarray(centre).round(3), float(radius)] for centre, radius in glyphs.balls
+                ],
+            }
+            for glyphs, effect in signs
+        ],
         "labels": [
             {"text": name, "places": [[*corner, float(height)] for corner in plan]}
             for name, height in floors
         ],
-        "maps": color_ramps(),
-    }
-
-
-def _field(field: ElementField, thinned: ThinnedGeometry) -> dict[str, Any]:
-    faces, lines = field.faces[thinned.faces], field.lines[thinned.lines]
-    known = np.concatenate([faces, lines])
-    known = known[np.isfinite(known)]
-    return {
-        "name": field.name,
-        "unit": field.unit,
-        "faces": faces,
-        "lines": lines,
-        "low": float(known.min()) if len(known) else 0.0,
-        "high": float(known.max()) if len(known) else 1.0,
-        "map": field.map,
-    }
-
-
-def _mode(mode: MovingShape, thinned: ThinnedGeometry) -> dict[str, Any]:
-    shape = mode.shape[thinned.nodes]
-    largest = np.linalg.norm(mode.shape, axis=1).max() or 1.0
-    spread = None if mode.spread is None else mode.spread[thinned.nodes].round(2)
-    return {
-        "name": mode.name,
-        "shape": (shape / largest).round(_DECIMALS).ravel(),
-        "spread": spread,
-    }
-
-
-def _sign(glyphs: Glyphs, effect: bool) -> dict[str, Any]:
-    return {
-        "effect": effect,
-        "faces": [np.asarray(face).round(3).ravel() for face in glyphs.faces],
-        "lines": [np.asarray(line).round(3).ravel() for line in glyphs.lines],
-        "balls": [[*np.asarray(centre).round(3), float(radius)] for centre, radius in glyphs.balls],
-    }
-
-
-def color_ramps() -> Mapping[str, list[list[int]]]:
-    """Red, green and blue, 0 to 255, at even steps of every colour map."""
-    from matplotlib import colormaps
-
-    steps = np.linspace(0.0, 1.0, _STEPS)
-    return {
-        name: (255 * colormaps[own](steps)[:, :3]).round().astype(int).tolist()
-        for name, own in _MAPS.items()
+        # Red, green and blue, 0 to 255, at even steps of every colour map.
+        "maps": {
+            name: (255 * colormaps[used](steps)[:, :3]).round().astype(int).tolist()
+            for name, used in _MAPS.items()
+        },
     }

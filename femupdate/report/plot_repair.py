@@ -58,8 +58,14 @@ def gap_story(
         held: data kept out, if any.
         renderer: of the building, as for `mode_shape_figure`.
     """
-    kept = _kept_out(held)
-    chosen, mended = _worst(curves), len(maps) > 1
+    kept, mended = _kept_out(held), len(maps) > 1
+    # The three floors that the model before missed most, from the top down.
+    seen = [curve.seen(used=True) for curve in curves]
+    misfit = [
+        0.0 if values is None else -float(np.nanmean((values - curve.mean) ** 2))
+        for values, curve in zip(seen, curves, strict=True)
+    ]
+    chosen = [curves[k] for k in sorted(np.argsort(misfit, kind="stable")[:3])]
     rows = max(len(chosen), 1)
     above = [max(3.4, 0.42 * len(maps[0].rows))] if mended else []
     height = [*above, *[1.6 if chosen else 2.4] * rows, *([] if kept is None else [1.9])]
@@ -68,8 +74,16 @@ def gap_story(
     first = len(above)
     if mended:
         panels = [figure.add_subplot(grid[0, column]) for column in range(3)]
-        _draw_maps(figure, panels[::2], maps)
-        _draw_added(panels[1], building, added, renderer)
+        top = largest_misfit(maps)
+        for panel, name, residuals in zip(panels[::2], ("Before", "After"), maps, strict=True):
+            picture = draw_misfit(panel, residuals, top)
+            panel.set_title(f"{name}: residual over noise")
+        figure.colorbar(picture, ax=panels[-1], pad=0.02)
+        structure = building.structure
+        glyphs = drawn(sign for each in added for sign in each.effect.glyphs(building, each.place))
+        floors = list(zip(structure.floors, structure.levels.tolist(), strict=True))
+        draw_marked(panels[1], Geometry.of_building(building), glyphs, floors, renderer)
+        panels[1].set_title("\n".join(each.in_words for each in added), loc="center")
     for row, curve in enumerate(chosen, first):
         panel = figure.add_subplot(grid[row, :2])
         _draw_models(panel, curve)
@@ -77,13 +91,21 @@ def gap_story(
             panel.set_xlabel("")
             panel.tick_params(labelbottom=False)
     beside = slice(2, 3) if chosen else slice(0, 3)
-    short = _theta(figure.add_subplot(grid[first : first + rows, beside]), names, draws)
+    panel = figure.add_subplot(grid[first : first + rows, beside])
+    # The colours of the model before and after.
+    shown = [Interval.of(values, series=k) for values, k in zip(draws, (1, 0), strict=False)]
+    for interval, shift in zip(shown, (0.12, -0.12), strict=False):
+        draw_intervals(panel, interval, np.arange(len(names), dtype=np.float64) + shift)
+    panel.set_yticks(range(len(names)), list(names))
+    panel.set_xlabel("Stiffness factor, mean, 5 to 95 %")
+    order = "Of two factors the upper is before" if len(draws) > 1 else ""
+    short = short_note(panel, shown)
     if kept is not None:
         panel = figure.add_subplot(grid[first + rows, :])
         _draw_models(panel, kept)
         panel.set_title(kept.title)
     grey = "Grey cells without a figure: too few points" if mended else ""
-    note = ". ".join(one for one in (grey, short) if one)
+    note = ". ".join(text for text in (grey, order, short) if text)
     add_head(figure, repair_headline(added), note=note)
     return figure
 
@@ -95,35 +117,6 @@ def repair_headline(added: Sequence[Placed]) -> str:
     return f"Added: {told}" if told else "Nothing was added"
 
 
-def _draw_maps(figure: Figure, panels: Sequence[Axes], maps: Sequence[ResidualMap]) -> None:
-    top = largest_misfit(maps)
-    for panel, name, one in zip(panels, ("Before", "After"), maps, strict=True):
-        picture = draw_misfit(panel, one, top)
-        panel.set_title(f"{name}: residual over noise")
-    figure.colorbar(picture, ax=panels[-1], pad=0.02)
-
-
-def _draw_added(
-    panel: Axes, building: DrawnBuilding, added: Sequence[Placed], renderer: Renderer
-) -> None:
-    """The building with what was added where it sits."""
-    structure = building.structure
-    glyphs = drawn(sign for one in added for sign in one.effect.glyphs(building, one.place))
-    floors = list(zip(structure.floors, structure.levels.tolist(), strict=True))
-    draw_marked(panel, Geometry.of_building(building), glyphs, floors, renderer)
-    panel.set_title("\n".join(one.in_words for one in added), loc="center")
-
-
-def _worst(curves: Sequence[Curve]) -> list[Curve]:
-    """The three floors that the model before missed most, from the top down."""
-    seen = [one.seen(used=True) for one in curves]
-    misfit = [
-        0.0 if own is None else -float(np.nanmean((own - one.mean) ** 2))
-        for own, one in zip(seen, curves, strict=True)
-    ]
-    return [curves[k] for k in sorted(np.argsort(misfit, kind="stable")[:3])]
-
-
 def _draw_models(panel: Axes, curve: Curve) -> None:
     """What was measured, and the model before and after."""
     if (seen := curve.seen(used=True)) is not None:
@@ -133,18 +126,6 @@ def _draw_models(panel: Axes, curve: Curve) -> None:
         panel.plot(curve.x, curve.beside, **_AFTER)
     panel.set(xlabel=capital(curve.across), ylabel=curve.up)
     panel.set_xlim(float(curve.x[0]), float(curve.x[-1]))
-
-
-def _theta(panel: Axes, names: Sequence[str], draws: Sequence[Floats]) -> str:
-    """Draw the factors; returns what is to be said of their intervals."""
-    # The colours of the model before and after.
-    shown = [Interval.of(own, series=k) for own, k in zip(draws, (1, 0), strict=False)]
-    for one, shift in zip(shown, (0.12, -0.12), strict=False):
-        draw_intervals(panel, one, np.arange(len(names), dtype=np.float64) + shift)
-    panel.set_yticks(range(len(names)), list(names))
-    panel.set_xlabel("Stiffness factor, mean, 5 to 95 %")
-    order = "Of two factors the upper is before" if len(draws) > 1 else ""
-    return ". ".join(one for one in (order, short_note(panel, shown)) if one)
 
 
 def _kept_out(held: Held | None) -> Curve | None:

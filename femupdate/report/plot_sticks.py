@@ -36,10 +36,24 @@ def stick_mode_shapes(
     figure = new_figure(max(1.55 * count + 0.8, 4.6), 4.0)
     axes = figure.subplots(1, count, sharey=True, sharex=True, squeeze=False)[0]
     for mode, panel in enumerate(axes):
-        sd = None if shapes_sd is None else shapes_sd[mode] / largest[mode]
-        _draw_stick(panel, levels, shown[mode], sd)
+        shape, label = shown[mode], "Shape" if shapes_sd is None else "Posterior mean"
+        look: dict[str, Any] = {"linewidth": 1.8, "markersize": 6.0, "zorder": 2.2}
+        panel.plot(shape, levels, "o-", color=BLUE, label=label, **look)
+        if shapes_sd is not None:
+            spread = 2.0 * shapes_sd[mode] / largest[mode]
+            panel.fill_betweenx(levels, shape - spread, shape + spread, label="± 2 sd", **BAND)
+        look = {"linewidth": 0.8, "markersize": 3.0}
+        panel.plot(np.zeros_like(levels), levels, "o-", color=QUIET, label="At rest", **look)
         panel.set_title(headings[mode], fontweight="normal")
-    _finish(axes, levels, floors)
+        panel.spines["left"].set_visible(False)
+        panel.tick_params(axis="y", length=0)
+        panel.set(xticks=(-1.0, 0.0, 1.0))
+    widest = max(1.0, *(abs(bound) for bound in axes[0].get_xlim()))
+    axes[0].set_xlim(-1.05 * widest, 1.05 * widest)
+    if floors is None:
+        axes[0].set_ylabel("Height, m")
+    else:
+        mark_floors(axes[0], levels, floors)
     figure.supxlabel("Displacement over its largest", fontsize=10.0)
     thin = "" if shapes_sd is None else thin_band_note(2.0 * nearly_all(shapes_sd / largest))
     add_head(figure, title, note=thin)
@@ -50,30 +64,6 @@ def upright(shapes: Floats) -> Floats:
     """Shapes (k, f) over their largest, their tops to the right: the sign of a mode is free."""
     largest = np.maximum(np.abs(shapes).max(axis=1, keepdims=True), 1e-300)
     return np.asarray(np.where(shapes[:, -1:] < 0.0, -1.0, 1.0) * shapes / largest)
-
-
-def _draw_stick(panel: Axes, heights: Floats, shape: Floats, sd: Floats | None) -> None:
-    label = "Shape" if sd is None else "Posterior mean"
-    look: dict[str, Any] = {"linewidth": 1.8, "markersize": 6.0, "zorder": 2.2}
-    panel.plot(shape, heights, "o-", color=BLUE, label=label, **look)
-    if sd is not None:
-        low, high = shape - 2.0 * sd, shape + 2.0 * sd
-        panel.fill_betweenx(heights, low, high, label="± 2 sd", **BAND)
-    look = {"linewidth": 0.8, "markersize": 3.0}
-    panel.plot(np.zeros_like(heights), heights, "o-", color=QUIET, label="At rest", **look)
-
-
-def _finish(axes: Sequence[Axes], heights: Floats, floors: Sequence[str] | None) -> None:
-    for panel in axes:
-        panel.spines["left"].set_visible(False)
-        panel.tick_params(axis="y", length=0)
-        panel.set(xticks=(-1.0, 0.0, 1.0))
-    widest = max(1.0, *(abs(bound) for bound in axes[0].get_xlim()))
-    axes[0].set_xlim(-1.05 * widest, 1.05 * widest)
-    if floors is None:
-        axes[0].set_ylabel("Height, m")
-    else:
-        mark_floors(axes[0], heights, floors)
 
 
 def mark_floors(panel: Axes, heights: Floats, floors: Sequence[str]) -> None:
