@@ -453,20 +453,13 @@ def test_files_that_cannot_grow_are_not_left_half(script, bench, calibrated, sna
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda b: ["calibrate", b.observation(), "--building", b.tower], "`femupdate train"),
+        (lambda b: ["diagnose", b.observation()], "has no building yet"),
         (lambda b: ["build-model", b.file("x.toml", "name = tower")], "not valid TOML"),
         (lambda b: ["predict", "--record", plain(b)], "run `femupdate calibrate` first"),
     ],
-    ids=["calibrate", "build-model", "predict"],
+    ids=["diagnose", "build-model", "predict"],
 )
 def test_through_the_script(script, bench, tmp_path, make, words):
     done = script(*make(bench), "--json", cwd=tmp_path)
     assert words in done.complaint
     assert not (tmp_path / "study").exists()
-
-
-def test_nothing_is_trained_where_no_building_was_named(femupdate, tmp_path):
-    """As after a `build-model` that failed: the default building would take its place."""
-    complaint = femupdate("train", "--study", tmp_path / "mine").complaint
-    assert "has no building yet; name one with --building" in complaint
-    assert not (tmp_path / "mine").exists()
