@@ -53,6 +53,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "stiffness per mass": {"1/s2": 1.0, "N/m/kg": 1.0, "kN/m/t": 1.0},
         "frequency": {"Hz": 1.0},
         "time": {"s": 1.0, "ms": 1e-3},
+        "share": {"%": 0.01},
         "acceleration": _ACCELERATION,
     }
 )

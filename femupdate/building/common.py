@@ -18,6 +18,8 @@ from femupdate.building.quantities import (
     Label,
     Number,
     PositiveNumber,
+    Share,
+    Time,
     Whole,
 )
 from femupdate.building.references import require, resolve
@@ -131,6 +133,29 @@ class ReductionSettings(Entry):
     tolerance: PositiveNumber = 0.02
 
 
+class Tolerances(Entry):
+    """How well is known what is taken as known: standard deviations, 0 where it was measured.
+
+    `mass` is that of each floor by itself, `gain` that of each sensor, the base's among them, and
+    `delay` that of each floor's clock against the base's.
+    """
+
+    mass: Share = 0.0
+    gain: Share = 0.0
+    delay: Time = 0.0
+
+    @model_validator(mode="after")
+    def _small(self) -> "Tolerances":
+        for key, most, text in (
+            ("mass", 0.5, "50 %"),
+            ("gain", 0.5, "50 %"),
+            ("delay", 0.05, "50 ms"),
+        ):
+            if getattr(self, key) > most:
+                raise Complaint(key, f"it is above {text}, which is no tolerance; correct it")
+        return self
+
+
 class ParameterGrouping(Entry):
     """Which members share a stiffness factor: `["story"]`, or `["story", "kind"]`.
 
@@ -191,6 +216,7 @@ class Building(Entry):
     observation: ObservationSettings = ObservationSettings()
     reduction: ReductionSettings = ReductionSettings()
     effects: tuple[EffectEntry, ...] = ()
+    tolerances: Tolerances | None = None
     # Where the figures come from, in the words of the file's author; nothing here reads it.
     provenance: Mapping[str, str | tuple[str, ...]] = Field(default_factory=dict)
     # What is left out of the document, and so of its hash, where it is not said.

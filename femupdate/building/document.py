@@ -25,7 +25,10 @@ KINDS: Mapping[str, type[Building]] = {
 
 _EMPTY: tuple[Any, ...] = ({}, [], "")  # each is the default of the entry that holds it
 # What a trained surrogate or a reduced model does not depend on.
-_NOT_MECHANICS = ("name", "title", "description", "observation", "reduction", "provenance")
+_NOT_MECHANICS = (
+    *("name", "title", "description", "observation", "reduction", "provenance"),
+    "tolerances",
+)
 
 
 def to_document(building: Building) -> dict[str, Any]:

@@ -22,6 +22,8 @@ _WRITTEN = {
     "rotational stiffness": ("N m/rad", "kN m/rad"),
     "stiffness per mass": ("1/s2",),
     "frequency": ("Hz",),
+    "time": ("ms",),
+    "share": ("%",),
 }
 # Beyond these, SI, is no building and no model of one on a bench: a figure or its unit is wrong.
 _POSSIBLE = {
@@ -35,6 +37,8 @@ _POSSIBLE = {
     "rotational stiffness": (1e-3, 1e24),
     "stiffness per mass": (1e-6, 1e15),
     "frequency": (1e-6, 1e6),
+    "time": (0.0, 1e9),
+    "share": (0.0, 1e3),
 }
 _SIGNS = {"positive": 0.0, "not negative": 0.0, "any": -math.inf}
 
@@ -47,8 +51,10 @@ def format_quantity(value: float, kind: str) -> str:
         plain = int(scaled) if scaled.is_integer() and abs(scaled) < 1e15 else scaled
         texts.append(f"{plain!r} {unit}")
     exact = [text for text in texts if parse_quantity(text, kind) == value]
-    si_unit = next(unit for unit in UNITS[kind] if UNITS[kind][unit] == 1.0)
-    return min(exact, key=len, default=f"{value!r} {si_unit}")
+    if exact:
+        return min(exact, key=len)
+    unit = max(UNITS[kind], key=lambda unit: UNITS[kind][unit] == 1.0)
+    return f"{value / UNITS[kind][unit]!r} {unit}"
 
 
 @dataclass(frozen=True)
@@ -168,6 +174,8 @@ Stiffness = Annotated[float, Quantity("stiffness")]
 RotationalStiffness = Annotated[float, Quantity("rotational stiffness")]
 StiffnessPerMass = Annotated[float, Quantity("stiffness per mass")]
 Frequency = Annotated[float, Quantity("frequency")]
+Time = Annotated[float, Quantity("time", "not negative")]
+Share = Annotated[float, Quantity("share", "not negative")]
 FrequencyOrZero = Annotated[float, Quantity("frequency", "not negative")]
 Number = Annotated[float, BeforeValidator(_number)]
 PositiveNumber = Annotated[float, BeforeValidator(_positive)]

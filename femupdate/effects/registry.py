@@ -8,6 +8,7 @@ from femupdate.building.document import Building
 from femupdate.effects import catalogue
 from femupdate.effects.effect import Effect, Placed
 from femupdate.effects.structure import Structure
+from femupdate.effects.tolerances import tolerances_of
 from femupdate.errors import BuildingError
 from femupdate.registry import classes_in
 
@@ -37,7 +38,7 @@ class BuildingEffects:
 
 
 def building_effects(building: Building) -> BuildingEffects:
-    """The effects of a building file, checked against the catalogue.
+    """The effects of a building file, checked against the catalogue, and its tolerances.
 
     Raises:
         BuildingError: an effect or a parameter is unknown, a value is impossible, or the same
@@ -71,7 +72,8 @@ def building_effects(building: Building) -> BuildingEffects:
                 )
         placed.append(Placed(effect, entry.place))
         values += [float(entry.parameters.get(p.name, p.neutral)) for p in effect.parameters]
-    return BuildingEffects(tuple(placed), tuple(values))
+    varying = tolerances_of(building)
+    return BuildingEffects((*placed, *varying), (*values, *(0.0 for _ in varying)))
 
 
 def check_places(structure: Structure, effects: BuildingEffects) -> None:

@@ -4,6 +4,7 @@ import textwrap
 import time
 from dataclasses import replace
 
+from femupdate.effects.registry import building_effects
 from femupdate.errors import InferenceError
 from femupdate.inference.latent_likelihood import encoder_input
 from femupdate.inference.posterior import save_posterior
@@ -59,7 +60,7 @@ def calibrate_study(
         )
     settings = replace(settings, exact=exact or bool(why))
     fitted = None
-    if model.building.effects:
+    if building_effects(model.building).placed:
         measured = with_levels(model, source, measured)
         fitted = fitted_effects(study, model, measured, progress)
         model = fitted.model

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from femupdate.effects.tolerances import TOLERANCES, key_of
 from femupdate.inference.data import WILD
 from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
@@ -179,6 +180,26 @@ def large_error(posterior: Posterior, fitting: Fitting) -> bool:
     error = posterior.model_error
     far = error is not None and error.amplitude.size > _LARGE
     return fitting.misfit > 4.0 and (far or bool(_at_limits(posterior)))
+
+
+def tolerance_notes(posterior: Posterior) -> tuple[str, ...]:
+    """How much of the factors' intervals comes from what is known to a tolerance alone.
+
+    Shares of variance by linear regression on the draws of each tolerance's parameters.
+    """
+    keys = np.array([key_of(name) for name in posterior.names])
+    draws = posterior.samples - posterior.samples.mean(axis=0)
+    factors = draws[:, : posterior.of("stiffness").samples.shape[1]]
+    told = []
+    for key, words in TOLERANCES.items():
+        known = draws[:, keys == key]
+        if known.size:
+            fitted = known @ np.linalg.lstsq(known, factors, rcond=None)[0]
+            shares = fitted.var(axis=0) / factors.var(axis=0)
+            told.append(f"that of {words} {', '.join(percent(share) for share in shares)}")
+    if not told:
+        return ()
+    return (f"Of the variances of the factors, by tolerances: {'; '.join(told)}.",)
 
 
 def overstated_noise(fitting: Fitting, assumed: bool = False) -> tuple[str, ...]:

@@ -28,6 +28,7 @@ from femupdate.workflow.calibrate_notes import (
     judgement,
     large_error,
     overstated_noise,
+    tolerance_notes,
 )
 from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.kinds import Measured
@@ -74,6 +75,7 @@ def concluded(
     notes = (
         *warnings,
         *error_notes(posterior, fitting.errors),
+        *tolerance_notes(posterior),
         *(() if sampled.least_noise else overstated_noise(fitting, measured.assumes_noise)),
         *(() if scatter is None else (scatter.sentence(),)),
         *found.sentences(),

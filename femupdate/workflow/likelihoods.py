@@ -135,6 +135,8 @@ def unserved(building: Building) -> str:
     """Why no surrogate can serve a building, in words; empty where one can."""
     if building.effects:
         return "lists effects"
+    if building.tolerances is not None:
+        return "states tolerances"
     count = theta_prior(building).size + damping_parameter(building).free
     return f"has {count} parameters" if count > FEW else ""
 

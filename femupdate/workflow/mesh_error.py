@@ -129,13 +129,13 @@ def _thetas(building: Building) -> Floats:
 
 def open_system(study: Study, model: StudyModel) -> System:
     """The study's reduced model with the effects that its building lists, if any."""
-    if len(model.building.effects) == len(model.system.placed):
+    effects = building_effects(model.building)
+    if len(effects.placed) == len(model.system.placed):
         return model.system
     reduced = open_structure(study, model.building)
     mesh = kept_mesh_error(study, model.building)
     if mesh is not None:
         reduced = corrected(reduced, mesh)
-    effects = building_effects(model.building)
     check_places(reduced.structure, effects)
     terms = tuple(reduced.terms(one) for one in effects.placed)
     system = System(reduced.model, model.law, effects.placed, terms)

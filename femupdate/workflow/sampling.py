@@ -98,7 +98,9 @@ def sampled_about_maxima(
     drawing, choosing = spawn(seed, 2)
     # A thousand at a time: all processors start and end together.
     counted = Counted(target.likelihood, show, rows=1024)
-    least = 0.0 if target.local else TRUSTED
+    # Heavy tails cost a share of the draws with every dimension.
+    trusted = TRUSTED * min(1.0, FEW / target.prior.size)
+    least = 0.0 if target.local else trusted
     found = draws_about(target.prior, counted, target.maxima, count, drawing, least)
     if found is None:
         if target.local:
@@ -116,7 +118,7 @@ def sampled_about_maxima(
         drawn_by("exact", ABOUT_MAXIMA, runs),
         (note,),
         target.likelihood,
-        warnings=(_FEW_COUNT,) * (found.effective_share < TRUSTED),
+        warnings=(_FEW_COUNT,) * (found.effective_share < trusted),
     )
 
 

@@ -13,6 +13,7 @@ from femupdate.building.document import Building
 from femupdate.building.parameters import factor_ranges, factor_titles
 from femupdate.effects.effect import EffectParameter, Placed
 from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.tolerances import key_of
 from femupdate.errors import StudyError
 from femupdate.inference.diagnostics import Identifiability, identifiability
 from femupdate.inference.posterior import Posterior, load_posterior
@@ -113,6 +114,8 @@ def effect_parameter(name: str) -> EffectParameter | None:
 def effect_title(name: str) -> str:
     """What a parameter such as "added_mass@3F.size" is of; the name itself where it is another."""
     placed, known = placed_effect(name.rpartition(".")[0]), effect_parameter(name)
+    if key := key_of(name):
+        return f"{key} of {name.partition('@')[2].rpartition('.')[0]}, within its tolerance"
     if placed is None:
         return name
     text = "" if known is None else f": {known.text or known.name}"
