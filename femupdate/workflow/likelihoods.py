@@ -11,6 +11,7 @@ from torch import Tensor
 
 from femupdate.building.document import Building
 from femupdate.dynamics.system import System
+from femupdate.effects.tolerances import tolerances_of
 from femupdate.errors import MeasurementError
 from femupdate.inference.data import WILD, Data
 from femupdate.inference.frf_data import (
@@ -135,7 +136,7 @@ def unserved(building: Building) -> str:
     """Why no surrogate can serve a building, in words; empty where one can."""
     if building.effects:
         return "lists effects"
-    if building.tolerances is not None:
+    if tolerances_of(building):
         return "states tolerances"
     count = theta_prior(building).size + damping_parameter(building).free
     return f"has {count} parameters" if count > FEW else ""
