@@ -16,7 +16,6 @@ class Answer:
     """What a command prints when its work is done.
 
     Attributes:
-        result: says what was done.
         pictures: files drawn; None of a command that draws none of its own.
         more: goes into the JSON object as well.
         files: other files written, named beside the pictures.

@@ -69,12 +69,7 @@ class Notes:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure, made when it is drawn.
-
-    Attributes:
-        name: of its file, without ending.
-        figure: makes it.
-    """
+    """A figure, made when it is drawn, by the name of its file without ending."""
 
     name: str
     figure: "Callable[[], Figure]"

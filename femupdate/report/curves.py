@@ -1,4 +1,4 @@
-"""Curves with their bands, described once: pictures and the page draw the same description.
+"""Curves with their bands, described once for pictures and tables.
 
 Names and titles begin with a small letter, which pictures make a capital.
 """
@@ -20,12 +20,7 @@ _ALONE = "of the parameters alone"
 
 @dataclass(frozen=True, kw_only=True)
 class CurveBand:
-    """A band about a curve.
-
-    Attributes:
-        name: what it is, as in "predicted, 5 to 95 %".
-        low, high: (n,).
-    """
+    """A band (n,) about a curve, named as in "predicted, 5 to 95 %"."""
 
     name: str
     low: Floats
@@ -81,13 +76,7 @@ class Curve:
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """Rows with a mean and an interval each.
-
-    Attributes:
-        name: of the series.
-        mean, low, high: (r,).
-        series: number of the colour of all of it.
-    """
+    """Rows (r,) with a mean and an interval each; `series` is the number of the colour of all."""
 
     name: str
     mean: Floats

@@ -28,13 +28,7 @@ _DOTS = 110  # an inch
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A model that turns and moves.
-
-    Attributes:
-        caption: what it shows.
-        content: what `scene.js` draws; see `femupdate.report.page_scene`.
-        note: how to read it.
-    """
+    """A model that turns and moves; `content` is what `scene.js` draws, see `page_scene`."""
 
     caption: str
     content: Mapping[str, Any]

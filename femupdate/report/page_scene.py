@@ -19,15 +19,7 @@ _DECIMALS = 4  # of shapes, whose largest displacement is 1
 
 @dataclass(frozen=True, kw_only=True)
 class ElementField:
-    """A colour of every face and line, such as the stiffness factor.
-
-    Attributes:
-        name: of the field.
-        unit: of its values.
-        faces: (n,) NaN where there is none.
-        lines: (m,) likewise.
-        map: "factor" or "spread".
-    """
+    """A colour of every face (n,) and line (m,), NaN where there is none; `map` is "factor" or "spread"."""
 
     name: str
     unit: str
@@ -38,10 +30,9 @@ class ElementField:
 
 @dataclass(frozen=True, kw_only=True)
 class MovingShape:
-    """A mode.
+    """A mode, named with its frequency.
 
     Attributes:
-        name: with its frequency.
         shape: (N, 3) displacement of every node, any scale.
         spread: (N,) standard deviation of the displacement, % of the largest, or None.
     """
@@ -53,13 +44,8 @@ class MovingShape:
 
 @dataclass(frozen=True)
 class ThinnedGeometry:
-    """A geometry coarse enough for the screen.
-
-    Attributes:
-        geometry: its own nodes.
-        nodes: (n,) which node of the full geometry each is.
-        faces: (f,) which face of the full geometry each is.
-        lines: (l,) likewise.
+    """A geometry coarse enough for the screen: which of the full one's its (n,) nodes, (f,) faces and
+    (l,) lines are.
     """
 
     geometry: Geometry

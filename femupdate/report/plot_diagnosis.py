@@ -76,7 +76,6 @@ class Ranked:
     """One effect in a ranking.
 
     Attributes:
-        label: effect and place.
         gain: log evidence over the model without it.
         size: its size with its standard deviation, as text.
         leading: drawn in the colour of the verdict.

@@ -121,21 +121,13 @@ def _draw_marginal(
     truth: Floats | None,
 ) -> None:
     top = 0.0
-    for case in cases:
-        density = density_1d(case.samples[:, index], view)
+    for line, case in enumerate(cases):
+        values = case.samples[:, index]
+        density = density_1d(values, view)
         panel.fill_between(density.x, density.value, color=case.color, alpha=0.18, linewidth=0.0)
         look: dict[str, Any] = {"color": case.color, "linestyle": case.dashes}
         panel.plot(density.x, density.value, label=case.label, **look)
         top = max(top, density.value.max())
-    _write_estimates(panel, cases, index)
-    panel.set(xlim=view, ylim=(0.0, top * (1.12 + 0.22 * len(cases))))
-    if truth is not None:
-        panel.axvline(truth[index], ymax=0.7, label="Truth", **KNOWN)
-
-
-def _write_estimates(panel: Axes, cases: list[SampleSet], index: int) -> None:
-    for line, case in enumerate(cases):
-        values = case.samples[:, index]
         panel.annotate(
             plus_minus(values.mean(), values.std(ddof=1)),
             (0.5, 1.0),
@@ -148,6 +140,9 @@ def _write_estimates(panel: Axes, cases: list[SampleSet], index: int) -> None:
             color=case.color,
             fontweight="bold",
         )
+    panel.set(xlim=view, ylim=(0.0, top * (1.12 + 0.22 * len(cases))))
+    if truth is not None:
+        panel.axvline(truth[index], ymax=0.7, label="Truth", **KNOWN)
 
 
 def _draw_pair(
@@ -209,17 +204,15 @@ def correlation(x: Floats, y: Floats) -> float:
     return float(((x - x.mean()) * (y - y.mean())).mean() / spread) if spread > 0.0 else 0.0
 
 
-def _inner_ticks(low: float, high: float) -> list[float]:
-    """Round values away from the ends, whose labels would push the panels apart."""
-    room = 0.14 * (high - low)
-    ticks = MaxNLocator(3).tick_values(low + room, high - room)
-    return [float(tick) for tick in ticks if low + room <= tick <= high - room]
-
-
 def _label(panel: Axes, row: int, column: int, names: Sequence[str]) -> None:
     last = len(names) - 1
     for axis in (panel.xaxis, panel.yaxis):
-        axis.set_major_locator(FixedLocator(_inner_ticks(*axis.get_view_interval())))
+        # Round values away from the ends, whose labels would push the panels apart.
+        low, high = axis.get_view_interval()
+        room = 0.14 * (high - low)
+        ticks = MaxNLocator(3).tick_values(low + room, high - room)
+        inner = [float(tick) for tick in ticks if low + room <= tick <= high - room]
+        axis.set_major_locator(FixedLocator(inner))
     panel.tick_params(
         labelsize=8.0,
         bottom=row == last,

@@ -1,7 +1,7 @@
 """Pictures of the building: mode shapes with their spread, and signs of what was added."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,17 +18,6 @@ from femupdate.report.geometry import Geometry, deformed, outline
 from femupdate.report.glyphs import Glyphs
 from femupdate.report.rendering import Renderer, renders
 from femupdate.report.style import FAINT, INK, MAGNITUDE_MAP, ORANGE, QUIET, SPREAD_MAP, styled
-
-
-@dataclass(frozen=True)
-class _Field:
-    """What colours one panel."""
-
-    heading: str
-    label: str
-    values: Floats
-    top: float
-    color_map: str
 
 
 @styled
@@ -49,44 +38,40 @@ def mode_shape_figure(
         shape_sd: (N,) standard deviation of the displacement, in the scale of the mean, or None.
         renderer: "auto", or one of the two by name.
     """
-    fields, moved = _fields(shape_mean, shape_sd), deformed(geometry, shape_mean)
+    magnitude, moved = np.linalg.norm(shape_mean, axis=1), deformed(geometry, shape_mean)
+    largest = magnitude.max() or 1.0
+    # Of every panel: heading, label of its colours, values, where the colours end, and their map.
+    label = "Displacement over its largest"
+    heading = "Shape" if shape_sd is None else "Mean shape"
+    fields = [(heading, label, magnitude / largest, 1.0, MAGNITUDE_MAP)]
+    if shape_sd is not None:
+        percent = 100.0 * shape_sd / largest
+        label = "Standard deviation, % of the largest displacement"
+        top = percent.max() or 1.0
+        fields.append(("Spread of the posterior", label, percent, top, SPREAD_MAP))
     figure = new_figure(5.4 * len(fields), 6.3)
     panels = figure.subplots(1, len(fields), squeeze=False)[0]
-    looks = [(geometry, moved, field.values, field.color_map, field.top) for field in fields]
+    looks = [(geometry, moved, values, colors, top) for _, _, values, top, colors in fields]
     if renders(renderer):
         show(panels, [drawing_pyvista.render(*look) for look in looks])
     else:
         for panel, look in zip(panels, looks, strict=True):
             drawing_matplotlib.draw(panel, *look)
-    for panel, field in zip(panels, fields, strict=True):
-        _finish(figure, panel, field)
+    for panel, (heading, label, _, top, colors) in zip(panels, fields, strict=True):
+        panel.set_axis_off()
+        panel.set_title(heading)
+        scale = ScalarMappable(Normalize(0.0, top), colors)
+        bars: dict[str, Any] = {
+            "orientation": "horizontal",
+            "shrink": 0.72,
+            "aspect": 32,
+            "pad": 0.02,
+        }
+        bar = figure.colorbar(scale, ax=panel, **bars)
+        bar.outline.set_visible(False)
+        bar.set_label(label)
     add_head(figure, title, note="Displacements are enlarged; grey lines: the building at rest")
     return figure
-
-
-def _fields(shape: Floats, sd: Floats | None) -> list[_Field]:
-    magnitude = np.linalg.norm(shape, axis=1)
-    largest = magnitude.max() or 1.0
-    label = "Displacement over its largest"
-    heading = "Shape" if sd is None else "Mean shape"
-    fields = [_Field(heading, label, magnitude / largest, 1.0, MAGNITUDE_MAP)]
-    if sd is not None:
-        percent = 100.0 * sd / largest
-        top = percent.max() or 1.0
-        label = "Standard deviation, % of the largest displacement"
-        fields.append(_Field("Spread of the posterior", label, percent, top, SPREAD_MAP))
-    return fields
-
-
-def _finish(figure: Figure, panel: Axes, field: _Field) -> None:
-    panel.set_axis_off()
-    panel.set_title(field.heading)
-    colors = ScalarMappable(Normalize(0.0, field.top), field.color_map)
-    bar = figure.colorbar(
-        colors, ax=panel, orientation="horizontal", shrink=0.72, aspect=32, pad=0.02
-    )
-    bar.outline.set_visible(False)
-    bar.set_label(field.label)
 
 
 _LABEL_GAP = 0.05  # between a building and the names of its floors, over its size
@@ -112,24 +97,13 @@ def draw_marked(
     """
     panel.set_axis_off()
     names = [name for name, _ in floors]
-    places = _labels_at(geometry, [height for _, height in floors])
+    # The names stand left of every floor as it is seen.
+    low, high = geometry.nodes.min(axis=0), geometry.nodes.max(axis=0)
+    gap = _LABEL_GAP * geometry.size
+    places = np.array([[low[0] - gap, high[1] + gap, low[2] + height] for _, height in floors])
     if renders(renderer):
         show([panel], [drawing_pyvista.render_marked(geometry, glyphs, names, places)])
         return
-    _draw(panel, geometry, glyphs)
-    for name, (x, y) in zip(names, project(places)[0], strict=True):
-        panel.text(x, y, name, ha="right", va="center", fontsize=9, color=INK)
-    panel.set_aspect("equal")
-
-
-def _labels_at(geometry: Geometry, heights: Sequence[float]) -> Floats:
-    """(f, 3) left of every floor as it is seen."""
-    low, high = geometry.nodes.min(axis=0), geometry.nodes.max(axis=0)
-    gap = _LABEL_GAP * geometry.size
-    return np.array([[low[0] - gap, high[1] + gap, low[2] + height] for height in heights])
-
-
-def _draw(panel: Axes, geometry: Geometry, glyphs: Glyphs) -> None:
     flat = project(geometry.nodes)[0]
     shells = PolyCollection(list(flat[geometry.shells]), facecolors=FAINT, alpha=0.25, zorder=1.0)
     panel.add_collection(shells)
@@ -145,3 +119,6 @@ def _draw(panel: Axes, geometry: Geometry, glyphs: Glyphs) -> None:
     balls = [project(centre[None])[0] + radius * rim for centre, radius in glyphs.balls]
     panel.add_collection(PolyCollection(balls, facecolors=ORANGE, zorder=5.0))
     panel.autoscale_view()
+    for name, (x, y) in zip(names, project(places)[0], strict=True):
+        panel.text(x, y, name, ha="right", va="center", fontsize=9, color=INK)
+    panel.set_aspect("equal")

@@ -32,8 +32,6 @@ class State:
 
     Attributes:
         path: of the study or the posterior file.
-        name: what to call it.
-        posterior: its draws.
         titles: what its factors are of, by name; empty where no building file is beside it.
         hashes: of what it was made from, where its study says so.
         summary: that the calibration kept; empty where no study is known.
@@ -49,14 +47,7 @@ class State:
 
 @dataclass(frozen=True, kw_only=True)
 class CompareReport(Result):
-    """What changed from one state to the other.
-
-    Attributes:
-        before, after: the states.
-        names: p stiffness factors of both.
-        changes: of these.
-        notes: what the user should know.
-    """
+    """What changed from one state to the other, of the p stiffness factors of both."""
 
     before: State
     after: State

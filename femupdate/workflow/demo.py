@@ -39,13 +39,9 @@ class DemoReport(Result):
     """All that the demo made.
 
     Attributes:
-        folder: of the study.
-        built: the model.
         all_floors: posterior from all six floors (Case 1).
         roof_alone: posterior from the roof alone (Case 2), kept under a name of its own.
         truth: the stiffness factors with which the observation was made.
-        predicted: response to the Ridgecrest record.
-        rendered: mode shapes.
         seconds: in all, without the pictures.
     """
 

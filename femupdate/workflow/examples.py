@@ -14,13 +14,7 @@ _LEFT_OUT = ("__init__.py", "__pycache__")
 
 @dataclass(frozen=True)
 class CopiedExamples(Result):
-    """Example files in a folder.
-
-    Attributes:
-        folder: where they are.
-        copied: the new ones.
-        kept: files that were there already and stay as they are.
-    """
+    """Example files in a folder: the new ones, and those that were there and stay as they are."""
 
     folder: Path
     copied: tuple[Path, ...]

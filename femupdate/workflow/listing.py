@@ -15,14 +15,7 @@ from femupdate.units import capital
 
 @dataclass(frozen=True)
 class ShippedBuilding:
-    """A building that comes with femupdate.
-
-    Attributes:
-        name: by which commands take it.
-        title: what it is.
-        kind: "frame", "shear" or "mesh".
-        stories: how many.
-    """
+    """A building that comes with femupdate, by which name commands take it."""
 
     name: str
     title: str
@@ -32,13 +25,7 @@ class ShippedBuilding:
 
 @dataclass(frozen=True)
 class Listing(Result):
-    """What comes with femupdate.
-
-    Attributes:
-        buildings: shipped ones.
-        effects: of the catalogue.
-        formats: of measured files.
-    """
+    """What comes with femupdate."""
 
     buildings: tuple[ShippedBuilding, ...]
     effects: tuple[Effect, ...]

@@ -39,8 +39,7 @@ class RenderReport(Result):
     """Modes of the posterior and where they are drawn.
 
     Attributes:
-        modes: numbers, frequencies and shapes.
-        pictures: where each is drawn.
+        pictures: of every mode.
         animations: of the modes, as GIF files, where they were asked for.
         at_one: pictures of modes at factors 1, which the posterior's model does not have.
     """

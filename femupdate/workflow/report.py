@@ -23,15 +23,7 @@ PAGE = "report.html"
 
 @dataclass(frozen=True, kw_only=True)
 class ReportReport(Result):
-    """The page that was written.
-
-    Attributes:
-        path: of the page.
-        size: bytes.
-        sections: titles.
-        stale: things on it that no longer hold, in words.
-        seconds: taken.
-    """
+    """The page that was written, of `size` bytes; `stale` things on it no longer hold."""
 
     path: Path
     size: int

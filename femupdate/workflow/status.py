@@ -34,12 +34,8 @@ class Holding:
     """One thing that a study holds.
 
     Attributes:
-        name: such as "posterior".
-        file: inside the study.
         state: "current", "stale", "changed by hand" or "missing".
         reason: why it is stale.
-        command: what made it.
-        version: of femupdate.
         created: UTC time, ISO 8601.
         sources: files that it was made from.
         again: the command, with all it needs, that makes it again.
@@ -61,7 +57,6 @@ class StatusReport(Result):
     """What a study holds.
 
     Attributes:
-        folder: of the study.
         building: name and title; None where there is none yet.
         holds: things, in the order in which they were made.
         unfinished: computations that can be resumed, in sentences.
