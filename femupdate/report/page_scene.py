@@ -19,7 +19,7 @@ _DECIMALS = 4  # of shapes, whose largest displacement is 1
 
 @dataclass(frozen=True, kw_only=True)
 class ElementField:
-    """A colour of every face (n,) and line (m,), NaN where there is none; `map` is "factor" or "spread"."""
+    """A colour of every face (n,) and line (m,), NaN where there is none, by a colour map."""
 
     name: str
     unit: str
@@ -44,9 +44,7 @@ class MovingShape:
 
 @dataclass(frozen=True)
 class ThinnedGeometry:
-    """A geometry coarse enough for the screen: which of the full one's its (n,) nodes, (f,) faces and
-    (l,) lines are.
-    """
+    """A geometry coarse enough for the screen, and which of the full one's nodes, faces, lines."""
 
     geometry: Geometry
     nodes: Integers

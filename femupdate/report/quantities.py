@@ -22,7 +22,7 @@ _BENCH_TOP = 100.0  # N; the largest shear of models that weigh some kilograms
 
 @dataclass(frozen=True, eq=False)
 class DrawnQuantity:
-    """One quantity, such as "peak drift ratio", at n floors or stories: values (S, n), a row a draw."""
+    """One quantity, such as "peak drift ratio", at n floors or stories: (S, n), a row a draw."""
 
     name: str
     unit: str
