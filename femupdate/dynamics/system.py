@@ -74,27 +74,21 @@ class Responses:
 class System:
     """A reduced model with effects at their places.
 
-        >>> import femupdate, torch
-        >>> system = femupdate.reduce("house", "shear_3dof").system
-        >>> theta = torch.ones(2, 3, dtype=torch.float64)
-        >>> zeta = torch.tensor([0.01, 0.02], dtype=torch.float64)
-        >>> frequency_hz = torch.linspace(0.5, 10.0, 20, dtype=torch.float64)
-        >>> system.log_frf(theta, zeta, frequency_hz).shape  # draws, floors, points
-        torch.Size([2, 3, 20])
-
-    Attributes:
-        model: the reduced model.
-        law: of the damping.
-        placed: the effects; none by default.
-        terms: of each, on the model's basis.
-        run_levels: of parts of equal energy of the run that FRFs are estimated from, in doublings
-            above their mean (see `level.levels_in_run`), for what changes in the run.
+    >>> import femupdate, torch
+    >>> system = femupdate.reduce("house", "shear_3dof").system
+    >>> theta = torch.ones(2, 3, dtype=torch.float64)
+    >>> zeta = torch.tensor([0.01, 0.02], dtype=torch.float64)
+    >>> frequency_hz = torch.linspace(0.5, 10.0, 20, dtype=torch.float64)
+    >>> system.log_frf(theta, zeta, frequency_hz).shape  # draws, floors, points
+    torch.Size([2, 3, 20])
     """
 
-    model: ReducedModel
-    law: DampingLaw = field(default_factory=ConstantDamping)
-    placed: tuple[Placed, ...] = ()
-    terms: tuple[Terms, ...] = ()
+    model: ReducedModel  # the reduced model
+    law: DampingLaw = field(default_factory=ConstantDamping)  # of the damping
+    placed: tuple[Placed, ...] = ()  # the effects; none by default
+    terms: tuple[Terms, ...] = ()  # of each, on the model's basis
+    # of parts of equal energy of the run that FRFs are estimated from, in doublings above their
+    # mean (see `level.levels_in_run`), for what changes in the run
     run_levels: tuple[float, ...] = RUN_LEVELS
 
     @property

@@ -27,32 +27,24 @@ _REACH = 5.0  # standard deviations of the prior, beyond which nothing is looked
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """One number that says how large an effect is or how it is tuned.
+    """One number that says how large an effect is or how it is tuned."""
 
-    Attributes:
-        name: such as "size".
-        unit: of the number; "1" for a share.
-        scale: standard deviation of its normal prior about `neutral`.
-        neutral: value without the effect (or in the middle of what is likely, for a tuning).
-        lower, upper: physical limits; a limit at the neutral value makes the effect one-sided.
-        text: what it is.
-        tuning: a frequency as a multiple of the first natural one, which may lie anywhere in the
-            band.
-        least: distance from the neutral value below which nobody would look for it: what it does is
-            then no more than a detail of the model.
-        trials: standard deviations from the neutral value at which a search looks for it; more than
-            one where what it does is far from linear.
-    """
-
-    name: str
-    unit: str
-    scale: float
+    name: str  # such as "size"
+    unit: str  # of the number; "1" for a share
+    scale: float  # standard deviation of its normal prior about `neutral`
+    # value without the effect (or in the middle of what is likely, for a tuning)
     neutral: float = 0.0
+    # physical limits; a limit at the neutral value makes the effect one-sided
     lower: float = -float("inf")
     upper: float = float("inf")
-    text: str = ""
+    text: str = ""  # what it is
+    # a frequency as a multiple of the first natural one, which may lie anywhere in the band
     tuning: bool = False
+    # distance from the neutral value below which nobody would look for it: what it does is then no
+    # more than a detail of the model
     least: float = 0.0
+    # standard deviations from the neutral value at which a search looks for it; more than one where
+    # what it does is far from linear
     trials: tuple[float, ...] = (0.5,)
 
     def shown(self, value: float) -> str:
@@ -152,27 +144,19 @@ class Hinges:
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """What an effect of unit size adds to a model.
+    """What an effect of unit size adds to a model."""
 
-    Attributes:
-        stiffness: what it adds to that of stories.
-        springs: what it puts between sums over many degrees of freedom, or None. In a reduced
-            model they are stiffness like any other.
-        hinges: rotations that it sets free, or None.
-        mass: mass, or None.
-        flexibility: (2,) of the ground under the base, m/N and rad/(N m).
-        pitch: rotation of the base that goes with its translation, rad/m.
-        port: where a dynamic stiffness acts, or None.
-        constants: numbers that the effect needs to evaluate itself, in its own order.
-    """
-
-    stiffness: tuple[Stiffness, ...] = ()
+    stiffness: tuple[Stiffness, ...] = ()  # what it adds to that of stories
+    # what it puts between sums over many degrees of freedom, or None. In a reduced model they are
+    # stiffness like any other.
     springs: SpringTerms | None = None
-    hinges: Hinges | None = None
-    mass: MassTerms | None = None
+    hinges: Hinges | None = None  # rotations that it sets free, or None
+    mass: MassTerms | None = None  # mass, or None
+    # (2,) of the ground under the base, m/N and rad/(N m)
     flexibility: tuple[float, float] = (0.0, 0.0)
-    pitch: float = 0.0
-    port: Port | None = None
+    pitch: float = 0.0  # rotation of the base that goes with its translation, rad/m
+    port: Port | None = None  # where a dynamic stiffness acts, or None
+    # numbers that the effect needs to evaluate itself, in its own order
     constants: tuple[float, ...] = ()
 
     @property
@@ -213,56 +197,46 @@ PLACES: dict[str, Callable[[Structure], tuple[str, ...]]] = {
 class Effect(ABC):
     """A thing that a model may lack. Its first parameter is its size.
 
-        >>> import femupdate
-        >>> from femupdate.effects.registry import CATALOGUE
-        >>> effect = CATALOGUE["added_mass"]
-        >>> isinstance(effect, femupdate.Effect), effect.title
-        (True, 'Added mass')
-        >>> effect.places(femupdate.Building.load("shear_3dof"))
-        ('2F', '3F', 'RF')
-
-    Class attributes:
-        name: as in files and options.
-        title: a few words for figures.
-        sentence: what it is and does, for an engineer.
-        clause: what is there, with its first parameter, no full stop. Filled in are `{place}`,
-            `{where}` (the place with its preposition), `{size}` (with its unit), `{number}` (the
-            size without it), `{lost}` (the size with its sign turned), `{change}` (such as "25 %
-            more"), `{title}`, and `{text}`, what the first parameter is.
-        words: the two of a change, for more and for less.
-        at: the preposition of a place that is a floor or story.
-        sits: where it can be in a building, in words of `PLACES`.
-        contains: names of effects that are this one at some value of its parameters. Where one of
-            them does as well, that one is meant.
-        settled_by: a look or a measurement that tells whether it is there, without any model.
-        parameters: the size first; without any the effect is there (size 1) or not.
-        instrument: it lies in the measurement, not in the structure.
-        correction: it is known to be there and how large it is; building files list it, and it is
-            not looked for.
-        needs_phase: |H| does not show it.
-        needs_levels: it shows in observations at two levels of motion, not in one.
-        tables_only: it arises in the making of tables of |H|, not in FRFs estimated by H1.
-        turns_base: it is how the base turns, which is known where that was measured.
-        own_error: share of its parameters by which it may differ from what it stands for, beside
-            what a reduced model of it errs by.
+    >>> import femupdate
+    >>> from femupdate.effects.registry import CATALOGUE
+    >>> effect = CATALOGUE["added_mass"]
+    >>> isinstance(effect, femupdate.Effect), effect.title
+    (True, 'Added mass')
+    >>> effect.places(femupdate.Building.load("shear_3dof"))
+    ('2F', '3F', 'RF')
     """
 
-    name: ClassVar[str]
-    title: ClassVar[str]
-    sentence: ClassVar[str]
+    name: ClassVar[str]  # as in files and options
+    title: ClassVar[str]  # a few words for figures
+    sentence: ClassVar[str]  # what it is and does, for an engineer
+    # what is there, with its first parameter, no full stop. Filled in are `{place}`, `{where}` (the
+    # place with its preposition), `{size}` (with its unit), `{number}` (the size without it),
+    # `{lost}` (the size with its sign turned), `{change}` (such as "25 % more"), `{title}`, and
+    # `{text}`, what the first parameter is.
     clause: ClassVar[str] = "{title} {where}: {text} {size}"
+    # the two of a change, for more and for less
     words: ClassVar[tuple[str, str]] = ("more", "less")
-    at: ClassVar[str] = "at"
-    sits: ClassVar[str]
+    at: ClassVar[str] = "at"  # the preposition of a place that is a floor or story
+    sits: ClassVar[str]  # where it can be in a building, in words of `PLACES`
+    # names of effects that are this one at some value of its parameters. Where one of them does as
+    # well, that one is meant.
     contains: ClassVar[tuple[str, ...]] = ()
+    # a look or a measurement that tells whether it is there, without any model
     settled_by: ClassVar[str]
+    # the size first; without any the effect is there (size 1) or not
     parameters: ClassVar[tuple[EffectParameter, ...]]
-    instrument: ClassVar[bool] = False
+    instrument: ClassVar[bool] = False  # it lies in the measurement, not in the structure
+    # it is known to be there and how large it is; building files list it, and it is not looked for
     correction: ClassVar[bool] = False
-    needs_phase: ClassVar[bool] = False
+    needs_phase: ClassVar[bool] = False  # |H| does not show it
+    # it shows in observations at two levels of motion, not in one
     needs_levels: ClassVar[bool] = False
+    # it arises in the making of tables of |H|, not in FRFs estimated by H1
     tables_only: ClassVar[bool] = False
+    # it is how the base turns, which is known where that was measured
     turns_base: ClassVar[bool] = False
+    # share of its parameters by which it may differ from what it stands for, beside what a reduced
+    # model of it errs by
     own_error: ClassVar[float] = 0.0
 
     def places(self, structure: Structure) -> tuple[str, ...]:

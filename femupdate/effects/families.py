@@ -39,17 +39,11 @@ ALL = "all"
 
 
 class MemberStiffness(Effect):
-    """A change of the stiffness of some kinds of members, in one story or in all.
+    """A change of the stiffness of some kinds of members, in one story or in all."""
 
-    Class attributes:
-        kinds: of shells and beams in the mesh.
-        elements: of which such members are; others are left alone.
-        bending_only: of beams and columns, the second moments of area alone.
-    """
-
-    kinds: ClassVar[tuple[str, ...]]
-    elements: ClassVar[type] = Elements
-    bending_only: ClassVar[bool] = False
+    kinds: ClassVar[tuple[str, ...]]  # of shells and beams in the mesh
+    elements: ClassVar[type] = Elements  # of which such members are; others are left alone
+    bending_only: ClassVar[bool] = False  # of beams and columns, the second moments of area alone
     at = "in"
     words = ("stiffer", "softer")
 

@@ -45,49 +45,32 @@ class NodeMotions:
 class Structure:
     """The full model of a building, n degrees of freedom, f floors.
 
-        >>> import femupdate
-        >>> from femupdate.effects.structure import structure_of
-        >>> structure = structure_of(femupdate.Building.load("shear_3dof"))
-        >>> structure.stiffness([1.0, 0.9, 1.0]).shape, structure.levels.shape
-        ((3, 3), (3,))
-
-    Attributes:
-        building: what it is the model of.
-        stiffness_terms: one (n, n) matrix a story, N/m.
-        stiffness_constant: (n, n) part that no factor scales.
-        mass: (n, n) kg.
-        rigid_shapes: (n, 2) displacement of the degrees of freedom per metre of base translation
-            along the motion, and per radian of base rotation that moves what lies above forward.
-        rigid_force: (n, 2) mass matrix, with that of the supports, times those shapes.
-        rigid_mass: (2, 2) mass, first and second moment of it about the base.
-        floor_rows: (f, n) what the floors' sensors see of u, in their mean.
-        levels: (f,) heights of the floors above the base, m.
-        position: (n, 3) where each degree of freedom lies, m.
-        axis: (n,) 0 to 5, ux to rz.
-        points: of its nodes.
-        direction: of the motion, 0 for x, 1 for y.
-        mesh: the mesh of a frame.
-        operators: the assembled mesh of a frame.
-        mesh_size: of a frame, m; the building's own where None.
-        known: matrices that effects asked for, by what they are.
+    >>> import femupdate
+    >>> from femupdate.effects.structure import structure_of
+    >>> structure = structure_of(femupdate.Building.load("shear_3dof"))
+    >>> structure.stiffness([1.0, 0.9, 1.0]).shape, structure.levels.shape
+    ((3, 3), (3,))
     """
 
-    building: Building
-    stiffness_terms: tuple[csc_matrix, ...]
-    stiffness_constant: csc_matrix
-    mass: csc_matrix
+    building: Building  # what it is the model of
+    stiffness_terms: tuple[csc_matrix, ...]  # one (n, n) matrix a story, N/m
+    stiffness_constant: csc_matrix  # (n, n) part that no factor scales
+    mass: csc_matrix  # (n, n) kg
+    # (n, 2) displacement of the degrees of freedom per metre of base translation along the motion,
+    # and per radian of base rotation that moves what lies above forward
     rigid_shapes: Floats
-    rigid_force: Floats
-    rigid_mass: Floats
-    floor_rows: Floats
-    levels: Floats
-    position: Floats
-    axis: Integers
-    points: NodeMotions
-    direction: int
-    mesh: BuildingMesh | None = None
-    operators: AffineOperators | None = None
-    mesh_size: float | None = None
+    rigid_force: Floats  # (n, 2) mass matrix, with that of the supports, times those shapes
+    rigid_mass: Floats  # (2, 2) mass, first and second moment of it about the base
+    floor_rows: Floats  # (f, n) what the floors' sensors see of u, in their mean
+    levels: Floats  # (f,) heights of the floors above the base, m
+    position: Floats  # (n, 3) where each degree of freedom lies, m
+    axis: Integers  # (n,) 0 to 5, ux to rz
+    points: NodeMotions  # of its nodes
+    direction: int  # of the motion, 0 for x, 1 for y
+    mesh: BuildingMesh | None = None  # the mesh of a frame
+    operators: AffineOperators | None = None  # the assembled mesh of a frame
+    mesh_size: float | None = None  # of a frame, m; the building's own where None
+    # matrices that effects asked for, by what they are
     known: dict[Hashable, object] = field(default_factory=dict, init=False, repr=False)
 
     @property

@@ -59,21 +59,15 @@ class ElementMatrices:
 
 @dataclass(frozen=True, kw_only=True)
 class Elements(ABC):
-    """Elements of one kind, one row per element.
+    """Elements of one kind, one row per element."""
 
-    Class attributes:
-        name: of one such element, in messages and building files.
-        cell_type: of the elements in mesh files, by meshio's names, such as "quad".
-        standard: whether cells of this type in mesh files become such elements unless the building
-            file names another kind.
-        force_names: of the r forces that `force_rows` gives.
-        opensees_types: the element types of OpenSees that can stand for it, the usual one first.
-    """
-
-    name: ClassVar[str]
-    cell_type: ClassVar[str]
+    name: ClassVar[str]  # of one such element, in messages and building files
+    cell_type: ClassVar[str]  # of the elements in mesh files, by meshio's names, such as "quad"
+    # whether cells of this type in mesh files become such elements unless the building file names
+    # another kind
     standard: ClassVar[bool] = False
-    force_names: ClassVar[tuple[str, ...]] = ()
+    force_names: ClassVar[tuple[str, ...]] = ()  # of the r forces that `force_rows` gives
+    # the element types of OpenSees that can stand for it, the usual one first
     opensees_types: ClassVar[tuple[str, ...]] = ()
 
     nodes: Integers = rows(0, dtype=np.int64)  # (n, k) node indices, in order around a surface
