@@ -1,7 +1,8 @@
 """Columns, beams, braces, walls and slabs of a frame as blocks of elements on the mesh lines."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -103,11 +104,25 @@ def column_lines(building: FrameBuilding) -> ExtraLines:
     return ExtraLines(x=tuple(x for x, _ in points), y=tuple(y for _, y in points))
 
 
+def _bar(building: FrameBuilding, key: str, kind: str, name: str) -> Callable[..., ElementBlock]:
+    """A maker of the elements of a member with a section of the building."""
+    section = building.sections[name]
+    return partial(
+        ElementBlock,
+        key=key,
+        element=Beams,
+        kind=kind,
+        section=section.figures(),
+        material=building.material(section.material),
+        up=_COLUMN_UP if kind == "column" else _BEAM_UP,
+    )
+
+
 def column_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
     """Yield the columns, one block a story and place."""
     for number, columns in enumerate(building.columns):
         key = f"columns[{number}]"
-        section = building.sections[columns.section]
+        bar = _bar(building, key, "column", columns.section)
         stories = resolve(columns.stories, building.story_names, "story", f"{key}.stories")
         places = [(lattice.x.near(x), lattice.y.near(y)) for x, y in columns.points]
         if not places:
@@ -119,24 +134,14 @@ def column_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Element
                 offset = None
                 if columns.eccentricity is not None:
                     offset = np.tile([*columns.eccentricity, 0.0], (len(nodes), 2, 1))
-                yield ElementBlock(
-                    key=key,
-                    element=Beams,
-                    nodes=nodes,
-                    group=group,
-                    kind="column",
-                    section=section.figures(),
-                    material=building.material(section.material),
-                    up=_COLUMN_UP,
-                    offset=offset,
-                )
+                yield bar(nodes=nodes, group=group, offset=offset)
 
 
 def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
     """Yield the beams, one block a floor and line, or a floor and span where spans have ends."""
     for number, beams in enumerate(building.beams):
         key = f"beams[{number}]"
-        section = building.sections[beams.section]
+        bar = _bar(building, key, "beam", beams.section)
         floors = resolve(beams.floors, building.floors, "floor", f"{key}.floors")
         for run in beam_stretches(building.grid, beams, key):
             parts = [run]
@@ -146,15 +151,9 @@ def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBl
             for floor, part in product(floors, parts):
                 points = lattice.along(part, np.array([lattice.z.at[floor]]))[:, 0]
                 nodes = strips(_touched(lattice, beams, part, points))
-                yield ElementBlock(
-                    key=key,
-                    element=Beams,
+                yield bar(
                     nodes=nodes,
                     group=building.floors.index(floor),
-                    kind="beam",
-                    section=section.figures(),
-                    material=building.material(section.material),
-                    up=_BEAM_UP,
                     offset=_arms(beams, part.axis, len(nodes)),
                     released=_hinges(beams, len(nodes)),
                 )
@@ -164,7 +163,7 @@ def brace_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementB
     """Yield the braces, one block a story; each brace is one element from corner to corner."""
     for number, braces in enumerate(building.braces):
         key = f"braces[{number}]"
-        section = building.sections[braces.section]
+        bar = _bar(building, key, "brace", braces.section)
         stretch = wall_stretch(building.grid, braces, key)
         for story in resolve(braces.stories, building.story_names, "story", f"{key}.stories"):
             group = building.story_names.index(story)
@@ -179,17 +178,7 @@ def brace_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementB
             if braces.ends == "pinned":  # neither end passes bending moments on
                 released = np.zeros((len(nodes), 12), dtype=np.bool_)
                 released[:, [4, 5, 10, 11]] = True
-            yield ElementBlock(
-                key=key,
-                element=Beams,
-                nodes=nodes,
-                group=group,
-                kind="brace",
-                section=section.figures(),
-                material=building.material(section.material),
-                up=_BEAM_UP,
-                released=released,
-            )
+            yield bar(nodes=nodes, group=group, released=released)
 
 
 def _touched(lattice: Lattice, beams: BeamLines, run: Stretch, points: Integers) -> Integers:

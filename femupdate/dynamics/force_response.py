@@ -52,9 +52,15 @@ def rest_flexibility(
     for one in everywhere(partial(_static, structure), list(theta)):
         full.append(one)
         progress.advance()
-    known = [_reduced_static(reduced, one) for one in theta]
-    lacked = np.stack(full) - np.stack(known)
-    return _fitted(theta, np.stack(full), lacked)
+    whole = np.stack(full)
+    lacked = whole - np.stack([_reduced_static(reduced, sample) for sample in theta])
+    # Every sample counts alike, whatever its stiffness.
+    scale = whole.reshape(count, -1).max(axis=1)[:, None]
+    terms = np.linalg.lstsq(1.0 / theta / scale, lacked.reshape(count, -1) / scale)[0]
+    left = lacked - (1.0 / theta @ terms).reshape(whole.shape)
+    shares = [np.diagonal(part / whole, axis1=1, axis2=2) for part in (left, lacked)]
+    error, share = (float(np.sqrt((part**2).mean())) for part in shares)
+    return RestFlexibility(terms.reshape(-1, *whole.shape[1:]), error, share)
 
 
 def rest_about(structure: Structure, reduced: ReducedModel, theta: Floats) -> RestFlexibility:
@@ -74,16 +80,3 @@ def _static(structure: Structure, theta: Floats) -> Floats:
 def _reduced_static(model: ReducedModel, theta: Floats) -> Floats:
     shapes = model.floor_shapes
     return np.asarray(shapes @ np.linalg.solve(model.stiffness(theta), shapes.T))
-
-
-def _fitted(theta: Floats, full: Floats, lacked: Floats) -> RestFlexibility:
-    """Terms that explain the lacking displacements (n, f, f), relative to the whole ones."""
-    count, floors, _ = full.shape
-    # Every sample counts alike, whatever its stiffness.
-    scale = full.reshape(count, -1).max(axis=1)[:, None]
-    found = np.linalg.lstsq(1.0 / theta / scale, lacked.reshape(count, -1) / scale)[0]
-    left = lacked - (1.0 / theta @ found).reshape(full.shape)
-    at_force = np.arange(floors)
-    share = [(part / full)[:, at_force, at_force] for part in (left, lacked)]
-    error, whole = (float(np.sqrt((part**2).mean())) for part in share)
-    return RestFlexibility(found.reshape(-1, floors, floors), error, whole)

@@ -145,8 +145,7 @@ def history_batches(
     `level` a structure whose modes are real follows it; else it stays as at the mean level.
     """
     chosen = settings or HistorySettings()
-    samples = _check_parameters(parameters, system)
-    ratios = _check_zeta(zeta, len(samples))
+    samples, ratios = _checked(parameters, zeta, system)
     record = _check_record(acceleration, time_step, system)
     task = _Task(system, record, float(time_step), chosen)
     if level is not None and system.changes_in_run and not system.complex_modes:
@@ -428,7 +427,7 @@ def _rest(omega: Tensor, ratio: Tensor, share: float) -> float:
     return float(np.clip(-np.log(share) / rate, _SHORTEST_S, _LONGEST_S))
 
 
-def _check_parameters(parameters: Numbers, system: System) -> Tensor:
+def _checked(parameters: Numbers, zeta: Numbers, system: System) -> tuple[Tensor, Tensor]:
     samples = torch.as_tensor(parameters, dtype=torch.float64)
     if samples.ndim != 2 or samples.shape[1] != system.parameters or len(samples) == 0:
         raise StructureError(
@@ -438,11 +437,7 @@ def _check_parameters(parameters: Numbers, system: System) -> Tensor:
     if not torch.isfinite(samples).all():
         row = int(torch.isfinite(samples).all(dim=1).logical_not().nonzero()[0])
         raise StructureError(f"theta of sample {row} is not finite; leave that sample out")
-    return samples
-
-
-def _check_zeta(zeta: Numbers, count: int) -> Tensor:
-    ratios = torch.as_tensor(zeta, dtype=torch.float64)
+    ratios, count = torch.as_tensor(zeta, dtype=torch.float64), len(samples)
     if ratios.ndim == 0:
         ratios = ratios.expand(count)
     if ratios.shape != (count,):
@@ -454,7 +449,7 @@ def _check_zeta(zeta: Numbers, count: int) -> Tensor:
         raise StructureError(
             "zeta must be zero or more in every sample; 0.02 means 2 % of critical"
         )
-    return ratios
+    return samples, ratios
 
 
 def _check_record(acceleration: ArrayLike, time_step: float, system: System) -> Floats:

@@ -44,14 +44,8 @@ _LEAST = 1e-7
 
 Sized = tuple[tuple[Placed, float], ...]
 """Effects, each with its first parameter."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Asked:
-    """What is solved: terms of some sizes at stiffness factors theta (p,)."""
-
-    added: tuple[tuple[Terms, float], ...]
-    theta: Floats
+Question = tuple[tuple[tuple[Terms, float], ...], Floats]
+"""Terms of some sizes, at stiffness factors theta (p,)."""
 
 
 def local_structure(
@@ -97,9 +91,9 @@ def _answers(
         if present is None
         else [changed for one in present for changed in _changes(structure, one)]
     )
-    questions = [_Asked(one, theta) for one in sets]
+    questions: list[Question] = [(terms, theta) for terms in sets]
     unit = even_points(_NEIGHBOURS, len(theta), 3)
-    questions += [_Asked(sets[0], near) for near in theta * np.exp(spread * (2.0 * unit - 1.0))]
+    questions += [(sets[0], near) for near in theta * np.exp(spread * (2.0 * unit - 1.0))]
     middle = equations_at(structure, theta, sets[0])
     changed = replace(structure.operators, stiffness_constant=middle.stiffness, mass=middle.mass)
     alone = with_terms(changed, ())  # without stiffness factors
@@ -195,10 +189,11 @@ class KnownModes:
 
 
 def _answer(
-    structure: Structure, known: KnownModes, target: ReductionTarget, question: _Asked
+    structure: Structure, known: KnownModes, target: ReductionTarget, question: Question
 ) -> Singles:
     """See `nearby_shapes`."""
-    equations = equations_at(structure, question.theta, question.added)
+    added, theta = question
+    equations = equations_at(structure, theta, added)
     return nearby_shapes(equations, structure.floor_rows, known, target).astype(np.float32)
 
 

@@ -86,7 +86,42 @@ def reduce_structure(
     if structure.is_stick:
         return Reduction(lumped(structure))
     asked = _Question(structure, tuple(p.effect.terms(structure, p.place) for p in placed), placed)
-    return _certified(asked, target, progress)
+    (own,), checks = spawn(target.seed, 1), CHOOSE + CERTIFY
+    rng = np.random.default_rng(own)
+    first, least = log_even_samples(target, len(structure.stiffness_terms)), 0
+    progress.start("Reducing the model", len(first) + checks)
+    shapes = _each(_snapshots, asked, target, first, progress)
+    for _ in range(_ROUNDS):
+        basis = compressed(structure.mass, shapes, _SIZES[-1])
+        unit = rng.random((checks, len(target.lower)))
+        unseen = target.lower + (target.upper - target.lower) * unit  # even over the box
+        full = np.stack(_each(_full_log_frf, asked, target, unseen, progress))
+        reduced = whole = reduced_on(structure, basis)
+        # On the fewest shapes that a few samples do not object to, or on all. A few checks see half
+        # as much as many do (50 theta: 1.5 times the rms of four).
+        for size in (s for s in _SIZES if least <= s < basis.shape[1]):
+            errors = asked.log_frf(whole.first(size), unseen[:CHOOSE], target) - full[:CHOOSE]
+            if np.sqrt((errors**2).mean()) <= 0.5 * target.tolerance:
+                reduced = reduced_on(structure, basis[:, :size])
+                break
+        errors = asked.log_frf(reduced, unseen[CHOOSE:], target) - full[CHOOSE:]
+        each = np.sqrt((errors**2).mean(axis=(1, 2)))
+        rms = float(np.sqrt((each**2).mean()))
+        if rms <= target.tolerance:
+            largest = float(np.abs(errors).max())
+            return Reduction(reduced, rms, largest, len(each), float(each.max()))
+        least = reduced.model.size + 1
+        worst = unseen[CHOOSE + np.argsort(each)[-_JOIN:]]
+        progress.start("Reducing the model, on more samples", len(worst) + checks)
+        shapes += _each(_snapshots, asked, target, worst, progress)
+    names = ", ".join(effect.label for effect in placed)
+    cure = ", lower the top of the frequency grid, or calibrate with --exact"
+    raise StructureError(
+        f"a reduced model of {reduced.model.size} shapes{' with ' + names if names else ''} still "
+        f"differs from the full one by {rms:.2g} rms in ln|H|, more than the tolerance "
+        f"{target.tolerance:g}; raise reduction.tolerance"
+        f"{cure if names else ' or lower the top of the frequency grid'}"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,41 +139,6 @@ class _Question:
         terms = tuple(reduced.terms(one) for one in self.placed)
         system = System(reduced.model, ConstantDamping(), self.placed, terms)
         return _log_frf(system, samples, target)
-
-
-def _certified(asked: _Question, target: ReductionTarget, progress: Progress) -> Reduction:
-    (own,), checks = spawn(target.seed, 1), CHOOSE + CERTIFY
-    rng = np.random.default_rng(own)
-    first, least = log_even_samples(target, len(asked.structure.stiffness_terms)), 0
-    progress.start("Reducing the model", len(first) + checks)
-    shapes = _each(_snapshots, asked, target, first, progress)
-    for _ in range(_ROUNDS):
-        basis = compressed(asked.structure.mass, shapes, _SIZES[-1])
-        unit = rng.random((CHOOSE + CERTIFY, len(target.lower)))
-        unseen = target.lower + (target.upper - target.lower) * unit  # even over the box
-        full = np.stack(_each(_full_log_frf, asked, target, unseen, progress))
-        reduced = _smallest(asked, basis, least, unseen[:CHOOSE], full[:CHOOSE], target)
-        errors = asked.log_frf(reduced, unseen[CHOOSE:], target) - full[CHOOSE:]
-        each = np.sqrt((errors**2).mean(axis=(1, 2)))
-        rms = float(np.sqrt((each**2).mean()))
-        if rms <= target.tolerance:
-            largest = float(np.abs(errors).max())
-            return Reduction(reduced, rms, largest, len(each), float(each.max()))
-        least = reduced.model.size + 1
-        worst = unseen[CHOOSE + np.argsort(each)[-_JOIN:]]
-        progress.start("Reducing the model, on more samples", len(worst) + checks)
-        shapes += _each(_snapshots, asked, target, worst, progress)
-    names = ", ".join(one.label for one in asked.placed)
-    raise StructureError(
-        f"a reduced model of {reduced.model.size} shapes{' with ' + names if names else ''} still "
-        f"differs from the full one by {rms:.2g} rms in ln|H|, more than the tolerance "
-        f"{target.tolerance:g}; raise reduction.tolerance"
-        + (
-            ", lower the top of the frequency grid, or calibrate with --exact"
-            if names
-            else " or lower the top of the frequency grid"
-        )
-    )
 
 
 def _each(
@@ -190,20 +190,3 @@ def _log_frf(system: System, samples: Floats, target: ReductionTarget) -> Floats
     zeta = torch.full((len(samples),), target.zeta, dtype=torch.float64)
     frf = system.frf(theta, zeta, sizes, torch.from_numpy(target.frequency_hz))
     return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
-
-
-def _smallest(
-    asked: _Question,
-    basis: Floats,
-    least: int,
-    samples: Floats,
-    full: Floats,
-    target: ReductionTarget,
-) -> ReducedStructure:
-    """On the fewest shapes from `least` up that a few samples do not object to, or on all."""
-    whole = reduced_on(asked.structure, basis)
-    for size in (s for s in _SIZES if least <= s < basis.shape[1]):
-        errors = asked.log_frf(whole.first(size), samples, target) - full
-        if np.sqrt((errors**2).mean()) <= 0.5 * target.tolerance:
-            return reduced_on(asked.structure, basis[:, :size])
-    return whole

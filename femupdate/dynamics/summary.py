@@ -1,7 +1,7 @@
 """Bands, peaks and story stiffness of many histories, and how they compare with measured floors."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,8 @@ from femupdate.dynamics.history import ResponseHistories, join_histories
 from femupdate.errors import StructureError
 from femupdate.tables import Table
 from femupdate.units import percent
+
+_HISTORIES = ("floor_acceleration", "story_shear", "story_drift")
 
 
 @dataclass(frozen=True)
@@ -55,9 +57,9 @@ class HistorySummary:
 def statistics(values: ArrayLike) -> Statistics:
     """Statistics over the first axis of values (S, ...); the sd of a single sample is 0."""
     array = np.asarray(values, dtype=float)
-    moments = _moments(array)
     q05, q95 = np.quantile(array, [0.05, 0.95], axis=0)
-    return Statistics(moments.mean, _sd(moments), q05, q95)
+    sd = np.sqrt(array.var(axis=0) * len(array) / max(len(array) - 1, 1))
+    return Statistics(array.mean(axis=0), sd, q05, q95)
 
 
 def summarise(
@@ -72,24 +74,33 @@ def summarise(
     Raises:
         StructureError: there are no histories, or a story does not drift (a base at rest).
     """
-    moments: _RunningMoments | None = None
+    count, mean, squares = 0, np.zeros(()), np.zeros(())
     rows: list[tuple[Floats, ...]] = []
     kept: list[ResponseHistories] = []
     for batch in [histories] if isinstance(histories, ResponseHistories) else histories:
-        fresh = _moments(batch.floor_acceleration)
-        moments = fresh if moments is None else _merge(moments, fresh)
+        moved, before = batch.floor_acceleration, count
+        # Moments of both together, without cancellation (Chan, Golub and LeVeque 1979).
+        count += len(moved)
+        shift = moved.mean(axis=0) - mean
+        mean = mean + shift * (len(moved) / count)
+        squares = (
+            squares + moved.var(axis=0) * len(moved) + shift**2 * (before * len(moved) / count)
+        )
         of_story = story_stiffness(batch.story_shear, batch.story_drift)
         peaks = (batch.floor_acceleration, batch.story_shear, batch.story_drift)
-        rows.append((*(_peak(values) for values in peaks), of_story))
+        of_peaks = (np.maximum(part.max(axis=-1), -part.min(axis=-1)) for part in peaks)
+        rows.append((*of_peaks, of_story))
         room = max(examples, 1) - sum(len(k) for k in kept)
         if room > 0:
-            kept.append(_first(batch, room))
-    if moments is None:
+            # Views would keep the whole batch in memory.
+            parts = {name: getattr(batch, name)[:room].copy() for name in _HISTORIES}
+            kept.append(replace(batch, **parts))
+    if not count:
         raise StructureError("there are no histories to summarise; give at least one sample")
     floors, shear, drift, stiffness = (np.concatenate(part) for part in zip(*rows, strict=True))
     whole = join_histories(kept)
-    of_floors = whole.floors, moments.mean, _sd(moments), floors
-    return HistorySummary(*of_floors, shear, drift, stiffness, whole)
+    sd = np.sqrt(squares / max(count - 1, 1))
+    return HistorySummary(whole.floors, mean, sd, floors, shear, drift, stiffness, whole)
 
 
 def story_stiffness(shear: Floats, drift: Floats) -> Floats:
@@ -117,49 +128,6 @@ def story_stiffness(shear: Floats, drift: Floats) -> Floats:
             "is the base acceleration zero?"
         )
     return np.einsum("...n,...n->...", shear, centred) / power
-
-
-def _peak(values: Floats) -> Floats:
-    return np.maximum(values.max(axis=-1), -values.min(axis=-1))
-
-
-def _first(batch: ResponseHistories, count: int) -> ResponseHistories:
-    """Copies of the first samples: views would keep the whole batch in memory."""
-    return ResponseHistories(
-        batch.time_step,
-        batch.floors,
-        batch.floor_acceleration[:count].copy(),
-        batch.story_shear[:count].copy(),
-        batch.story_drift[:count].copy(),
-    )
-
-
-@dataclass(frozen=True)
-class _RunningMoments:
-    """Count, mean and sum of squared deviations, which merge without cancellation."""
-
-    count: int
-    mean: Floats
-    squares: Floats
-
-
-def _moments(values: Floats) -> _RunningMoments:
-    mean = values.mean(axis=0)
-    return _RunningMoments(len(values), mean, ((values - mean) ** 2).sum(axis=0))
-
-
-def _merge(a: _RunningMoments, b: _RunningMoments) -> _RunningMoments:
-    """Moments of both together (Chan, Golub and LeVeque 1979)."""
-    count = a.count + b.count
-    shift = b.mean - a.mean
-    mean = a.mean + shift * (b.count / count)
-    return _RunningMoments(
-        count, mean, a.squares + b.squares + shift**2 * (a.count * b.count / count)
-    )
-
-
-def _sd(moments: _RunningMoments) -> Floats:
-    return np.sqrt(moments.squares / max(moments.count - 1, 1))
 
 
 @dataclass(frozen=True)
@@ -224,14 +192,16 @@ def compare(summary: HistorySummary, estimate: Floats, measured: Floats) -> Comp
     correlation = (best * truth).sum(axis=1) / np.sqrt(
         (best**2).sum(axis=1) * (truth**2).sum(axis=1)
     )
+    peak = np.abs(truth).max(axis=1)
+    low, high = np.quantile(summary.peak_acceleration[:, seen], [0.05, 0.95], axis=0)
     return Comparison(
         tuple(summary.floors[row] for row in np.flatnonzero(seen)),
         error,
         correlation,
-        np.abs(best).max(axis=1) / np.abs(truth).max(axis=1),
+        np.abs(best).max(axis=1) / peak,
         (np.abs(mean - truth) <= 2.0 * sd).mean(axis=1),
         _score(mean, sd, truth),
-        _inside(summary.peak_acceleration[:, seen], np.abs(truth).max(axis=1)),
+        (low <= peak) & (peak <= high),
     )
 
 
@@ -242,8 +212,3 @@ def _score(mean: Floats, sd: Floats, truth: Floats) -> Floats:
     density = np.exp(-0.5 * away**2) / np.sqrt(2.0 * np.pi)
     each = wide * (away * (2.0 * ndtr(away) - 1.0) + 2.0 * density - np.pi**-0.5)
     return np.asarray(each.mean(axis=1) / np.sqrt((truth**2).mean(axis=1)))
-
-
-def _inside(peaks: Floats, measured: Floats) -> Flags:
-    low, high = np.quantile(peaks, [0.05, 0.95], axis=0)
-    return np.asarray((low <= measured) & (measured <= high))

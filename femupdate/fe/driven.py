@@ -7,7 +7,6 @@ three hundred modes.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +15,7 @@ from scipy.sparse import csc_matrix
 from femupdate.arrays import Floats
 from femupdate.errors import StructureError
 from femupdate.fe.products import along, combined, symmetric_times
+from femupdate.fe.solve import NaturalModes
 
 _LOOK = 16  # shapes between two checks of the response
 _POINTS = 400  # frequencies at which it is checked
@@ -38,14 +38,6 @@ class Factored(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class DrivenShapes:
-    """Shapes, orthonormal in the mass, on which the structure is diagonal."""
-
-    frequency_hz: Floats  # (r,) of each shape; a natural frequency where it has converged
-    shapes: Floats  # (n, r)
-
-
 def driven_shapes(
     factorization: Factored,
     mass: csc_matrix,
@@ -56,12 +48,12 @@ def driven_shapes(
     watched: Sequence[Floats] = (),
     tolerance: float = 1e-2,
     most: int = 1200,
-) -> DrivenShapes:
-    """Shapes that give the response to some forces up to a frequency.
+) -> NaturalModes:
+    """Shapes that give the response to some forces up to a frequency, diagonal as modes are.
 
     Shapes are added until sixteen more change the response to every force by less than the
     tolerance. With them, the six-story frame errs by 2e-6 rms (1e-4 at most), since convergence
-    quickens.
+    quickens. Those that have converged are natural modes.
 
     Args:
         factorization: of the stiffness (n, n), which is symmetric.
@@ -94,7 +86,7 @@ def driven_shapes(
             pulled = small[:count, :count]
             squared, directions = np.linalg.eigh(0.5 * (pulled + pulled.T))
             frequency = np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi)
-            modes = DrivenShapes(frequency, directions)  # as combinations of the basis
+            modes = NaturalModes(frequency, directions)  # as combinations of the basis
             driven = modes.shapes.T @ along(basis[:, :count], forces)
             response = [
                 _response(modes, (group @ basis[:, :count]) @ modes.shapes, driven, top_hz, least)
@@ -105,7 +97,7 @@ def driven_shapes(
                 for after, before in zip(response, last or (), strict=False)
             ]
             if exhausted or (moves and float(np.sqrt(np.max(moves))) < tolerance):
-                return DrivenShapes(modes.frequency_hz, combined(basis[:, :count], modes.shapes))
+                return NaturalModes(modes.frequency_hz, combined(basis[:, :count], modes.shapes))
             last, looked = response, count
         fresh = factorization.apply(moved)
     raise StructureError(f"{most} shapes do not give the response up to {top_hz:g} Hz; lower that")
@@ -133,7 +125,7 @@ def _orthonormal(fresh: Floats, basis: Floats, mass: csc_matrix) -> tuple[Floats
 
 
 def _response(
-    shapes: DrivenShapes, seen: Floats, driven: Floats, top_hz: float, least: float
+    shapes: NaturalModes, seen: Floats, driven: Floats, top_hz: float, least: float
 ) -> Floats:
     """ln of the magnitude (c, o, k) of the motion of rows under every force."""
     omega = 2.0 * np.pi * shapes.frequency_hz

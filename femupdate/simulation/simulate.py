@@ -166,7 +166,12 @@ def simulate_observation(
     streams = np.random.default_rng(chosen.seed).spawn(4)
     theta = _theta(building, chosen.theta, streams[0])
     zeta = _zeta(building, chosen.zeta)
-    motion = _with_rotation(building, chosen, _base_motion(chosen, streams[1]), streams[3])
+    if chosen.base_motion is not None:
+        motion = chosen.base_motion.resampled(1.0 / chosen.sampling_hz)
+    else:
+        noise = chosen.duration_s, chosen.sampling_hz, chosen.rms_m_s2, chosen.band_hz
+        motion = white_noise(*noise, streams[1])
+    motion = _with_rotation(building, chosen, motion, streams[3])
     effects = tuple(parse_effect(building, name, own) for name, own in chosen.effects)
     progress.start("Solving the full model", 1)
     fine, law = fine_model(building, chosen.mesh_size, chosen.sensors), damping_law(building)
@@ -246,12 +251,8 @@ def _check_settings(settings: SimulationSettings) -> None:
             raise MeasurementError(f"{name} is {value}; it must be {words}")
     if fault := fault_of([vertical_channel(place) for place in settings.vertical_at]):
         raise MeasurementError(fault)
-    if settings.base_motion is None:
-        _check_noise(settings)
-
-
-def _check_noise(settings: SimulationSettings) -> None:
-    """Refuse white noise that is too long, or of a band that cannot be sampled."""
+    if settings.base_motion is not None:
+        return
     samples = settings.sampling_hz * settings.duration_s
     if samples > _MOST_SAMPLES:
         raise MeasurementError(
@@ -300,14 +301,6 @@ def _zeta(building: Building, asked: float | None) -> float | None:
     if not 0.0 < asked < 1.0:
         raise StructureError(f"zeta is {asked:g}; it must lie between 0 and 1 (0.02 means 2 %)")
     return float(asked)
-
-
-def _base_motion(settings: SimulationSettings, rng: np.random.Generator) -> GroundMotion:
-    if settings.base_motion is not None:
-        return settings.base_motion.resampled(1.0 / settings.sampling_hz)
-    return white_noise(
-        settings.duration_s, settings.sampling_hz, settings.rms_m_s2, settings.band_hz, rng
-    )
 
 
 def _with_rotation(

@@ -92,8 +92,20 @@ def _sensed(building: FrameBuilding, sensors: SensorPoints | None) -> FrameBuild
         for floor in building.floors
     }
     if sensors is None:
-        with_corners = {floor: _add(points, _corners(building)) for floor, points in own.items()}
-        return _try_points(building, with_corners) or _with_points(building, own)
+        x, y = (
+            sorted(lines, key=lines.__getitem__) for lines in (building.grid.x, building.grid.y)
+        )
+        corners = f"{y[0]}-{x[0]}", f"{y[-1]}-{x[-1]}"
+        more = {}
+        for floor, points in own.items():
+            known = [_lines(point) for point in points]
+            more[floor] = (*points, *(one for one in corners if _lines(one) not in known))
+        sensed = _with_points(building, more)
+        try:
+            mesh_building(sensed)
+        except BuildingError:  # nothing is built at a corner
+            return _with_points(building, own)
+        return sensed
     if not isinstance(sensors, Mapping):
         sensors = dict.fromkeys(building.floors, sensors)
     for floor in sensors:
@@ -113,18 +125,8 @@ def _listed(building: FrameBuilding, points: tuple[str, ...]) -> tuple[str, ...]
     return tuple(f"{y}-{x}" for y in building.grid.y for x in building.grid.x)
 
 
-def _corners(building: FrameBuilding) -> tuple[str, ...]:
-    x, y = (sorted(lines, key=lines.__getitem__) for lines in (building.grid.x, building.grid.y))
-    return f"{y[0]}-{x[0]}", f"{y[-1]}-{x[-1]}"
-
-
-def _add(points: tuple[str, ...], more: tuple[str, ...]) -> tuple[str, ...]:
-    """Add the points that are not there yet; an intersection may be named in either order."""
-    there = [_lines(point) for point in points]
-    return (*points, *(point for point in more if _lines(point) not in there))
-
-
 def _lines(point: str) -> frozenset[str]:
+    """An intersection may be named in either order."""
     return frozenset(part.strip() for part in point.split("-"))
 
 
@@ -134,18 +136,6 @@ def _with_points(building: FrameBuilding, points: Mapping[str, tuple[str, ...]])
         raise BuildingError(f"sensors of {empty[0]!r}: no point is named; name one at least")
     sensors = building.sensors.model_copy(update={"floors": dict(points)})
     return building.model_copy(update={"sensors": sensors})
-
-
-def _try_points(
-    building: FrameBuilding, points: Mapping[str, tuple[str, ...]]
-) -> FrameBuilding | None:
-    """Return the building with these points, or None where nothing is built at one of them."""
-    sensed = _with_points(building, points)
-    try:
-        mesh_building(sensed)
-    except BuildingError:
-        return None
-    return sensed
 
 
 _REST = 1e-5  # share to which motion has decayed behind the record
