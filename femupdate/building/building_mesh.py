@@ -18,7 +18,6 @@ from femupdate.fe.model import FiniteElementModel, PointMasses
 
 Massive = FrameBuilding | MeshBuilding
 _ROUNDING = 1e-9  # of a floor's mass
-_SLOWEST_HZ = 0.05  # isolated buildings and tall towers move at .1 Hz and more
 
 
 def self_mass(model: FiniteElementModel, dead: Iterable[DeadWall]) -> Floats:
@@ -93,7 +92,8 @@ def _refuse_soft_springs(
     turned = mass @ (np.sum(arm**2, axis=1, keepdims=True) - arm**2)
     inertia = np.concatenate([np.full(3, mass.sum()), turned])
     for key, spring, moved in zip(SPRING_KEYS, supports.springs, inertia, strict=True):
-        if spring is not None and (hz := np.sqrt(spring / moved) / (2.0 * np.pi)) < _SLOWEST_HZ:
+        # Isolated buildings and tall towers move at .1 Hz and more.
+        if spring is not None and (hz := np.sqrt(spring / moved) / (2.0 * np.pi)) < 0.05:
             text = f"the whole building would move at {hz:.1g} Hz on this spring"
             raise Complaint(
                 f"supports.{key}", f"{text}, and no foundation is that soft; is the unit wrong?"

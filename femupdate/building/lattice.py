@@ -16,9 +16,6 @@ from femupdate.errors import BuildingError
 
 Index = Integers | int
 
-_ROUNDING = 1e-6  # of an element: 1.8 m in parts of 0.3 m is six parts, not seven
-_MOST_CROSSINGS = 5_000_000
-
 
 @dataclass(frozen=True)
 class Lines:
@@ -41,7 +38,8 @@ class Lines:
 
 def divisions(length: float, size: float) -> int:
     """Return into how many equal parts no longer than `size` a length is divided."""
-    return max(1, math.ceil(length / size - _ROUNDING))
+    # 1.8 m in parts of 0.3 m is six parts, not seven.
+    return max(1, math.ceil(length / size - 1e-6))
 
 
 def divide(
@@ -152,7 +150,7 @@ def lattice_of(
         sum(np.diff(sorted(station.values()))) / size + len(station) + len(cuts)
         for station, cuts in zip(stations, more, strict=True)
     )
-    if count > _MOST_CROSSINGS:
+    if count > 5_000_000:
         raise BuildingError(
             f"mesh.size: {size:g} m would give some {count:.1e} nodes; write a larger size"
         )

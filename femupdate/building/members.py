@@ -21,8 +21,6 @@ from femupdate.building.quantities import (
     Stress,
 )
 
-_LOWEST_STORY = 0.02  # m, of a model on a bench
-
 
 class Material(Entry):
     """An isotropic linear material."""
@@ -60,7 +58,8 @@ class FrameStory(Story):
 
     @model_validator(mode="after")
     def _not_flat(self) -> "FrameStory":
-        if self.height < _LOWEST_STORY:
+        # A model on a bench has stories of 2 cm and more.
+        if self.height < 0.02:
             raise Complaint(
                 "height",
                 f"a story {self.height * 1e3:.3g} mm high is none; is the unit wrong? Correct it",

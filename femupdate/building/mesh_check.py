@@ -47,8 +47,6 @@ def place(point: Floats) -> str:
 
 
 _SAME = 1e-6  # of the structure's size: nodes nearer than this are in the same place
-_FLAT = 1e-4  # area over the square of the longest diagonal
-_ON_SIDE = 1e-3  # of the side's length
 _KEY = "mesh.file"
 
 
@@ -127,7 +125,8 @@ def _refuse_degenerate(nodes: Floats, kind: str, corners: Integers) -> None:
     else:
         area = np.linalg.norm(area_vectors(points), axis=1)
         longest = np.linalg.norm(points - np.roll(points, 1, axis=1), axis=2).max(axis=1)
-        bad = ~(area > _FLAT * longest**2)
+        # Against rounding: an area over the square of the longest diagonal.
+        bad = ~(area > 1e-4 * longest**2)
         what = "has no area: it is flat, or its nodes do not go around it"
     bad |= (np.diff(np.sort(corners, axis=1), axis=1) == 0).any(axis=1)
     if bad.any():
@@ -173,7 +172,8 @@ def _refuse_hanging(nodes: Floats, cells: Mapping[str, Integers], used: Integers
     axis = (ends[which, 1] - ends[which, 0]) / length[which, None]
     arm = nodes[node] - ends[which, 0]
     aside = np.linalg.norm(arm - np.einsum("nd,nd->n", arm, axis)[:, None] * axis, axis=1)
-    bad = (aside < _ON_SIDE * length[which]) & ~(node[:, None] == side[which]).any(axis=1)
+    # A node nearer than a thousandth of a side's length lies on it.
+    bad = (aside < 1e-3 * length[which]) & ~(node[:, None] == side[which]).any(axis=1)
     if bad.any():
         first = int(bad.argmax())
         a, b = side[which[first]]

@@ -22,9 +22,6 @@ from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 from femupdate.fe.registry import element_for
 from femupdate.units import factor
 
-_STRAIGHT = 0.985  # cosine of the angle by which one span turns at most
-_LEAST = 1e-3  # m; a beam between rigid ends is longer
-
 
 @dataclass(frozen=True)
 class SpanEnds:
@@ -78,7 +75,8 @@ def _breaks(nodes: Floats, lines: Integers, others: Integers) -> Flags:
     away = np.zeros((len(nodes), 3))
     np.add.at(away, lines[:, 0], axis)
     np.add.at(away, lines[:, 1], -axis)
-    broken |= np.einsum("nd,nd->n", away, away) > 2.0 - 2.0 * _STRAIGHT
+    # One span turns by an angle of at most this cosine.
+    broken |= np.einsum("nd,nd->n", away, away) > 2.0 - 2.0 * 0.985
     return np.asarray(broken)
 
 
@@ -92,7 +90,8 @@ def beam_arms(part: Part, nodes: Floats, lines: Integers, spans: SpanEnds, key: 
     length = np.linalg.norm(axis, axis=1)
     first, last = part.rigid_ends
     rigid = first * spans.start + last * spans.end
-    short = np.flatnonzero(rigid.sum(axis=1) > length - _LEAST)
+    # A beam between rigid ends is longer than a millimetre.
+    short = np.flatnonzero(rigid.sum(axis=1) > length - 1e-3)
     if len(short):
         where = place(nodes[lines[short[0]]].mean(axis=0))
         text = f"they leave nothing of the element at {where}, {length[short[0]]:.4g} m long"

@@ -19,7 +19,6 @@ from femupdate.storage import refuse_endless
 
 _MEND = "write it as gmsh 2.2 or 4.1 (.msh), Abaqus (.inp), MED (.med) or VTU (.vtu)"
 _LARGEST_BYTES = 500_000_000  # a million nodes and as many shells take a fifth of it
-_FARTHEST = 1e9  # a thousand kilometres in mm
 _POINTS = ("vertex",)  # they carry no stiffness and are left out
 _FIRST_ORDER = {
     "line3": "line",
@@ -194,7 +193,8 @@ def _check_points(mesh: Any) -> None:
         )
     if not np.isfinite(points).all():
         raise Complaint("mesh.file", f"a coordinate of a node is not a number; {_MEND}")
-    if points.size and np.abs(points).max() > _FARTHEST:
+    # Nobody builds a thousand kilometres, in mm.
+    if points.size and np.abs(points).max() > 1e9:
         text = f"a node lies at {np.abs(points).max():.3g}, which no building reaches; {_MEND}"
         raise Complaint("mesh.file", text)
     for block in mesh.cells:

@@ -25,7 +25,6 @@ _USUAL = {
     "": (1.0, 1000.0),
 }
 _WRONG_UNIT = 10.0  # times beyond what is usual, from where a named material is refused
-_BENDS_EARLY = 4.0  # times a floor's first frequency, above which a grid holds many of its modes
 
 
 def doubts(building: Building) -> Iterator[str]:
@@ -106,7 +105,8 @@ def _soft_slabs(building: FrameBuilding) -> Iterator[str]:
         mass = max([own, *(totals.get(floor, 0.0) / areas[floor] for floor in floors)])
         # First mode of a simply supported plate (Leissa 1969, Vibration of Plates, section 4.1).
         first = 0.5 * np.pi * (a**-2 + b**-2) * np.sqrt(rigidity / max(mass, 1e-9))
-        if building.frequency_grid.stop > _BENDS_EARLY * first:
+        # A grid up to four times a floor's first frequency holds many of its modes.
+        if building.frequency_grid.stop > 4.0 * first:
             yield (
                 f"slabs[{number}]: bays of {a:g} by {b:g} m bend from about {first:.2g} Hz, far "
                 f"below the top of the frequency grid, {building.frequency_grid.stop:g} Hz; "

@@ -11,7 +11,6 @@ from femupdate.errors import BuildingError, close
 from femupdate.storage import check_regular
 
 _SUFFIX = ".toml"
-_LARGEST = 20_000_000  # bytes; drawings of towers take some hundred thousand
 
 
 def shipped_buildings() -> tuple[str, ...]:
@@ -34,7 +33,8 @@ def building_text(path_or_name: str | Path) -> tuple[str, str]:
         return name, files("femupdate.models").joinpath(name).read_text(encoding="utf-8")
     try:
         check_regular(path, BuildingError)
-        if path.stat().st_size > _LARGEST:
+        # Drawings of towers take some hundred thousand bytes.
+        if path.stat().st_size > 20_000_000:
             raise BuildingError(f"{text}: this is too large for a building file; check the path")
         return text, path.read_text(encoding="utf-8")
     except FileNotFoundError:

@@ -15,7 +15,6 @@ from femupdate.errors import BuildingError
 
 _KINDS = ("wall", "non_structural_wall")
 _NEAR = 1e-4  # m
-_STRAIGHT = 1e-2  # of its length: a wall bulges no further
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,8 @@ def _straight(plan: Floats, name: str) -> Floats:
     along, across = axes
     along = along if along[np.abs(along) > 1e-6][0] > 0.0 else -along
     place = (plan - centre) @ along
-    if np.abs((plan - centre) @ across).max() > _STRAIGHT * np.ptp(place):
+    # A straight wall bulges by less than a hundredth of its length.
+    if np.abs((plan - centre) @ across).max() > 1e-2 * np.ptp(place):
         raise BuildingError(
             f"the wall {name} is not straight in plan, so no direction is in its plane; give each "
             "of its legs a group and a part of its own"

@@ -29,7 +29,6 @@ from femupdate.fe.products import combined
 from femupdate.progress import SILENT, Progress
 from femupdate.workers import everywhere
 
-_LEAST = 1e-5  # energy of a response, of the largest, that is kept
 _DIGITS = 6  # decimals of a metre in which lines of two meshes are the same
 
 
@@ -137,7 +136,8 @@ def _moved(
         reduced.floor_shapes @ vectors,
         np.zeros(len(reduced.floors)),
     )
-    forces = combined(loads, (vectors * squared) @ felt.combinations(target, _LEAST))
+    # Responses of less energy, of the largest, are left out.
+    forces = combined(loads, (vectors * squared) @ felt.combinations(target, 1e-5))
     static = STATIC_WEIGHT * fine.rigid_force[:, [TRANSLATION]]
     moved = factorize(fine.stiffness(theta)).apply(np.column_stack([forces, static]))
     return moved.astype(np.float32)

@@ -20,8 +20,6 @@ from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
 from femupdate.workers import everywhere
 
-_SAMPLES_A_FACTOR = 2
-
 
 @dataclass(frozen=True, eq=False)
 class RestFlexibility:
@@ -44,7 +42,7 @@ def rest_flexibility(
     Args:
         lower, upper: (p,) prior box.
     """
-    count = _SAMPLES_A_FACTOR * len(lower)
+    count = 2 * len(lower)
     unit = even_points(count, len(lower), 0)
     theta = np.exp(np.log(lower) + (np.log(upper) - np.log(lower)) * unit)
     progress.start("Solving the full model under forces at the floors", count)

@@ -30,7 +30,6 @@ from femupdate.errors import MeasurementError, StructureError
 from femupdate.progress import SILENT, Progress
 
 Numbers = ArrayLike | Tensor
-_MASSLESS = 1e9  # rad/s
 _STEP = 0.05  # doublings between the levels that are told apart
 _WINDOW = 0.5  # periods of the first mode, in which the structure stays
 # Rounds of response and level: a swelling oscillator is off by a tenth with four, a fourteenth with
@@ -39,7 +38,6 @@ _ROUNDS, _LAST_ROUNDS = 8, 2
 _MOST = round(SPAN / _STEP)  # levels to either side of the mean one
 REST = 1e-4  # share to which motion has decayed behind the record
 _SHORTEST_S, _LONGEST_S = 5.0, 600.0  # of that silence
-_BLOCK = 2048  # frequencies at a time
 
 
 @dataclass(frozen=True)
@@ -415,7 +413,8 @@ def _transformed(
     spectrum = np.fft.rfft(record, padded)
     frequency = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
     frequency[0] = 1e-3 * frequency[1]  # the rigid limit, without a division by zero
-    blocks = np.array_split(2.0 * np.pi * frequency, max(1, len(frequency) // _BLOCK))
+    # As many frequencies at a time as fit the cache.
+    blocks = np.array_split(2.0 * np.pi * frequency, max(1, len(frequency) // 2048))
     values = torch.cat([frf(torch.from_numpy(block)) for block in blocks], dim=2).numpy()
     moved = np.fft.irfft((values * spectrum).sum(axis=1), padded, axis=1)
     return np.asarray(moved[:, :samples])
@@ -480,7 +479,8 @@ def _check_record(acceleration: ArrayLike, time_step: float, system: System) -> 
 def _check_stable(omega: Tensor, first: int) -> None:
     """A building at rest has no negative stiffness, which gives NaN, and no mode at rest."""
     # What has no mass at all (a base on springs) is infinitely fast.
-    fastest = torch.where(omega < _MASSLESS, omega, 0.0).amax(dim=1)
+    # What has no mass is faster than this, rad/s.
+    fastest = torch.where(omega < 1e9, omega, 0.0).amax(dim=1)
     slow = omega.amin(dim=1) <= 1e-7 * fastest
     unstable = (slow | omega.isnan().any(dim=1)).nonzero()
     if len(unstable):

@@ -10,7 +10,6 @@ _STRONG = 0.05, 0.95  # of the energy, between which a motion is strong
 PERIODS = 4.0  # of the strongest mode, over which the level of a moment is taken
 SPAN = 1.0  # doublings to both sides of the mean level, to which laws of the level are known
 PARTS = 7  # of a run, of equal energy of the base, that have a level each
-_SEGMENT_S = 20.0  # of the spectrum that tells the strongest mode
 # Where no histories of the run are known: motion that counts has from half to twice the usual
 # amplitude, evenly.
 RUN_LEVELS = tuple((2 * k + 1 - PARTS) / PARTS for k in range(PARTS))
@@ -66,7 +65,8 @@ def levels_in_run(base: Floats, floors: Floats, time_step: float) -> RunLevels:
     from scipy.ndimage import uniform_filter1d
     from scipy.signal import welch
 
-    length = min(base.size, round(_SEGMENT_S / time_step))
+    # Segments of 20 s tell the strongest mode.
+    length = min(base.size, round(20.0 / time_step))
     frequency, power = welch(floors, 1.0 / time_step, nperseg=length)
     strongest = frequency[1 + power[:, 1:].sum(axis=0).argmax()]
     width = max(1, round(PERIODS / strongest / time_step))

@@ -31,16 +31,7 @@ from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
 from femupdate.workers import everywhere
 
-# Of the largest energy among shapes: a direction below it adds nothing new. Rounding leaves 1e-14
-# to energies and, at 1e-11, a millionth of the first squared frequency to stiffnesses (two frames
-# of 31,000 degrees of freedom). At 1e-8 a frame without walls errs by .04 rms of ln|H|, not .0003.
-_NOTHING = 1e-11
 SPREAD, SIZE = 0.2, 220  # half width in ln theta, and shapes of a basis
-_NEIGHBOURS = 8  # samples of theta near the middle, solved beside it
-_CHANGED = 0.2  # of its size, by which an effect that is present is changed
-# Of the largest energy of the shapes of one question: a two-story frame with a brace as stiff as
-# itself errs by .0047 rms of ln|H|, by .0050 with 1e-6.
-_LEAST = 1e-7
 
 Sized = tuple[tuple[Placed, float], ...]
 """Effects, each with its first parameter."""
@@ -92,7 +83,8 @@ def _answers(
         else [changed for one in present for changed in _changes(structure, one)]
     )
     questions: list[Question] = [(terms, theta) for terms in sets]
-    unit = even_points(_NEIGHBOURS, len(theta), 3)
+    # Eight samples of theta near the middle are solved beside it.
+    unit = even_points(8, len(theta), 3)
     questions += [(sets[0], near) for near in theta * np.exp(spread * (2.0 * unit - 1.0))]
     middle = equations_at(structure, theta, sets[0])
     changed = replace(structure.operators, stiffness_constant=middle.stiffness, mass=middle.mass)
@@ -139,7 +131,8 @@ def _changes(structure: Structure, present: Sized) -> list[tuple[tuple[Terms, fl
         if not placed.effect.parameters or not terms[number].changes_shapes:
             continue
         own = placed.effect.parameters[0]
-        step = max(_CHANGED * abs(size), 0.5 * own.scale)
+        # An effect that is present is changed by a fifth of its size.
+        step = max(0.2 * abs(size), 0.5 * own.scale)
         for other in (size - step, size + step):
             if own.lower <= other <= own.upper:
                 moved = [*sizes[:number], other, *sizes[number + 1 :]]
@@ -251,7 +244,11 @@ class _Projected:
         scale = np.sqrt(self.mass.diagonal())
         # Not NumPy's: the method of divide and conquer has failed on such matrices.
         energy, directions = eigh(self.mass / np.outer(scale, scale))
-        kept = energy > _NOTHING * energy[-1]
+        # A direction of less energy, of the largest, adds nothing new. Rounding leaves
+        # 1e-14 to energies and, at 1e-11, a millionth of the first squared frequency to stiffnesses
+        # (two frames of 31,000 degrees of freedom). At 1e-8 a frame without walls errs by .04 rms
+        # of ln|H|, not .0003.
+        kept = energy > 1e-11 * energy[-1]
         onto = (directions[:, kept] / np.sqrt(energy[kept])) / scale[:, None]
         squared, vectors = eigh(onto.T @ self.stiffness @ onto)
         stands = squared > 0.0  # what a negative stiffness pushes away has no steady response
@@ -259,7 +256,9 @@ class _Projected:
         participation, floors = self.driven @ modes, self.floors @ modes
         missed = static - (floors * participation) @ (1.0 / squared)
         felt = FeltModes(np.sqrt(squared), participation, floors, missed)
-        return modes @ felt.combinations(target, _LEAST)
+        # Shapes of less energy, of the largest, are left out: a two-story frame with a brace as
+        # stiff as itself errs by .0047 rms of ln|H|, by .0050 with 1e-6.
+        return modes @ felt.combinations(target, 1e-7)
 
 
 def _symmetric(first: Floats, between: Floats, second: Floats) -> Floats:

@@ -18,8 +18,6 @@ from torch import Tensor
 _ABOVE = 1.05
 SERIES_TERMS = 3
 CACHED = 2**16  # numbers in one intermediate array
-_FEWEST = 512  # frequencies at a time
-_SLOWEST = 1e-6  # rad/s: what an unstable structure would divide by zero by
 
 
 _TINY = 1e-30
@@ -248,7 +246,8 @@ class ModalData:
         Args:
             ratio: (N, m) damping ratios of the modes.
         """
-        inverse = self.omega.clamp_min(_SLOWEST) ** -2
+        # An unstable structure would divide by zero.
+        inverse = self.omega.clamp_min(1e-6) ** -2
         real, imaginary = modal_sum(inverse, ratio, self.effect * inverse[:, None, :], omega)
         squared = omega**2
         powers = torch.stack([squared ** (k + 1) for k in range(self.residual.shape[-1])])
@@ -278,7 +277,8 @@ def modal_sum(
     """
     # Arrays of all modes at all frequencies are by far the largest: some frequencies at a time, so
     # that they stay in the processor's cache.
-    width = max(_FEWEST, CACHED // max(1, inverse.numel()))
+    # Fewer frequencies at a time would only cost calls.
+    width = max(512, CACHED // max(1, inverse.numel()))
     if omega.numel() > width:
         parts = [modal_sum(inverse, ratio, pairs, some) for some in omega.split(width)]
         real, imaginary = zip(*parts, strict=True)

@@ -13,9 +13,6 @@ from femupdate.arrays import Floats, Integers
 STEPS_AT_A_TIME = 256  # keeps the states of 50 samples x 60 modes inside a few ten megabytes
 HALF_LENGTH = 32  # of the interpolation filter, in samples of the record
 KAISER_BETA = 8.0  # 80 dB: flat to 1e-4 up to 0.92 of the Nyquist frequency
-_IN_BAND = 1.5  # modes below this many Nyquist frequencies can resonate
-_RESONANCE = 100.0  # amplification at a damping ratio of 0.005
-_NOTHING = 1e-18
 
 
 def interpolate_record(acceleration: Floats, factor: int) -> Floats:
@@ -112,7 +109,7 @@ class ModalOutputs:
         on the batch; the modes kept are as many as the sample with the most needs.
         """
         # A base without mass is static whatever the tolerance.
-        matters = self.importance(2.0 * torch.pi * nyquist_hz) > max(tolerance, _NOTHING)
+        matters = self.importance(2.0 * torch.pi * nyquist_hz) > max(tolerance, 1e-18)
         count = max(1, int(matters.sum(dim=1).max()))
         order = matters.to(torch.int8).argsort(dim=1, descending=True, stable=True)[:, :count]
 
@@ -142,7 +139,8 @@ class ModalOutputs:
         of_static = static / static.abs().sum(-1, keepdim=True).clamp_min(1e-30)
         share = torch.where(self.base[..., None] != 0.0, of_base, of_static)
         squared = (nyquist / self.omega) ** 2
-        error = torch.where(squared > _IN_BAND**-2, _RESONANCE, squared / (1.0 - squared))
+        # Modes below 1.5 Nyquist frequencies can resonate: a hundred times at a damping of .005.
+        error = torch.where(squared > 1.5**-2, 100.0, squared / (1.0 - squared))
         return share.abs().amax(dim=(1, 2)) * error
 
     def project(self, windows: Iterator["Window"], record: Tensor) -> Tensor:

@@ -275,9 +275,6 @@ def _reduced_mass(basis: Floats, mass: MassTerms) -> MassTerms:
     return MassTerms(*(torch.from_numpy(np.asarray(part)) for part in parts))
 
 
-_SOFT = 1e-3  # frequency on the springs over the building's first one
-
-
 def released_base(structure: Structure) -> ReleasedBase | None:
     """How forces move the base of a structure; None where its building says that it is held."""
     supports = structure.building.supports
@@ -286,7 +283,8 @@ def released_base(structure: Structure) -> ReleasedBase | None:
     own = np.zeros((2, 2))
     own[TRANSLATION, TRANSLATION] = supports.mass or 0.0
     inertia = (structure.rigid_mass + own).diagonal()
-    flexibility = 1.0 / (inertia * (_SOFT * structure.fundamental[0]) ** 2)
+    # The springs hold it at a thousandth of the building's first frequency.
+    flexibility = 1.0 / (inertia * (1e-3 * structure.fundamental[0]) ** 2)
     if supports.base == "slides":
         flexibility[ROTATION] = 0.0
     return ReleasedBase(flexibility=flexibility, mass=own)

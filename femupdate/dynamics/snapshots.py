@@ -24,11 +24,7 @@ from femupdate.seeds import even_points
 _SAMPLES, _SAMPLES_EACH = 32, 2
 TOP = 1.3  # times the top of the grid: up to where responses are right that shapes are taken from
 STATIC_WEIGHT = 1e-2  # of the static response among the shapes
-# Duals matter less than the motion itself: a twentieth of its weight was best of those tried.
-_DUAL = 0.05
-_SMALLEST = 1e-3  # |H| below which a frequency weighs no more
 _LEAST_NEW = 1e-13  # energy of a shape, of the largest, that is kept
-_MORE = 40  # combinations beyond the size of a basis, at least
 _SEED = 11  # of combinations
 
 
@@ -69,10 +65,13 @@ class FeltModes:
         omega, w = self.omega[:, None], 2.0 * np.pi * target.frequency_hz[::2]
         moved = 1.0 / (omega**2 - w**2 + 2j * target.zeta * omega * w)
         frf = 1.0 + (self.floors * self.participation) @ (w**2 * moved)
-        size = np.abs(frf + self.missed[:, None] * w**2).clip(_SMALLEST)
+        # A frequency weighs no more where |H| is smaller.
+        size = np.abs(frf + self.missed[:, None] * w**2).clip(1e-3)
         primal = self.participation[:, None] * moved * (w**2 / size.min(axis=0))
+        # Duals matter less than the motion itself: a twentieth of its weight was best of those
+        # tried.
         dual = [
-            _DUAL**0.5 * shape[:, None] * moved * (w**2 / one)
+            0.05**0.5 * shape[:, None] * moved * (w**2 / one)
             for shape, one in zip(self.floors, size, strict=True)
         ]
         gram = sum(_real_gram(one) for one in (primal, *dual))
@@ -99,7 +98,8 @@ def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) 
             precision does: energies go down to 1e-13 of the largest with it.
     """
     count = sum(one.shape[1] for one in shapes)
-    span = _orthonormal(mass, _combined(shapes, min(size + max(size // 2, _MORE), count)))
+    # At least 40 combinations more than the basis has shapes.
+    span = _orthonormal(mass, _combined(shapes, min(size + max(size // 2, 40), count)))
     forces = symmetric_times(mass, span).T
     single = forces.astype(np.float32)
     parts = [(single if one.dtype == np.float32 else forces) @ one for one in shapes]

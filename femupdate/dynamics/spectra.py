@@ -15,7 +15,6 @@ from femupdate.tables import Table
 
 _POINTS = 12  # a period: between them the peak is missed by at most 1 - cos(pi / 12), 3.4 %
 _SPECTRUM_HZ, _SPECTRUM_POINTS = (0.2, 40.0), 120
-_MOST = 16  # finest subdivision of a step
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,8 @@ def response_spectrum(
     _check(histories, time_step, frequency, zeta)
     peaks = np.zeros((*histories.shape[:-1], len(frequency)))
     flat, found = histories.reshape(-1, histories.shape[-1]), peaks.reshape(-1, len(frequency))
-    points = np.ceil(_POINTS * frequency * time_step).clip(1, _MOST).astype(int)
+    # A step is divided into sixteen at most.
+    points = np.ceil(_POINTS * frequency * time_step).clip(1, 16).astype(int)
     for factor in np.unique(points):
         fine = np.stack([interpolate_record(row, int(factor)) for row in flat])
         chosen = np.flatnonzero(points == factor)

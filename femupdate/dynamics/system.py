@@ -40,7 +40,6 @@ from femupdate.effects.effect import (
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
 _MATRICES = 2**20  # numbers in the matrices of a batch of eigenproblems
-_LEAST = 1e-12  # |H| below which it is rounding
 # Size of one intermediate array (samples x modes x frequencies).
 _CPU_BYTES = 2**20
 _GPU_BYTES = 512 * 2**20
@@ -418,7 +417,8 @@ class System:
             theta, sizes = self.split(parameters)
             whole = self.seen_frf(theta, zeta, sizes, frequency_hz, how.seen)
             frf = whole if how.floors is None else whole[:, list(how.floors)]
-            return frf.abs().clamp_min(_LEAST).log()
+            # What is smaller is rounding.
+            return frf.abs().clamp_min(1e-12).log()
         # Damping leaves the modes alone: rows that differ in it only share theirs.
         rows, same = _different(parameters.detach())
         top, chosen = float(frequency_hz[-1]), None if how.floors is None else list(how.floors)

@@ -15,9 +15,6 @@ from femupdate.effects.structure import Structure
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.solve import lowest_modes
 
-# A mode counts as driven when some floor sees at least this share of the base motion in it.
-_DRIVEN = 0.05
-
 
 @dataclass(frozen=True)
 class ReducedModes:
@@ -61,7 +58,8 @@ def driven_modes(model: ReducedModel, modes: ReducedModes, count: int) -> list[i
     """The lowest modes of the first sample that the base motion drives at some floor."""
     vectors = modes.vectors[0]
     effect = (model.floor_shapes @ vectors) * (model.excitation @ vectors)
-    return [int(k) for k in np.flatnonzero(np.abs(effect).max(axis=0) >= _DRIVEN)[:count]]
+    # A mode counts as driven when some floor sees at least this share of the base motion in it.
+    return [int(k) for k in np.flatnonzero(np.abs(effect).max(axis=0) >= 0.05)[:count]]
 
 
 def track_mode(modes: ReducedModes, reference: Floats) -> TrackedMode:
@@ -115,8 +113,6 @@ def mean_shape(shapes: Floats) -> tuple[Floats, Floats]:
 
 X, Y, TORSION, SLABS, DIAGONAL = "X", "Y", "torsion", "slabs", "X+Y"
 _LEAST, _KEPT = 12, 80  # modes of a mesh; 80 of the six-story example fill its frequency grid
-_SAME = 0.5  # modal assurance criterion above which two shapes are of one mode
-_LEVEL = 1e-3  # of the height: nodes this near to a floor's level belong to it
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +133,9 @@ class FullModes:
         shapes = compared_shapes(model, vectors.T)
         product = np.abs(_unit(shapes) @ _unit(self.shapes).T) ** 2
         best = product.argmax(axis=1)
+        # Two shapes are of one mode above this modal assurance criterion.
         return [
-            int(k) + 1 if value[k] >= _SAME else None
-            for k, value in zip(best, product, strict=True)
+            int(k) + 1 if value[k] >= 0.5 else None for k, value in zip(best, product, strict=True)
         ]
 
 
@@ -194,7 +190,8 @@ def _effective(operators: AffineOperators, shapes: Floats, axis: int) -> Floats:
 
 def _direction(shape: Floats, nodes: Floats, mass: Floats, levels: Floats) -> str:
     """What most of the floors' kinetic energy is of: floors as rigid plates, or their bending."""
-    near = _LEVEL * max(float(np.ptp(nodes[:, 2])), 1e-9)
+    # Nodes this near to a floor's level, of the height, belong to it.
+    near = 1e-3 * max(float(np.ptp(nodes[:, 2])), 1e-9)
     energy = np.zeros(4)
     for level in levels:
         on = (np.abs(nodes[:, 2] - level) < near) & (mass > 0.0)

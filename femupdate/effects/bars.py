@@ -11,8 +11,6 @@ from femupdate.fe.assembly import AffineOperators, element_entries, summed
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.model import FiniteElementModel
 
-_FINE = 3  # decimals of ln(1 + series) in which members of one matrix agree
-
 
 def bars_of(model: FiniteElementModel, kinds: tuple[str, ...]) -> Beams:
     """The beam elements of some kinds."""
@@ -55,7 +53,8 @@ def rank_one_terms(
         nodes: (n, 2) that each column acts on.
         series: (n,) as in `Stiffness`.
     """
-    level = np.round(np.log1p(series), _FINE)
+    # Members of one matrix agree in three decimals of it.
+    level = np.round(np.log1p(series), 3)
     present = (columns != 0.0).any(axis=1)
     found = []
     for story, own in sorted({*zip(group[present], level[present], strict=True)}):
@@ -66,9 +65,6 @@ def rank_one_terms(
         if matrix.nnz:
             found.append(Stiffness(int(story), matrix, float(series[chosen].mean())))
     return tuple(found)
-
-
-_STRAIGHT = 1e-6  # sine of the angle between elements of one beam
 
 
 def turning_floors(structure: Structure) -> Hinges:
@@ -150,7 +146,8 @@ def _beam_of(
         if joint[node]:
             continue
         for other in at_node[node]:
-            straight = np.linalg.norm(np.cross(axis[first], axis[other])) < _STRAIGHT
+            # The angle between elements of one beam has no greater sine.
+            straight = np.linalg.norm(np.cross(axis[first], axis[other])) < 1e-6
             if straight and other not in found:
                 found.append(other)
                 open_ends += [end for end in nodes[other] if end != node]

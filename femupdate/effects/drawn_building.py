@@ -9,9 +9,6 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.effects.structure import Structure
 
-_PLAN = 0.45  # side of the plan of a shear building as drawn, over its height
-_RADIUS = 0.027  # of the ball of a sensor, over the building's size
-
 
 @dataclass(frozen=True, eq=False)
 class Glyph:
@@ -40,7 +37,8 @@ class DrawnBuilding:
             return self.structure.mesh.model.nodes
         heights = np.concatenate([[0.0], self.structure.levels])
         corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) - 0.5
-        plan = _PLAN * heights[-1] * corners
+        # The plan of a shear building is drawn this wide, of its height.
+        plan = 0.45 * heights[-1] * corners
         return np.vstack([np.column_stack([plan, np.full(4, height)]) for height in heights])
 
     @cached_property
@@ -65,7 +63,7 @@ class DrawnBuilding:
     @property
     def radius(self) -> float:
         """Of the ball of a sensor, m."""
-        return _RADIUS * self.size
+        return 0.027 * self.size
 
     @cached_property
     def levels(self) -> Floats:

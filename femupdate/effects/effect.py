@@ -22,7 +22,6 @@ ALL_STORIES = -1
 UNSCALED = -2
 Matrix: TypeAlias = csc_matrix | Tensor
 Array: TypeAlias = Floats | Tensor
-_REACH = 5.0  # standard deviations of the prior, beyond which nothing is looked for
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,8 @@ class EffectParameter:
     @property
     def likely(self) -> tuple[float, float]:
         """Lowest and highest value that the prior takes seriously, within the limits."""
-        reach = _REACH * self.scale
+        # Nothing is looked for beyond five standard deviations of the prior.
+        reach = 5.0 * self.scale
         return max(self.lower, self.neutral - reach), min(self.upper, self.neutral + reach)
 
 

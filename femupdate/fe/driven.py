@@ -17,13 +17,7 @@ from femupdate.errors import StructureError
 from femupdate.fe.products import along, combined, symmetric_times
 from femupdate.fe.solve import NaturalModes
 
-_LOOK = 16  # shapes between two checks of the response
 _POINTS = 400  # frequencies at which it is checked
-_DAMPING = 0.01
-_NOTHING = 1e-12  # share of a block's energy; a direction with less adds nothing new
-# Of unit vectors along others: without it they are as long as before, to the last digit.
-_ROUNDING = 1e-9
-_SMALL = 1e-3  # of the largest of watched rows; nobody looks for a hundredth of what is smaller
 
 
 class Factored(Protocol):
@@ -78,7 +72,8 @@ def driven_shapes(
         basis[:, count : count + block.shape[1]] = block
         count += block.shape[1]
         exhausted = block.shape[1] == 0
-        if exhausted or count >= looked + _LOOK:
+        # The response is checked every sixteen shapes.
+        if exhausted or count >= looked + 16:
             new = slice(looked, count)
             pulled = factorization.times(basis[:, new])
             small[:count, new] = along(basis[:, :count], pulled)
@@ -88,9 +83,10 @@ def driven_shapes(
             frequency = np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi)
             modes = NaturalModes(frequency, directions)  # as combinations of the basis
             driven = modes.shapes.T @ along(basis[:, :count], forces)
+            # Of watched rows nobody looks for a hundredth of what is smaller than the largest.
             response = [
                 _response(modes, (group @ basis[:, :count]) @ modes.shapes, driven, top_hz, least)
-                for group, least in ((rows, 0.0), *((some, _SMALL) for some in watched))
+                for group, least in ((rows, 0.0), *((some, 1e-3) for some in watched))
             ]
             moves = [  # mean square change of each force's response, of each group of rows
                 ((after - before) ** 2).mean(axis=(1, 2))
@@ -114,11 +110,13 @@ def _orthonormal(fresh: Floats, basis: Floats, mass: csc_matrix) -> tuple[Floats
     for known in (basis[:, -2 * fresh.shape[1] :], basis):
         askew = along(known, moved)
         fresh = fresh - combined(known, askew)
-        if known is basis and np.abs(askew).max(initial=0.0) < _ROUNDING:
+        # Without so little along others, unit vectors are as long as before to the last digit.
+        if known is basis and np.abs(askew).max(initial=0.0) < 1e-9:
             break
         moved = symmetric_times(mass, fresh)
         energy, directions = np.linalg.eigh(fresh.T @ moved)
-        kept = energy > _NOTHING
+        # A direction with a smaller share of a block's energy adds nothing new.
+        kept = energy > 1e-12
         onto = directions[:, kept] / np.sqrt(energy[kept])
         fresh, moved = fresh @ onto, moved @ onto
     return fresh, moved
@@ -130,6 +128,6 @@ def _response(
     """ln of the magnitude (c, o, k) of the motion of rows under every force."""
     omega = 2.0 * np.pi * shapes.frequency_hz
     w = 2.0 * np.pi * top_hz * np.arange(1, _POINTS + 1) / _POINTS
-    flexible = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * _DAMPING * omega[:, None] * w)
+    flexible = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * 0.01 * omega[:, None] * w)
     moved = np.abs(np.stack([(seen * force) @ flexible for force in driven.T]))
     return np.asarray(np.log(moved + least * moved.max(axis=(1, 2), keepdims=True) + 1e-300))

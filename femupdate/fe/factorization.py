@@ -76,7 +76,6 @@ ENVIRONMENT = "FEMUPDATE_SPARSE"
 _RESIDUAL = 1e-8  # relative, in coordinates scaled by the diagonal; sound systems give 1e-12
 _SEED = 20240
 _TOGETHER = 14  # right-hand sides; a column of many takes half as long again, beyond the cache
-_PANEL = 4  # columns at a time; SuperLU's own choice of 20 is a third slower on shells
 
 
 class SingularMatrixError(StructureError):
@@ -116,6 +115,7 @@ class SuperLUFactors:
 
     def __init__(self, matrix: csc_matrix, pivoted: bool = False, ordered: bool = False) -> None:
         self._pivoted = pivoted
+        # SuperLU's own choice of 20 columns at a time is a third slower on shells.
         self._factors: SuperLU = (
             splu(matrix)
             if pivoted
@@ -123,7 +123,7 @@ class SuperLUFactors:
                 matrix,
                 permc_spec="NATURAL" if ordered else "MMD_AT_PLUS_A",
                 diag_pivot_thresh=0.0,
-                panel_size=_PANEL,
+                panel_size=4,
                 options={"SymmetricMode": True},
             )
         )

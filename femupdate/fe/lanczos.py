@@ -17,21 +17,15 @@ from scipy.sparse import csc_matrix
 from femupdate.arrays import Floats
 from femupdate.fe.products import along, combined, symmetric_times
 
-_MANY = 30  # number of values from which blocks are faster than single vectors
 _BLOCK = 4  # vectors; a solution with all of them reads the factor from memory once
-_FIRST_LOOK = 1.4  # vectors per value wanted at the first check; none converge earlier
-_LOOKS = 20  # between two checks of the convergence the vectors grow by one in twenty
-_MEMORY = 1e9  # bytes that the vectors may take
-_USUAL = 5  # vectors per value that suffice as a rule: memory for fewer is not worth a try
 _PROBES = 4  # random combinations of the vectors, to which a new one must be orthogonal
-_LEAN = 1e-8  # inner product from which vectors are made orthogonal again: half of all digits
 _SEED = 20240
-_UNEVEN = 1e-2  # ratio of pivots below which one pass does not make a block orthonormal
 
 
 def block_size(count: int) -> int:
     """Vectors in a block where so many values are wanted."""
-    return 1 if count < _MANY else _BLOCK
+    # From thirty values on blocks are faster than single vectors.
+    return 1 if count < 30 else _BLOCK
 
 
 def most_vectors(size: int, count: int, width: int) -> int:
@@ -40,8 +34,10 @@ def most_vectors(size: int, count: int, width: int) -> int:
     Usual problems take 2 to 5 per value, and twice as many in blocks of sixteen.
     """
     each = 2 if width > _BLOCK else 1
-    wanted, room = min(size - width, (6 * count + 60) * each), int(_MEMORY / (8.0 * size))
-    return min(wanted, room) if room >= min(wanted, _USUAL * count * each) else 0
+    # The vectors may take a gigabyte.
+    wanted, room = min(size - width, (6 * count + 60) * each), int(1e9 / (8.0 * size))
+    # Five vectors a value suffice as a rule: memory for fewer is not worth a try.
+    return min(wanted, room) if room >= min(wanted, 5 * count * each) else 0
 
 
 def largest_of_inverse(
@@ -64,7 +60,8 @@ def largest_of_inverse(
     """
     size, width = start.shape
     most = most_vectors(size, count, width)
-    look = int(_FIRST_LOOK * count) + 20
+    # None converge before there are 1.4 vectors a value wanted.
+    look = int(1.4 * count) + 20
     try:
         steps = _Recurrence(solve, mass, start, most)
         while steps.done + width <= most:
@@ -76,7 +73,8 @@ def largest_of_inverse(
                     ahead, (values, inside) = steps.block @ steps.link, pairs
                     rest = ahead @ (inside[-ahead.shape[1] :] / values)
                     return values, steps.known @ inside + rest
-                look = steps.done + max(2, steps.done // _LOOKS)
+                # Between two checks of the convergence the vectors grow by one in twenty.
+                look = steps.done + max(2, steps.done // 20)
     except np.linalg.LinAlgError:
         pass  # the vectors span all that the start reaches
     return None
@@ -163,7 +161,8 @@ class _Watch:
 
     def overlaps(self, block: Floats) -> bool:
         """Whether vectors (n, b) are no longer orthogonal to those that are known."""
-        return bool(np.abs(self._sum.T @ block).max() > _LEAN)
+        # Vectors are made orthogonal again once they have lost half of all digits.
+        return bool(np.abs(self._sum.T @ block).max() > 1e-8)
 
 
 def _orthonormal(vectors: Floats, mass: csc_matrix) -> tuple[Floats, Floats, Floats]:
@@ -183,7 +182,8 @@ def _orthonormal(vectors: Floats, mass: csc_matrix) -> tuple[Floats, Floats, Flo
         vectors, image = np.asfortranarray(vectors @ inverse), np.asfortranarray(image @ inverse)
         whole = factor @ whole
         pivots = factor.diagonal()
-        if pivots.min() > _UNEVEN * pivots.max():
+        # With less even pivots one pass does not make a block orthonormal.
+        if pivots.min() > 1e-2 * pivots.max():
             return vectors, image, whole
 
 

@@ -7,8 +7,6 @@ from femupdate.arrays import Floats, Integers
 from femupdate.errors import StructureError
 from femupdate.fe.model import DOF_NAMES, DOF_PER_NODE, FiniteElementModel, RigidLinks
 
-_LONGEST_CHAIN = 16  # masters that are slaves of masters; a real building has three at most
-
 
 def slave_dof(links: RigidLinks) -> Integers:
     """Degrees of freedom that follow a master, (m,) indices into 6N."""
@@ -53,7 +51,8 @@ def link_expansion(model: FiniteElementModel) -> csr_matrix | None:
     free = np.ones(model.dof)
     free[slaves] = 0.0
     expansion = (identity(model.dof, format="csr").multiply(free) + follow).tocsr()
-    for _ in range(_LONGEST_CHAIN):
+    # Masters may be slaves of masters; a real building has three of them at most.
+    for _ in range(16):
         if not expansion[:, slaves].nnz:
             return expansion
         expansion = (expansion @ expansion).tocsr()

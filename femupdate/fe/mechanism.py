@@ -9,14 +9,7 @@ from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, SingularMatrixError, factorize
 from femupdate.fe.model import DOF_NAMES, DOF_PER_NODE
 
-# Stiffness of the softest pattern over that of single degrees of freedom. Rounding leaves up to
-# 3e-16 to a mechanism; a beam 10 000 times as long as its elements are deep still has 3e-14.
-_NO_STIFFNESS = 3e-15
-_SHIFT = 1e-10
-_ITERATIONS = 3
 _SEED = 7
-_ROTATION_ARM = 0.01  # of the structure's size: what makes a rotation comparable to a displacement
-_TIE = 0.999
 
 _FREE = (
     "moves along {} with nothing to resist it; add a support or a connection there (the modes of a "
@@ -51,10 +44,12 @@ def factorize_held(operators: AffineOperators, stiffness: csc_matrix) -> Factori
     try:
         factorization = factorize(stiffness)
     except SingularMatrixError:
-        factorization = factorize((stiffness + _SHIFT * diags(diagonal)).tocsc())
+        factorization = factorize((stiffness + 1e-10 * diags(diagonal)).tocsc())
         raise _error(operators, _softest(factorization, diagonal)[0], _FREE) from None
     softest, ratio = _softest(factorization, diagonal)
-    if abs(ratio) < _NO_STIFFNESS:
+    # Stiffness of the softest pattern over that of single degrees of freedom. Rounding leaves up to
+    # 3e-16 to a mechanism; a beam 10 000 times as long as its elements are deep still has 3e-14.
+    if abs(ratio) < 3e-15:
         raise _error(operators, softest, _FREE)
     return factorization
 
@@ -78,7 +73,7 @@ def _softest(factorization: Factorization, diagonal: Floats) -> tuple[Floats, fl
     scale = np.sqrt(diagonal)
     pattern = np.random.default_rng(_SEED).standard_normal(len(scale))
     ratio = 1.0
-    for _ in range(_ITERATIONS):
+    for _ in range(3):
         pattern /= np.linalg.norm(pattern)
         image = scale * factorization.apply(scale * pattern)
         ratio = 1.0 / float(pattern @ image)
@@ -89,8 +84,9 @@ def _softest(factorization: Factorization, diagonal: Floats) -> tuple[Floats, fl
 def _error(operators: AffineOperators, motion: Floats, reason: str) -> StructureError:
     node, direction = np.divmod(operators.free, DOF_PER_NODE)
     size = float(np.ptp(operators.nodes, axis=0).max()) or 1.0
-    magnitude = np.abs(motion) * np.where(direction < 3, 1.0, _ROTATION_ARM * size)
-    most = int((magnitude >= _TIE * magnitude.max()).argmax())
+    # A hundredth of the size makes a rotation comparable to a displacement.
+    magnitude = np.abs(motion) * np.where(direction < 3, 1.0, 0.01 * size)
+    most = int((magnitude >= 0.999 * magnitude.max()).argmax())
     place = ", ".join(f"{value:g}" for value in operators.nodes[node[most]])
     return StructureError(
         f"the structure is a mechanism: node {node[most]} at ({place}) m "

@@ -15,15 +15,8 @@ from femupdate.fe.lanczos import block_size, largest_of_inverse
 from femupdate.fe.mechanism import factorize_held, factorize_supported, refuse_negative
 from femupdate.fe.products import symmetric_times
 
-_FEW = 500  # up to so many degrees of freedom with mass a dense solution is as fast as Lanczos
-_NO_MASS = 1e-14
-_TOLERANCE = 3e-6  # of residuals; the error of the frequencies is its square
 _SHARP_TOLERANCE = 1e-8
-_RESIDUAL = 3e-5  # relative; solutions without trouble stay below a tenth of it
 _SEED = 20240
-_CLEAR = 1e-3  # relative distance of two eigenvalues between which pivots are counted
-_GAP = 1e-4  # relative; nearer to an eigenvalue the signs of the pivots are not certain
-_CLOSE = 1e-6  # relative; of components as close as this to the largest, the first decides the sign
 
 
 @dataclass(frozen=True)
@@ -90,13 +83,15 @@ def _lowest(
 ) -> NaturalModes:
     """The lowest modes; exactly `count` eigenvalues are known to lie under a finite `below`."""
     massive = _massive(operators)
-    if massive <= max(_FEW, 3 * count):
+    # Up to 500 degrees of freedom with mass a dense solution is as fast as Lanczos.
+    if massive <= max(500, 3 * count):
         refuse_negative(operators, problem.factorization)
         return _modes(problem, *_condensed(problem, count))
     complaint = "did not converge"
     width, vectors = block_size(count), min(problem.stiffness.shape[0], 3 * count + 40)
+    # The frequencies err by the square of the tolerance of the residuals.
     attempts = (
-        lambda: _own_lanczos(problem, count, width, _TOLERANCE),
+        lambda: _own_lanczos(problem, count, width, 3e-6),
         # Finds repeated modes, up to as many as the block has vectors.
         lambda: _own_lanczos(problem, count, 4 * width, _SHARP_TOLERANCE),
         lambda: _arpack(problem, count, _SHARP_TOLERANCE, None),
@@ -112,7 +107,8 @@ def _lowest(
         error = np.linalg.norm(elastic - values * image, axis=0)
         size = np.linalg.norm(elastic - problem.shift * image, axis=0)
         residual = float((error / size).max())
-        if not residual < _RESIDUAL:
+        # Solutions without trouble stay below a tenth of it.
+        if not residual < 3e-5:
             complaint = f"left a relative residual of {residual:.1e}"
         elif values[-1] < below < np.inf or _complete(problem, values):
             return _modes(problem, *pairs)
@@ -190,7 +186,7 @@ def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
     flexibility = root.T @ flexible
     inverse, coordinates = eigh(0.5 * (flexibility + flexibility.T))
     inverse, coordinates = inverse[::-1][:count], coordinates[:, ::-1][:, :count]
-    if not inverse[-1] > _NO_MASS * inverse[0]:
+    if not inverse[-1] > 1e-14 * inverse[0]:
         raise StructureError(
             f"{count} modes were asked for, but fewer motions carry mass; ask for fewer"
         )
@@ -233,9 +229,11 @@ def _complete(problem: _Problem, values: Floats) -> bool:
     """Whether as many eigenvalues lie below the highest gap as were found below it."""
     edges = np.concatenate([[problem.shift], values])
     gaps = np.diff(edges) / (values - problem.shift)
-    clear = np.flatnonzero(gaps >= _CLEAR)  # the highest gap leaves least unseen above it
+    # Pivots are counted between eigenvalues that lie so far apart.
+    clear = np.flatnonzero(gaps >= 1e-3)  # the highest gap leaves least unseen above it
     top = int(clear[-1]) if len(clear) else int(gaps.argmax())
-    if gaps[top] < _GAP:
+    # Nearer to an eigenvalue the signs of the pivots are not certain.
+    if gaps[top] < 1e-4:
         top = 0
     between = 0.5 * (edges[top] + edges[top + 1])
     shifted = (problem.stiffness - between * problem.mass).tocsc()
@@ -255,7 +253,8 @@ def _modes(problem: _Problem, values: Floats, shapes: Floats) -> NaturalModes:
     image = symmetric_times(problem.mass, shapes)
     norm = np.sqrt(np.einsum("ij,ij->j", shapes, image))
     magnitude = np.abs(shapes)
-    largest = (magnitude >= (1.0 - _CLOSE) * magnitude.max(axis=0)).argmax(axis=0)
+    # Of components as close as this to the largest, the first decides the sign.
+    largest = (magnitude >= (1.0 - 1e-6) * magnitude.max(axis=0)).argmax(axis=0)
     sign = np.sign(shapes[largest, np.arange(len(values))])
     frequency = np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
     return NaturalModes(frequency, shapes * (sign / norm))

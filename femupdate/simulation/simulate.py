@@ -133,7 +133,6 @@ logger = logging.getLogger(__name__)
 DIGITS = 6  # of the numbers in the file
 _LARGEST_BAND = 0.9  # of the Nyquist frequency; the record is interpolated flat up to 0.92
 _MOST_SAMPLES = 500_000  # a channel: an hour and more at 100 Hz
-_EXCITED = 0.01  # share of the mass from which a mode is worth naming
 
 # Settings that are numbers or None: the lowest, the highest, and both in words.
 _ABOVE_ZERO = float(np.nextafter(0.0, 1.0)), np.inf, "a number above zero"
@@ -322,7 +321,8 @@ def _with_rotation(
 def _truth(
     building: Building, truth: Truth, theta: Floats, zeta: float | None, seed: int
 ) -> SimulationTruth:
-    driven = truth.effective_mass >= _EXCITED
+    # Modes are named that move a hundredth of the mass.
+    driven = truth.effective_mass >= 0.01
     return SimulationTruth(
         parameters=tuple(factor_ranges(building)),
         theta=theta,

@@ -34,9 +34,6 @@ from femupdate.measurement.record import GroundMotion
 SensorPoints = Mapping[str, tuple[str, ...]] | tuple[str, ...]
 Meshed = FrameBuilding | MeshBuilding
 
-# Of the building's own mesh: finer than the half on which calibrations work.
-_FINER = 0.4
-
 
 def sensor_places(
     building: Meshed, mesh_size: float | None, sensors: SensorPoints | None
@@ -66,7 +63,8 @@ def sensor_places(
         update = {"sensors": building.sensors.model_copy(update={"floors": own})}
         building = building.model_copy(update=update)
         return building, None, *_channels(building)
-    size = _FINER * building.mesh.size if mesh_size is None else mesh_size
+    # Finer than the half of its own mesh on which calibrations work.
+    size = 0.4 * building.mesh.size if mesh_size is None else mesh_size
     sensed = _sensed(building, sensors)
     return sensed, size, *_channels(sensed)
 
@@ -138,9 +136,6 @@ def _with_points(building: FrameBuilding, points: Mapping[str, tuple[str, ...]])
     return building.model_copy(update={"sensors": sensors})
 
 
-_REST = 1e-5  # share to which motion has decayed behind the record
-
-
 @dataclass(frozen=True, eq=False)
 class FineModel:
     """What of a truth depends on neither theta nor the effects: a building's own equations."""
@@ -187,7 +182,8 @@ class Truth:
             torch.tensor([self.values], dtype=torch.float64).reshape(1, -1),
         )
         if not self.system.changes_in_run:
-            return transformed_sensors(self.system, sample, motion.inputs, motion.time_step, _REST)
+            # The motion has decayed to this share behind the record.
+            return transformed_sensors(self.system, sample, motion.inputs, motion.time_step, 1e-5)
         instruments = any(one.effect.instrument for one in self.system.placed)
         if instruments or self.system.complex_modes:
             raise StructureError(

@@ -28,8 +28,6 @@ _PLANE_XZ = np.array([2, 4, 8, 10])  # w and ry, where ry = -dw/dx
 _SIGN_XZ = np.array([1.0, -1.0, 1.0, -1.0])
 _ARMS_HEAD = ("rigid arms: first x", "y", "z", "second x", "y", "z")
 _ENDS_Y = np.array([4, 10])
-_NOTHING = 1e-10  # of the largest energy: a part that a release took away
-_PARALLEL = 1e-6  # sine of the angle between `up` and the axis below which there is no plane
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +110,8 @@ class Beams(Elements):
         turn = np.where(np.arange(12) % 6 < 3, 1.0, self.measure(points)[:, None])
         energy, shapes = np.linalg.eigh(both / turn[:, :, None] / turn[:, None, :])
         energy, shapes = energy[:, -4:], shapes[:, :, -4:]
-        there = energy > _NOTHING * energy[:, -1:]
+        # A part with less of the largest energy is what a release took away.
+        there = energy > 1e-10 * energy[:, -1:]
         root = np.sqrt(np.where(there, energy, 1.0))[:, None, :]
         columns = np.where(there[:, None, :], shapes * root, 0.0) * turn[:, :, None]
         inverse = np.where(there[:, None, :], shapes / root, 0.0) / turn[:, :, None]
@@ -196,7 +195,8 @@ class Beams(Elements):
         x = (ends[:, 1] - ends[:, 0]) / length[:, None]
         across = self.up - np.einsum("nd,nd->n", self.up, x)[:, None] * x
         width = np.linalg.norm(across, axis=1)
-        parallel = ~(width > _PARALLEL * np.linalg.norm(self.up, axis=1))
+        # Below this sine of the angle between `up` and the axis there is no plane.
+        parallel = ~(width > 1e-6 * np.linalg.norm(self.up, axis=1))
         self.refuse(parallel, "has `up` along its axis; give a direction across the beam")
         z = across / width[:, None]
         return np.stack([x, np.cross(z, x), z], axis=1)

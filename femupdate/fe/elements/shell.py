@@ -22,13 +22,8 @@ from femupdate.fe.membrane import (
 from femupdate.fe.plate import plate_curvature, plate_mass, plate_stiffness
 from femupdate.fe.surface import SHELL_FORCES, Surface
 
-_FLAT = 1e-9  # area over the square of the longest diagonal below which an element has no area
-_PLANE = 1e-14  # height over size up to which rounding alone lifts a corner off the plane
 _AT_ONCE = 512  # elements whose matrices fit the processor's cache
-_SHARED = 0.1  # kinds of elements over elements up to which each kind is made once
-_SAME = 1e-10  # of the longest side
 _SEED = 20240
-_FOLDED = 1e-4  # corner Jacobian over the mean one: a corner of 180 degrees has 0
 # The parent square whose corners are the Gauss points sees the element's corners at sqrt(3).
 _TO_CORNERS = shape_functions(np.sqrt(3.0) * CORNERS)
 
@@ -87,7 +82,8 @@ class Shells(Surface):
         frame = mean_planes(corners)
         self._check_shape(frame)
         first, which = _alike(corners, (*self.elastic, self.density))
-        shared = len(first) < _SHARED * len(which)
+        # Each kind is made once where there are ten elements of it and more.
+        shared = len(first) < 0.1 * len(which)
         chosen = first if shared else np.arange(len(which))
         for start in range(0, len(chosen), _AT_ONCE):
             some = chosen[start : start + _AT_ONCE]
@@ -149,8 +145,9 @@ class Shells(Surface):
         corner = determinants(jacobians(frame.plane, CORNERS))
         mean = determinants(jacobians(frame.plane, CENTRE))[:, 0]
         size = np.abs(frame.plane).max(axis=(1, 2), initial=0.0) + np.abs(frame.height).max(axis=1)
+        # No area, beside the longest diagonal; a corner of 180 degrees has a Jacobian of 0.
         self.refuse(
-            ~((mean > _FLAT * size**2) & (corner.min(axis=1) > _FOLDED * mean)),
+            ~((mean > 1e-9 * size**2) & (corner.min(axis=1) > 1e-4 * mean)),
             "has no area, a folded side or a corner of 180 degrees or more; list its four distinct "
             "nodes in order around a convex quadrilateral",
         )
@@ -163,7 +160,8 @@ _OUT_OF_PLANE = Shells.directions(2, 3, 4)
 def _alike(coordinates: Floats, properties: tuple[Floats, ...]) -> tuple[Integers, Integers]:
     """First element of every kind that there is, (u,), and the kind of each element, (n,)."""
     sides = (coordinates[:, 1:] - coordinates[:, :1]).reshape(-1, 9)
-    grain = _SAME * np.abs(sides).max(initial=1e-300)
+    # Sides are the same to ten digits of the longest.
+    grain = 1e-10 * np.abs(sides).max(initial=1e-300)
     exact = np.column_stack(properties).view(np.int64)
     key = np.column_stack([np.rint(sides / grain).astype(np.int64), exact])
     odd = np.random.default_rng(_SEED).integers(2**62, size=key.shape[1]) | 1
@@ -176,7 +174,8 @@ def _alike(coordinates: Floats, properties: tuple[Floats, ...]) -> tuple[Integer
 def _in_global_axes(matrices: Floats, frame: MeanPlanes) -> Floats:
     """Symmetric matrices (n, 24, 24) of the projected corners for global motion of the nodes."""
     size = np.abs(frame.plane).max(axis=(1, 2), initial=0.0)
-    warped = np.flatnonzero(np.abs(frame.height).max(axis=1, initial=0.0) > _PLANE * size)
+    # Rounding alone lifts a corner off the plane by so much of the size.
+    warped = np.flatnonzero(np.abs(frame.height).max(axis=1, initial=0.0) > 1e-14 * size)
     arms = _rigid_arms(frame.height[warped])
     matrices[warped] = np.swapaxes(arms, 1, 2) @ matrices[warped] @ arms
     for _ in range(2):

@@ -11,14 +11,12 @@ from femupdate.fe.membrane import integrate, plane_stress
 from femupdate.fe.plate import SHEAR_CORRECTION
 from femupdate.fe.surface import SHELL_FORCES, Surface
 
-_FLAT = 1e-6  # height over the longest side below which a triangle has no area
 _SIDES = np.array([[0, 1], [1, 2], [2, 0]])
 # Sides that meet in each corner: the one that starts there and the one that ends there.
 _LEAVING, _ARRIVING = (0, 1, 2), (2, 0, 1)
 _MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])  # area coordinates
 
 _LUMPING = 1.5  # alpha_b of Felippa (2003): how drilling rotations share the basic stiffness
-_LEAST_HIGHER = 0.01  # beta_0 = (1 - 4 nu^2) / 2 must not vanish
 # beta_1 ... beta_9 of Felippa (2003), table 2, as the rows of Q at the three corners.
 _Q = np.array(
     [
@@ -89,8 +87,9 @@ class Triangles(Surface):
         corners = self.corners(points)
         sides = np.linalg.norm(corners[:, _SIDES[:, 1]] - corners[:, _SIDES[:, 0]], axis=2)
         twice = 2.0 * np.linalg.norm(area_vectors(corners), axis=1)
+        # A triangle of less height, over the longest side, has no area.
         self.refuse(
-            ~(twice > _FLAT * sides.max(axis=1, initial=0.0) ** 2),
+            ~(twice > 1e-6 * sides.max(axis=1, initial=0.0) ** 2),
             "has no area; its three nodes must not lie on one line",
         )
 
@@ -148,7 +147,8 @@ def _membrane(
     per_length = (2.0 / 3.0 * shape.area[:, None] / shape.length**2)[:, None, :, None]
     corner = _Q * per_length
     middle = 0.5 * (corner + np.roll(corner, -1, axis=1))
-    weight = np.maximum(0.5 * (1.0 - 4.0 * poisson_ratio**2), _LEAST_HIGHER)
+    # (1 - 4 nu^2) / 2, Felippa's beta_0, must not vanish.
+    weight = np.maximum(0.5 * (1.0 - 4.0 * poisson_ratio**2), 0.01)
     of_rotation = integrate(middle, elastic[:, None] @ middle, np.ones((len(volume), 3)))
     of_rotation *= (0.75 * weight * volume)[:, None, None]
     return basic + np.swapaxes(deviation, 1, 2) @ of_rotation @ deviation
