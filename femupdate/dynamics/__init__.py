@@ -22,6 +22,7 @@ _PUBLIC = {
     "lumped": "reduced",
     "member_forces": "members",
     "MemberForces": "members",
+    "mesh_modes": "tracking",
     "modal_sum": "modes",
     "ModalData": "modes",
     "Modes": "modes",

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 
 from femupdate.building import from_document, load_building, mesh_building, self_mass
 from femupdate.building.lattice import divisions
+from femupdate.dynamics import mesh_modes
+from femupdate.effects import structure_of
 from femupdate.fe import Beams, Shells, assemble, lowest_modes
 
 DENSITY = 2400.0
@@ -180,3 +182,17 @@ def test_wall_without_stiffness_weighs_on_both_floors(small):
         extra = padded[0] - left * padded[1]  # the spread rest shrinks by the wall's self weight
         assert extra[line].sum() == pytest.approx(moved, rel=1e-9)
         np.testing.assert_allclose(extra[on_floor & ~line], 0.0, atol=1e-9 * 60e3)
+
+
+@pytest.mark.parametrize(
+    ("lines", "named"), [(("X0", "Y0"), {"X+Y", "torsion"}), (("X0", "X2"), {"X", "Y"})]
+)
+def test_modes_across_the_diagonal_are_named_so(make_document, lines, named):
+    walls = [
+        {"along": line, "from": f"{across}0", "to": f"{across}2", "thickness": 0.1}
+        for line, across in zip(lines, ("Y" if n[0] == "X" else "X" for n in lines), strict=True)
+    ]
+    document = make_document([3.0], ([4.0, 4.0], [4.0, 4.0]), 2.0, walls=walls)
+    modes = mesh_modes(structure_of(from_document(document)))
+    driven = modes.effective_mass.max(axis=1) > 0.1
+    assert {modes.direction[k] for k in driven.nonzero()[0]} == named
