@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -20,24 +19,19 @@ from femupdate.effects import CATALOGUE
 from femupdate.errors import ReportError
 from femupdate.study import Study
 from femupdate.workflow.model import open_study
+from tests import sticks
 
-MODELS = Path(__file__).parents[3] / "models"
 # Numbers that no published trial has used; every outcome is a function of them.
 SEED = 90
-PLAN = TrialPlan(clean=2, one=3, two=0, outside=1)
+PLAN = TrialPlan(clean=1, one=2, two=0, outside=0)
 # Half of a trial's record, seen at a fifth of the frequencies: seconds instead of a minute.
 SHORT = TrialSettings(durations_s=(60.0,))
 
 
 @pytest.fixture(scope="module")
 def four_stories(tmp_path_factory):
-    text = (MODELS / "shear_4dof.toml").read_text(encoding="utf-8")
-    grid, prior, end = (
-        text.index(f"[{name}]") for name in ("frequency_grid", "prior.theta", "provenance")
-    )
-    coarse = '[frequency_grid]\nstart = "0.1 Hz"\nstep = "0.1 Hz"\ncount = 205\n\n'
     path = tmp_path_factory.mktemp("building") / "four_stories.toml"
-    path.write_text(text[:grid] + coarse + text[prior:end], encoding="utf-8")
+    path.write_text(sticks.four_stories(), encoding="utf-8")
     return str(path)
 
 
@@ -55,7 +49,7 @@ def run(tmp_path_factory, four_stories):
 @pytest.fixture(scope="module")
 def outcomes(run):
     found = [restored(Outcome, part) for part in run.parts.values()]
-    return {kind: [one for one in found if one.kind == kind] for kind in (CLEAN, ONE, OUTSIDE)}
+    return {kind: [one for one in found if one.kind == kind] for kind in (CLEAN, ONE)}
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +59,7 @@ def one(outcomes):
 
 
 def test_nothing_is_found_where_nothing_is_hidden(outcomes):
-    assert [one.verdict for one in outcomes[CLEAN]] == ["none"] * 2
+    assert [one.verdict for one in outcomes[CLEAN]] == ["none"]
 
 
 def test_what_is_hidden_and_visible_is_named_and_the_gap_closes(outcomes):
@@ -77,15 +71,9 @@ def test_what_is_hidden_and_visible_is_named_and_the_gap_closes(outcomes):
             assert one.held_after < one.held_before
 
 
-def test_what_the_catalogue_lacks_is_not_called_nothing(outcomes):
-    strong = [one for one in outcomes[OUTSIDE] if one.strength >= 10.0]
-    assert strong
-    assert all(one.verdict != "none" for one in strong)
-
-
 def test_the_summary_counts(outcomes):
     clean = outcomes[CLEAN]
-    alarmed = [replace(clean[0], verdict="named"), *clean[1:]]
+    alarmed = [replace(clean[0], verdict="named"), *clean]
     rows = {row.what: row for row in summary(alarmed)}
     assert rows["false alarms on clean cases"].found.startswith("50.0%")
     assert rows["false alarms on clean cases"].of == 2
@@ -136,7 +124,7 @@ def test_names_are_counted_by_strength(one):
 def test_the_result_is_written_with_machine_and_seed(run):
     content = run.report.content()
     assert content["seed"] == SEED
-    assert [one["kind"] for one in content["outcomes"]] == [ONE, CLEAN, ONE, OUTSIDE, CLEAN, ONE]
+    assert sorted(one["kind"] for one in content["outcomes"]) == [CLEAN, ONE, ONE]
     assert "false alarms" in run.report.text
 
 
