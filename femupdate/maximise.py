@@ -61,20 +61,6 @@ class Descent:
         return -self.nats.double().cpu() - 0.5 * torch.linalg.slogdet(self.precision)[1]
 
 
-@dataclass(frozen=True)
-class DescentSettings:
-    """When to stop.
-
-    Attributes:
-        small_gain: gain of a step, nats, below which a start is finished.
-        most_damping: damping beyond which a start is finished.
-    """
-
-    iterations: int = 40
-    small_gain: float = 1e-3
-    most_damping: float = 1e6
-
-
 class Residuals:
     """Whitened residuals as a function of standard normal coordinates.
 
@@ -142,18 +128,14 @@ class _InNormal:
         return torch.cat([self.misfit.derivative(*both)[:, :, first:] for both in parts])
 
 
-def descend(misfit: Residuals, starts: Tensor, settings: DescentSettings | None = None) -> Descent:
+def descend(misfit: Residuals, starts: Tensor, how: "Search") -> Descent:
     """Minimise the misfit from every start (s, z)."""
-    settings, size = settings or DescentSettings(), starts.shape[1]
+    size = starts.shape[1]
     far, one = starts.new_full((size,), torch.inf), torch.eye(size).to(starts)
     found = maximise(
         _InNormal(misfit, -far, far, torch.zeros_like(far), one),
         starts,
-        Search(
-            iterations=settings.iterations,
-            small_nats=settings.small_gain,
-            most_damping=settings.most_damping,
-        ),
+        how,
     )
     jacobian, residual = found.jacobian, found.residual
     pull = (jacobian.mT @ residual[:, :, None])[:, :, 0]
@@ -165,31 +147,23 @@ def nats_of(residual: Tensor, z: Tensor) -> Tensor:
     return 0.5 * (residual.square().sum(1) + z.square().sum(1))
 
 
-@dataclass(frozen=True)
-class Kept:
-    """Which points of a descent are kept.
+def distinct(descent: Descent, log_mass: Tensor, *, nats: float, count: int) -> Descent:
+    """Different end points that count, the heaviest (log masses (s,)) first.
 
-    Attributes:
+    Two within a standard deviation of the posterior are one.
+
+    Args:
         nats: that one may be lighter than the heaviest.
-        count: at most.
-        apart: posterior standard deviations within which two are one.
+        count: of them, at most.
     """
-
-    nats: float
-    count: int
-    apart: float = 1.0
-
-
-def distinct(descent: Descent, log_mass: Tensor, kept: Kept) -> Descent:
-    """Different end points that count, the heaviest (log masses (s,)) first."""
     z, precision = descent.z.double().cpu(), descent.precision
     rows: list[int] = []
     for row in torch.argsort(log_mass, descending=True).tolist():
-        if log_mass[row] < log_mass.max() - kept.nats or len(rows) == kept.count:
+        if log_mass[row] < log_mass.max() - nats or len(rows) == count:
             break
         offsets = z[rows] - z[row]
         distance = torch.einsum("ci,cij,cj->c", offsets, precision[rows], offsets)
-        if bool((distance > kept.apart**2).all()):
+        if bool((distance > 1.0).all()):
             rows.append(row)
     return descent[rows]
 

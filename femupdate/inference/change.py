@@ -42,14 +42,6 @@ class Changes:
     visible: Floats
 
 
-@dataclass(frozen=True)
-class _Hypothesis:
-    """Columns (p, k) that a change is made of, and the log of its prior probability."""
-
-    design: Floats
-    log_prior: float
-
-
 def changes(before: Floats, after: Floats) -> Changes:
     """Probabilities that factors changed.
 
@@ -58,13 +50,14 @@ def changes(before: Floats, after: Floats) -> Changes:
             no noise.
     """
     shift = after.mean(axis=0) - before.mean(axis=0)
-    precision = np.asarray(np.linalg.inv(_covariance(before) + _covariance(after)), float)
-    tried = list(_hypotheses(len(shift)))
-    fits = [_fit(one.design, precision, shift) for one in tried]
-    log_weight = np.array([one.log_prior + fit[0] for one, fit in zip(tried, fits, strict=True)])
+    covariance = np.atleast_2d(np.cov(before.T)) + np.atleast_2d(np.cov(after.T))
+    precision = np.asarray(np.linalg.inv(covariance), float)
+    designs, log_priors = zip(*_hypotheses(len(shift)), strict=True)
+    fits = [_fit(design, precision, shift) for design in designs]
+    log_weight = np.array(log_priors) + [fit[0] for fit in fits]
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
-    involved = np.array([(one.design != 0.0).any(axis=1) for one in tried])
+    involved = np.array([(design != 0.0).any(axis=1) for design in designs])
     share = weight[:, None] * involved
     probability = share.sum(axis=0)
     inside = share / np.maximum(probability, 1e-300)
@@ -81,25 +74,21 @@ def changes(before: Floats, after: Floats) -> Changes:
     )
 
 
-def _covariance(draws: Floats) -> Floats:
-    return np.atleast_2d(np.cov(draws.T))
-
-
 def _single(count: int) -> float:
     """Prior probability of a change of one of `count` factors."""
     return 1.0 - NONE ** (1.0 / count)
 
 
-def _hypotheses(count: int) -> Iterator[_Hypothesis]:
-    """Nothing first, then every set of factors, all alike last."""
+def _hypotheses(count: int) -> Iterator[tuple[Floats, float]]:
+    """Columns (p, k) of changes and their log priors: nothing, sets of factors, all alike."""
     one = _single(count)
     most = count if count <= 10 else 3
     for size in range(most + 1):
         prior = size * math.log(one) + (count - size) * math.log1p(-one)
         for chosen in combinations(range(count), size):
-            yield _Hypothesis(np.eye(count)[:, list(chosen)], prior)
+            yield np.eye(count)[:, list(chosen)], prior
     if count > 1:
-        yield _Hypothesis(np.ones((count, 1)), math.log(one) + (count - 1) * math.log1p(-one))
+        yield np.ones((count, 1)), math.log(one) + (count - 1) * math.log1p(-one)
 
 
 def _fit(design: Floats, precision: Floats, shift: Floats) -> tuple[float, Floats, Floats]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtrc, ndtri
 from torch import Tensor
 
-from femupdate.arrays import Flags, Floats, Integers
+from femupdate.arrays import Floats, Integers
 from femupdate.inference.importance import GaussianMixture, fit_mixture
 from femupdate.seeds import torch_generator
 from femupdate.units import percent
@@ -118,20 +118,11 @@ def r_hat(draws: ArrayLike) -> Floats | None:
     values = np.asarray(draws, dtype=float)
     if len(values) < 2:
         return None
-    columns = np.moveaxis(values, -1, 0)
+    half = values.shape[1] // 2
+    halves = np.moveaxis(np.concatenate([values[:, :half], values[:, -half:]]), -1, 0)
     return np.array(
-        [max(_plain(_scores(x)), _plain(_scores(_folded(x)))) for x in map(_cut, columns)]
+        [max(_plain(_scores(x)), _plain(_scores(np.abs(x - np.median(x))))) for x in halves]
     )
-
-
-def _cut(chains: Floats) -> Floats:
-    """Both halves of every chain (c, n) as chains of their own."""
-    half = chains.shape[1] // 2
-    return np.concatenate([chains[:, :half], chains[:, -half:]])
-
-
-def _folded(chains: Floats) -> Floats:
-    return np.abs(chains - np.median(chains))
 
 
 def _scores(chains: Floats) -> Floats:
@@ -352,7 +343,9 @@ def identifiability(
     inside = [np.atleast_2d(np.cov(white[rows].T)) for rows in groups]
     covariance = np.sum([w * c for w, c in zip(share, inside, strict=True)], axis=0)
     combinations = _combinations(covariance, np.arange(len(covariance)))
-    alone = _left_alone(combinations)
+    # Parameters that lie outside of all determined combinations.
+    determined = [part.weight**2 for part in combinations if part.kept <= _UNDETERMINED]
+    alone = np.sum(determined or [np.zeros(len(combinations))], axis=0) < 0.1
     return Identifiability(
         tuple(names),
         combinations,
@@ -370,20 +363,15 @@ def _whitened(draws: Floats, lower: Floats, upper: Floats) -> Floats:
     columns = []
     for values, low, high in zip(draws.T, lower, upper, strict=True):
         if low > 0.0:
-            mean, sd = _log_moments(low, high)
-            columns.append((np.log(values) - mean) / sd)
+            # Moments of ln u, u uniform on the range, by the antiderivatives.
+            ends = np.array([low, high])
+            log = np.log(ends)
+            mean = np.diff(ends * (log - 1.0))[0] / (high - low)
+            square = np.diff(ends * (log**2 - 2.0 * log + 2.0))[0] / (high - low)
+            columns.append((np.log(values) - mean) / np.sqrt(square - mean**2))
         else:
             columns.append((values - 0.5 * (low + high)) / ((high - low) / 12**0.5))
     return np.column_stack(columns)
-
-
-def _log_moments(low: float, high: float) -> tuple[float, float]:
-    """Mean and standard deviation of ln u, u uniform on [low, high], by the antiderivatives."""
-    ends = np.array([low, high])
-    log = np.log(ends)
-    first = np.diff(ends * (log - 1.0))[0] / (high - low)
-    second = np.diff(ends * (log**2 - 2.0 * log + 2.0))[0] / (high - low)
-    return float(first), float(np.sqrt(second - first**2))
 
 
 def _combinations(covariance: Floats, chosen: Integers) -> tuple[Combination, ...]:
@@ -395,13 +383,6 @@ def _combinations(covariance: Floats, chosen: Integers) -> tuple[Combination, ..
         weight[chosen] = part * np.sign(part[np.abs(part).argmax()])
         found.append(Combination(weight, float(np.sqrt(max(variance, 0.0)))))
     return tuple(found)
-
-
-def _left_alone(combinations: Sequence[Combination]) -> Flags:
-    """Parameters (p,) that lie outside of all determined combinations."""
-    determined = [part.weight**2 for part in combinations if part.kept <= _UNDETERMINED]
-    size = len(combinations)
-    return np.asarray(np.sum(determined or [np.zeros(size)], axis=0) < 0.1)
 
 
 __all__ = ["PredictiveCheck", "predictive_check"]

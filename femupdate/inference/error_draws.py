@@ -11,7 +11,7 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.inference.frf_data import LEARNING, frf_data
 from femupdate.inference.likelihood import Likelihood
-from femupdate.inference.model_error import ErrorLevel, LearnedError
+from femupdate.inference.model_error import LearnedError
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.units import percent
@@ -146,24 +146,14 @@ def draw_errors(
     size, *phases = (SizeDraws(found.levels, mean[rows]) for mean in parts)
     phase = phases[0] if phases else None
     if phase is None and observation.phase is not None:
-        phase = _drawn(*_of_phase(likelihood, flat, observation), observation, turned, shape)
+        # Phases that are not judged: rows that count, of a finer table where there is an error.
+        both = frf_data(observation, likelihood.system.floors, believed=LEARNING)
+        turns = replace(likelihood, data=(both,)).raw(flat)[:, both.sd.numel() :]
+        whole = replace(both, phase=None).error(None)
+        finer = whole.finer(int(whole.log_densities(turns).logsumexp(0).argmax()))
+        finer = finer.kept(finer.counting(finer.log_densities(turns)))
+        phase = _drawn(finer, turns, observation, turned, shape)
     return ErrorDraws(size, phase, error.harmonics.first_hz, error.harmonics.width_hz)
-
-
-def _of_phase(
-    likelihood: Likelihood, parameters: Tensor, observation: Observation
-) -> tuple[LearnedError, Tensor]:
-    """The error of phases that are not judged, and their residuals (n, f k)."""
-    both = frf_data(observation, likelihood.system.floors, believed=LEARNING)
-    alone = replace(likelihood, data=(both,)).raw(parameters)
-    turns = alone[:, both.sd.numel() :]
-    return _that_counts(replace(both, phase=None).error(None), turns), turns
-
-
-def _that_counts(whole: LearnedError, residuals: Tensor) -> LearnedError:
-    """The rows that count at residuals (n, f k), of a finer table where there is an error."""
-    finer = whole.finer(int(whole.log_densities(residuals).logsumexp(0).argmax()))
-    return finer.kept(finer.counting(finer.log_densities(residuals)))
 
 
 def _drawn(
@@ -176,7 +166,8 @@ def _drawn(
     shares = torch.softmax(error.log_densities(residuals), dim=1)
     generator, count = torch_generator(seed), shape[0] * shape[1]
     drawn = torch.multinomial(shares.mean(0), count, replacement=True, generator=generator)
-    levels = torch.tensor([_numbers(level) for level in error.levels], dtype=torch.float64)[drawn]
+    table = [[getattr(level, name) for name in COLUMNS] for level in error.levels]
+    levels = torch.tensor(table, dtype=torch.float64)[drawn]
     rows = torch.multinomial(shares, 1, generator=generator)[:, 0]
     values = error.harmonics.at(torch.from_numpy(observation.frequency_hz))
     found = [
@@ -185,7 +176,3 @@ def _drawn(
     ]
     mean = torch.stack(found).sum(0) @ values.T / len(residuals)
     return SizeDraws(levels.reshape(*shape, -1).numpy(), mean.numpy())
-
-
-def _numbers(level: ErrorLevel) -> list[float]:
-    return [getattr(level, name) for name in COLUMNS]

@@ -425,7 +425,8 @@ class FrfData:
     def remains(self, error: LearnedError, row: int, raw: Tensor) -> Remains:
         """What residuals (n,) hold beside noise, by a row of the table of errors."""
         level = error.levels[row]
-        noise = _noise_sentence(level.noise)
+        wider = f"The noise is {level.noise:.1f} times the stated one."
+        noise = wider if level.noise > 1.0 else ""
         if level.common == level.own == 0.0:
             return Remains(noise=level.noise, sentence=noise)
         found = error.likeliest(error.tame(raw[None], row), row)[0]  # (p f, j)
@@ -478,10 +479,6 @@ def _as_run(system: System, seen: Estimator | None) -> System:
     if seen is None or not (system.changes_in_run and seen.run_levels):
         return system
     return replace(system, run_levels=seen.run_levels)
-
-
-def _noise_sentence(noise: float) -> str:
-    return f"The noise is {noise:.1f} times the stated one." if noise > 1.0 else ""
 
 
 def _rms(values: np.ndarray) -> float:

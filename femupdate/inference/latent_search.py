@@ -25,11 +25,10 @@ from torch import Tensor
 
 from femupdate.maximise import (
     Descent,
-    DescentSettings,
-    Kept,
     LatentData,
     Misfit,
     Residuals,
+    Search,
     descend,
     distinct,
     nats_of,
@@ -109,11 +108,6 @@ class LatentQuadratics:
         return torch.logsumexp(self._level[:, None] + slope - 0.5 * squares, dim=0)
 
 
-_WITH_RESPONSES = DescentSettings(iterations=8, small_gain=0.02, most_damping=100.0)
-# A decoder's misfit may be wrong by some nats.
-_BY_DECODER, _BY_RESPONSES = Kept(nats=30.0, count=24), Kept(nats=14.0, count=16)
-
-
 @dataclass(frozen=True)
 class Control:
     """The building's own responses.
@@ -162,13 +156,31 @@ def find_latent(
         control: the building's own responses.
     """
     starts = _starts(mvae, data, proposal, generator)
-    near = _distinct(mvae, descend(_decoder_misfit(mvae, data), starts), _BY_DECODER)
+    points = (data.weight > 0).any(0).nonzero()[:, 0]
+    seen = LatentData(data.log_frf[:, points], data.weight[:, points])
+    by_decoder = Misfit(lambda z: mvae.decode(z, points), seen, 1e-3)
+    usual = Search(iterations=40, small_nats=1e-3)
+    # A decoder's misfit may be wrong by some nats.
+    near = _distinct(mvae, descend(by_decoder, starts, usual), nats=30.0, count=24)
     # In double precision: differences of responses are taken.
     precise = copy.deepcopy(mvae).double()
 
     misfit, starts = _own_misfit(precise, control, near.z.double())
-    ended = descend(misfit, starts, _WITH_RESPONSES)
-    found = _expanded_or_followed(precise, misfit, _distinct(mvae, _arrived(ended), _BY_RESPONSES))
+    ended = descend(misfit, starts, Search(iterations=8, small_nats=0.02, most_damping=100.0))
+    # Points from which much is still to be gained are at the edge of what can be asked: what they
+    # say of the inside is not to be trusted where something better is at hand.
+    rows = torch.nonzero(_expansion(ended)[1] < 1.0)[:, 0].tolist()
+    arrived = _distinct(mvae, ended[rows] if rows else ended, nats=14.0, count=16)
+    # A Gaussian for each solution, a row of them where a Gaussian does not describe it.
+    arrived, reach = _on_processor(arrived), precise.reach().cpu().double()
+    followed = bent(misfit, arrived, reach)
+    others = arrived[(~followed).nonzero()[:, 0].tolist()]
+    # Beyond the edge of what has a theta, the expansion's minimum is the only way to it.
+    step, gain = _expansion(others)
+    completed = Descent(
+        others.z + step, others.nats - gain, others.information, torch.zeros_like(others.z)
+    )
+    found = along_ridges(misfit, arrived[followed.nonzero()[:, 0].tolist()], completed, reach)
     log_weight = found.log_mass
     best = int(log_weight.argmax())
     squares = 2.0 * float(found.nats[best]) - float(found.z[best].square().sum())
@@ -183,7 +195,9 @@ def find_latent(
 
 def _own_misfit(mvae: Mvae, control: Control, near: Tensor) -> tuple[Residuals, Tensor]:
     """The misfit of the building's own responses, and where (s, z) to minimise it from."""
-    reached = _nearest_reached(mvae, near)
+    # Not every z has a theta in the prior's box: those that come nearest.
+    known = mvae.encode_parameters(mvae.parameters_at(near))
+    reached = torch.cat([known, near[:, mvae.sizes.parameters :]], dim=1)
 
     def parameters(z: Tensor) -> tuple[Tensor, Tensor]:
         return mvae.parameters_at(z), mvae.decoder.damping(z)
@@ -202,13 +216,6 @@ def _own_misfit(mvae: Mvae, control: Control, near: Tensor) -> tuple[Residuals, 
     turned = mvae.decoder.damping_coordinate(maxima[:, -1])
     starts = torch.cat([places, turned], dim=1)
     return Residuals(lambda z: residuals(joined(z)), _RESPONSE_STEP), starts
-
-
-def _decoder_misfit(mvae: Mvae, data: LatentData) -> Misfit:
-    """The decoder's, on the observed frequencies alone."""
-    points = (data.weight > 0).any(0).nonzero()[:, 0]
-    seen = LatentData(data.log_frf[:, points], data.weight[:, points])
-    return Misfit(lambda z: mvae.decode(z, points), seen, 1e-3)
 
 
 def _starts(
@@ -236,36 +243,9 @@ def _starts(
     return torch.cat([proposal.mean[0], drawn, best])
 
 
-def _nearest_reached(mvae: Mvae, z: Tensor) -> Tensor:
-    """z (s, z) of the theta that come nearest: not every z has one in the prior's box."""
-    known = mvae.encode_parameters(mvae.parameters_at(z))
-    return torch.cat([known, z[:, mvae.sizes.parameters :]], dim=1)
-
-
-def _arrived(descent: Descent) -> Descent:
-    """The points from which little more is to be gained, or all where there are none."""
-    rows = torch.nonzero(_expansion(descent)[1] < 1.0)[:, 0].tolist()
-    return descent[rows] if rows else descent
-
-
-def _expanded_or_followed(mvae: Mvae, misfit: Residuals, descent: Descent) -> Descent:
-    """A Gaussian for each solution, a row of them where a Gaussian does not describe it."""
-    descent, reach = _on_processor(descent), mvae.reach().cpu().double()
-    followed = bent(misfit, descent, reach)
-    others = _completed(descent[(~followed).nonzero()[:, 0].tolist()])
-    return along_ridges(misfit, descent[followed.nonzero()[:, 0].tolist()], others, reach)
-
-
 def _on_processor(descent: Descent) -> Descent:
     parts = (descent.z, descent.nats, descent.information, descent.pull)
     return Descent(*(part.double().cpu() for part in parts))
-
-
-def _completed(descent: Descent) -> Descent:
-    """Where the expansion of the second order around each point has its minimum."""
-    step, gain = _expansion(descent)
-    z = descent.z + step
-    return Descent(z, descent.nats - gain, descent.information, torch.zeros_like(z))
 
 
 def _expansion(descent: Descent) -> tuple[Tensor, Tensor]:
@@ -276,11 +256,11 @@ def _expansion(descent: Descent) -> tuple[Tensor, Tensor]:
     return step, 0.5 * (step * slope).sum(1)
 
 
-def _distinct(mvae: Mvae, descent: Descent, kept: Kept) -> Descent:
+def _distinct(mvae: Mvae, descent: Descent, *, nats: float, count: int) -> Descent:
     """Different end points that count, the heaviest first."""
     # The prior of z cancels from the likelihood of theta: it must not decide what counts.
     own = descent.z.double().cpu()[:, : mvae.sizes.parameters].square().sum(1)
-    return distinct(descent, descent.log_mass + 0.5 * own, kept)
+    return distinct(descent, descent.log_mass + 0.5 * own, nats=nats, count=count)
 
 
 @dataclass(frozen=True, eq=False)

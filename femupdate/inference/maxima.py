@@ -21,9 +21,8 @@ from femupdate.inference.parameters import Parameters
 from femupdate.inference.tempering import EDGE, LogLikelihood
 from femupdate.maximise import (
     Descent,
-    DescentSettings,
-    Kept,
     Residuals,
+    Search,
     descend,
     distinct,
 )
@@ -57,9 +56,9 @@ def found_from(
     ended = descend(
         misfit,
         prior.to_normal(inside).clamp(-EDGE, EDGE),
-        DescentSettings(iterations=25, small_gain=0.02),
+        Search(iterations=25, small_nats=0.02),
     )
-    return distinct(ended, ended.log_mass, Kept(nats=14.0, count=16))
+    return distinct(ended, ended.log_mass, nats=14.0, count=16)
 
 
 def draws_about(

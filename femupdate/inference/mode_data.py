@@ -175,10 +175,12 @@ def shown_modes(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> S
 def paired(terms: ModalTerms, shown: ShownModes) -> Paired:
     """Every identified mode with one of the model's, which are shown on all floors."""
     shape = shown.shape[:, list(terms.rows)]
-    column = _assigned(_cost(terms, shown, shape))
+    cost = _cost(terms, shown, shape)
+    cost = np.where(np.isfinite(cost), cost, np.finfo(np.float64).max / 1e9)
+    column = torch.tensor(np.array([linear_sum_assignment(each)[1] for each in cost]))
     own = shape.gather(2, column[:, None, :].expand(-1, shape.shape[1], -1)).mT
     weight = terms.shape_root.square()
-    scale = (weight * terms.shape * own).sum(2) / _length(weight, own)
+    scale = (weight * terms.shape * own).sum(2) / (weight * own.square()).sum(2).clamp_min(_TINY)
     return Paired(
         column,
         shown.log_frequency.gather(1, column),
@@ -202,16 +204,6 @@ def _cost(terms: ModalTerms, shown: ShownModes, shape: Tensor) -> Floats:
     felt = shape.square().sum(1)
     share = felt / felt.amax(dim=1, keepdim=True)
     return (cost - 2.0 * share.clamp_min(_TINY).log()[:, None, :]).numpy()
-
-
-def _length(weight: Tensor, shape: Tensor) -> Tensor:
-    return (weight * shape.square()).sum(2).clamp_min(_TINY)
-
-
-def _assigned(cost: Floats) -> Tensor:
-    """Columns (n, m), each once, of the smallest sum of costs (n, m, r)."""
-    finite = np.where(np.isfinite(cost), cost, np.finfo(np.float64).max / 1e9)
-    return torch.tensor(np.array([linear_sum_assignment(one)[1] for one in finite]))
 
 
 _FREQUENCY, _DAMPING = "frequency", "damping ratio"

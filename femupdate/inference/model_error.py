@@ -99,12 +99,6 @@ class ErrorLevel:
     log_weight: float
 
 
-def _apart(known: Tensor, lost: float) -> Tensor:
-    """Errors (c, n) of standard deviation one as (b, n) orthogonal ones of the same covariance."""
-    variance, directions = torch.linalg.eigh(known @ known.T)
-    return directions[:, variance > lost].T @ known
-
-
 def error_levels(width_hz: float, table: ErrorTable = MODEL_ERROR) -> tuple[ErrorLevel, ...]:
     """All rows for frequencies over a band; that of no error comes first."""
     sizes = (0.0, *table.sizes)
@@ -288,8 +282,12 @@ class LearnedError:
         self._weight, self._wild = weight.flatten().repeat(parts), wild
         # (f, k, j): what the harmonics of a floor do to its residuals.
         self._wide = weight.sqrt()[:, :, None] * self.harmonics.at(frequency_hz)
-        nothing = weight.new_zeros(0, parts * weight.numel())
-        self._known = nothing if known is None else _apart(known, table.lost)
+        self._known = weight.new_zeros(0, parts * weight.numel())
+        if known is not None:
+            # Orthogonal ones of the same covariance, without those lost in the noise: of a mesh's
+            # half are.
+            variance, directions = torch.linalg.eigh(known @ known.T)
+            self._known = directions[:, variance > table.lost].T @ known
         self._normal = self._wide.mT @ self._wide
         self._across = self._beside(self._known)
         self._factors: dict[tuple[int, ...], _Factor] = {}

@@ -97,7 +97,9 @@ def compute_dataset(
         _write_shard(paths[k], rows[k], modal)
         shards[k] = _read_shard(paths[k])
         progress.advance(len(rows[k]))
-    return _join([shards[k] for k in range(len(rows))])
+    parts = [shards[k] for k in range(len(rows))]
+    theta = torch.cat([part.theta for part in parts])
+    return ModalDataset(theta, joined([part.modal for part in parts]))
 
 
 def kept_shard(path: Path, theta: Tensor, modes: int) -> ModalDataset | None:
@@ -159,8 +161,3 @@ def _read_shard(path: Path) -> ModalDataset:
     check_shapes(data, _FIELDS)
     theta, omega, effect, residual = (torch.from_numpy(data[name]) for name in _FIELDS)
     return ModalDataset(theta, ModalData(omega, effect.float(), residual))
-
-
-def _join(parts: list[ModalDataset]) -> ModalDataset:
-    theta = torch.cat([part.theta for part in parts])
-    return ModalDataset(theta, joined([part.modal for part in parts]))

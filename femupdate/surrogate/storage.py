@@ -113,7 +113,8 @@ def load_surrogate(path: Path) -> Surrogate:
         with safe_open(path, framework="pt") as file:
             header = json.loads((file.metadata() or {})["femupdate"])
             state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
-        return Surrogate(_filled(header.pop("sizes"), state), _info(header))
+        mvae = _filled(header.pop("sizes"), state)
+        return Surrogate(mvae, SurrogateInfo(**{**header, "floors": tuple(header["floors"])}))
     except _UNREADABLE as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise SurrogateError(
@@ -134,10 +135,6 @@ def _filled(sizes: Mapping[str, Any], state: Mapping[str, Tensor]) -> Mvae:
     if wrong:
         raise ValueError(f"{wrong[0]} holds a value that is no number")
     return mvae.eval()
-
-
-def _info(header: Mapping[str, Any]) -> SurrogateInfo:
-    return SurrogateInfo(**{**header, "floors": tuple(header["floors"])})
 
 
 def _packed(name: str, tensor: Tensor) -> Tensor:

@@ -121,24 +121,21 @@ def load_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
             f"the checkpoint {path} belongs to a training with other settings; delete it to train "
             "from the start"
         )
-    _check_data(run, _part(tensors, "mvae"), path)
+    state = _part(tensors, "mvae")
+    for name, now in run.mvae.named_buffers():
+        # Prior box, mean and scale of the data. The order of summation may differ between runs, so
+        # rounding may differ.
+        if not torch.allclose(state[name], now.cpu(), rtol=1e-4, atol=1e-4):
+            raise SurrogateError(
+                f"the checkpoint {path} belongs to a training on other data; delete it to train "
+                "from the start"
+            )
     restore(run, tensors, json.loads(metadata["numbers"]))
 
 
 def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
     start = len(prefix) + 1
     return {k[start:]: v for k, v in tensors.items() if k.startswith(prefix + "/")}
-
-
-def _check_data(run: TrainingRun, state: dict[str, Tensor], path: Path) -> None:
-    """Refuse other data: the buffers hold prior box, mean and scale of the data."""
-    for name, now in run.mvae.named_buffers():
-        # The order of summation may differ between runs, so rounding may differ.
-        if not torch.allclose(state[name], now.cpu(), rtol=1e-4, atol=1e-4):
-            raise SurrogateError(
-                f"the checkpoint {path} belongs to a training on other data; delete it to train "
-                "from the start"
-            )
 
 
 # Rows whose noise is generated at a time, so that they stay in the cache.
@@ -368,7 +365,11 @@ def train_mvae(
             diverged.
         StudyError: the checkpoint cannot be written.
     """
-    _check_counts(task, settings)
+    count = len(task.dataset)
+    if count - _held_out(settings, count) < settings.batch:
+        raise SurrogateError(
+            f"{count} samples are too few for batches of {settings.batch}; ask for more samples"
+        )
     run = _start(task, settings, initial)
     fingerprint = json.dumps(
         [settings.as_dict(), task.sizes.as_dict(), len(task.dataset)], sort_keys=True
@@ -387,14 +388,6 @@ def train_mvae(
         "seconds": run.seconds,
     }
     return TrainingResult(run.average, metrics)
-
-
-def _check_counts(task: TrainingTask, settings: TrainingSettings) -> None:
-    count = len(task.dataset)
-    if count - _held_out(settings, count) < settings.batch:
-        raise SurrogateError(
-            f"{count} samples are too few for batches of {settings.batch}; ask for more samples"
-        )
 
 
 def _held_out(settings: TrainingSettings, count: int) -> int:
@@ -554,7 +547,11 @@ def _epoch(run: TrainingRun, settings: TrainingSettings, samples: _Samples) -> I
             torch.nn.utils.clip_grad_norm_(part, 200.0)
         run.optimizer.step()
         run.step += 1
-        _update_average(run, settings)
+        decay = min(settings.average, (run.step + 1) / (run.step + 10))
+        with torch.no_grad():
+            pairs = zip(run.average.parameters(), run.mvae.parameters(), strict=True)
+            for average, current in pairs:
+                average.lerp_(current, 1.0 - decay)
         yield (step + 1) / steps
 
 
@@ -602,14 +599,6 @@ def _set_rate(run: TrainingRun, settings: TrainingSettings, steps: int) -> None:
         share = 0.5 * (1.0 + float(torch.cos(torch.pi * (progress - warm) / (1.0 - warm)))) + 1e-4
     for group in run.optimizer.param_groups:
         group["lr"] = settings.learning_rate * share * group["faster"]
-
-
-def _update_average(run: TrainingRun, settings: TrainingSettings) -> None:
-    decay = min(settings.average, (run.step + 1) / (run.step + 10))
-    with torch.no_grad():
-        pairs = zip(run.average.parameters(), run.mvae.parameters(), strict=True)
-        for average, current in pairs:
-            average.lerp_(current, 1.0 - decay)
 
 
 def _generator(seed: int, number: int) -> torch.Generator:

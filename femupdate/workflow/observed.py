@@ -79,7 +79,12 @@ class ObservationSource:
         """
         if self.files:
             return self
-        return replace(self, files=tuple(_opened(path) for path in self.paths))
+        files = []
+        for path in self.paths:
+            read_head(path)  # says what is wrong with a path that cannot be hashed
+            # The hash comes first, so that a file that changes meanwhile counts as changed.
+            files.append(OpenedFile(path, file_hash(path), read_measured(path).without_text()))
+        return replace(self, files=tuple(files))
 
     def read(self, path: Path, direction: str, noise: float = SPECTRUM.default_noise) -> AnyKind:
         """What one of the files holds, for a direction of the motion.
@@ -124,12 +129,6 @@ class ObservationSource:
         if not self.further:
             return {"file": str(self.path)}
         return {"file": str(self.path), "further": [str(path) for path in self.further]}
-
-
-def _opened(path: Path) -> OpenedFile:
-    """Read a file; the hash comes first, so that one that changes meanwhile counts as changed."""
-    read_head(path)  # says what is wrong with a path that cannot be hashed
-    return OpenedFile(path, file_hash(path), read_measured(path).without_text())
 
 
 def observation_of(
@@ -179,7 +178,12 @@ def runs_of(
     runs = _with_sensors(runs, source)
     if source.band_hz is not None:
         runs = [_within(run, source.band_hz) for run in runs]
-        _require_frequencies(runs, source.band_hz)
+        for run in runs:
+            if run.valid.any(axis=0).sum() < 10:
+                raise MeasurementError(
+                    f"{run.source}: fewer than ten frequencies lie between {source.band_hz[0]:g} "
+                    f"and {source.band_hz[1]:g} Hz and can be used; widen --band"
+                )
     return tuple(runs)
 
 
@@ -244,15 +248,6 @@ def _within(observation: Observation, band_hz: tuple[float, float]) -> Observati
         noise_sd=np.where(inside, observation.noise_sd, np.nan),
         halves=tuple(_within(half, band_hz) for half in observation.halves),
     )
-
-
-def _require_frequencies(runs: Sequence[Observation], band_hz: tuple[float, float]) -> None:
-    for run in runs:
-        if run.valid.any(axis=0).sum() < 10:
-            raise MeasurementError(
-                f"{run.source}: fewer than ten frequencies lie between {band_hz[0]:g} and "
-                f"{band_hz[1]:g} Hz and can be used; widen --band"
-            )
 
 
 def check_readable(source: ObservationSource) -> None:

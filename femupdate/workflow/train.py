@@ -235,13 +235,9 @@ def _dataset(
         stream(seed, DATA_SET),
     )
     # Shards of another building, plan or reduction are never mixed in: the folder's name says.
-    folder = study.path("dataset", f"{model.hash[:12]}-{samples}-{_shapes(model)}-{seed}")
+    folder = study.path("dataset", f"{model.hash[:12]}-{samples}-{model.system.model.size}-{seed}")
     show.start("Solving modes of parameter samples", samples)
     return compute_dataset(model.system, model.prior, plan, folder, show), folder
-
-
-def _shapes(model: StudyModel) -> int:
-    return model.system.model.size
 
 
 def training_task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
