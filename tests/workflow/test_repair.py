@@ -1,106 +1,44 @@
 """The whole way from hidden effects in histories to a repaired study that every command takes."""
 
-import importlib.util
 import json
 import re
 import tomllib
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from femupdate.building import load_building
-from femupdate.discrepancy.repair import as_fitted
 from femupdate.discrepancy.residual_map import p_value
 from femupdate.dynamics import System, floor_histories
 from femupdate.effects import CATALOGUE
-from femupdate.errors import MeasurementError, SurrogateError
+from femupdate.errors import MeasurementError
 from femupdate.inference.posterior import load_posterior
 from femupdate.measurement.record import GroundMotion
 from femupdate.report.figure import draw
 from femupdate.study import Study
-from femupdate.surrogate.storage import require_surrogate
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import predict_study
 from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
-from femupdate.workflow.render import render_study
 from femupdate.workflow.repair import repair_study
+from tests.discrepancy.chain import Chain
+from tests.sticks import MASSES, SPRINGS, STEP, write_shaken, write_stick
 
-MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
-THETA, ZETA, STEP = np.array([0.8, 1.4, 1.1]), 0.04, 0.01
+THETA, ZETA = np.array([0.8, 1.4, 1.1]), 0.04
 MORE = np.array([1.0, 1.12, 1.0])  # 12 % on 3F
-BUILDING = """\
-name = "three"
-kind = "shear"
-{stories}
-[frequency_grid]
-start = "0.2 Hz"
-step = "0.1 Hz"
-count = 150
-
-[prior.theta]
-lower = 0.5
-upper = 2
-
-[prior.zeta]
-lower = 0.01
-upper = 0.1
-
-[damping]
-law = "constant"
-ratio = 0.04
-"""
-STORY = '[[stories]]\nname = "S{n}"\nmass = "{m} kg"\nstiffness = "{k} N/m"\n'
-
-
-def _load_chain():
-    path = Path(__file__).parents[1] / "discrepancy" / "chain.py"
-    spec = importlib.util.spec_from_file_location("repair_chain", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-CHAIN = _load_chain().Chain(MASSES, THETA * SPRINGS, zeta=ZETA)
+CHAIN = Chain(MASSES, THETA * SPRINGS, zeta=ZETA)
 HEAVY = CHAIN.but(masses=MASSES * MORE)
-
-
-def write_histories(path, chain, seed, factor=(1.0, 1.0, 1.0), seconds=120.0):
-    """Band-limited noise through the chain's own FRFs, from rest, with sensor noise.
-
-    The ten seconds of rest at the end let all motion die down: the circular convolution is exact.
-    """
-    rng = np.random.default_rng(seed)
-    count = round(seconds / STEP)
-    frequency = np.fft.rfftfreq(count, STEP)
-    white = np.fft.rfft(rng.standard_normal(count))
-    white[(frequency < 0.15) | (frequency > 18.0)] = 0.0
-    base = np.fft.irfft(white, count) * (np.arange(count) < count - round(10.0 / STEP))
-    frf = np.ones((4, frequency.size), dtype=complex)
-    frf[1:, 1:] = chain.frf(frequency[1:])
-    motion = np.fft.irfft(frf * np.fft.rfft(base), count, axis=1)
-    motion *= 0.5 / base.std() * np.array([1.0, *factor])[:, None]
-    motion += 0.002 * rng.standard_normal(motion.shape)
-    rows = [f"{n * STEP:.2f}," + ",".join(f"{v:.7g}" for v in r) for n, r in enumerate(motion.T)]
-    path.write_text("\n".join(["time_s,base,2F,3F,RF", "s,m/s2,m/s2,m/s2,m/s2", *rows]) + "\n")
-    return path
 
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory):
     folder = tmp_path_factory.mktemp("repair")
-    stories = "".join(
-        STORY.format(n=n, m=m, k=k) for n, (m, k) in enumerate(zip(MASSES, SPRINGS, strict=True), 1)
-    )
-    (folder / "three.toml").write_text(BUILDING.format(stories=stories))
-    write_histories(folder / "heavy.csv", HEAVY, 1)
-    write_histories(folder / "kept.csv", HEAVY, 2)
-    write_histories(folder / "plain.csv", CHAIN, 3)
-    write_histories(folder / "both.csv", HEAVY, 4, (1.0, 1.0, 1.08))
+    write_stick(folder / "three.toml")
+    write_shaken(folder / "heavy.csv", HEAVY, 1)
+    write_shaken(folder / "kept.csv", HEAVY, 2)
+    write_shaken(folder / "plain.csv", CHAIN, 3)
     return folder
 
 
@@ -141,17 +79,14 @@ def test_the_missing_mass_is_added_with_its_size(repaired):
     assert after > 0.05 > before
 
 
-def test_the_factors_come_back_to_the_truth(repaired):
+def test_the_factors_come_back_to_the_truth_and_data_kept_out_are_predicted_better(repaired):
+    """The share of the error that is the effect's goes; sensor noise and leakage stay."""
     report = repaired[0]
     draws = report.theta_before, report.theta_after
     before, after = (np.abs(theta.mean(axis=0) - THETA) for theta in draws)
     assert after.max() < 0.01
     assert before.max() > 5.0 * after.max()
-
-
-def test_data_kept_out_are_predicted_better(repaired):
-    """The share of the error that is the effect's goes; sensor noise and leakage stay."""
-    held = repaired[0].held
+    held = report.held
     assert held.name == "kept.csv"
     assert held.error_after < 0.25 * held.error_before
     assert held.chi2_after < 0.2 * held.chi2_before
@@ -164,22 +99,6 @@ def test_the_study_itself_stays_as_it_was(repaired, calibrated_before):
     assert load_building(calibrated_before.path("building.toml")).effects == ()
 
 
-def test_a_name_that_leaves_most_of_the_misfit_is_told_with_doubt(repaired):
-    """Unless data kept out carry it, or nothing is left in the end."""
-    report, told = repaired[0], "may stand in for what else"
-    points, first = report.problem.effective, report.repair.rounds[0]
-    before = first.chi2_before
-    weak = replace(first, chi2_after=before - 0.4 * (before - points))
-    left = report.repair.left
-    erring = replace(left, size=0.05)
-    doubtful = replace(report, repair=replace(report.repair, rounds=(weak,), left=erring))
-    assert told not in "\n".join(doubtful.lines())
-    assert told in "\n".join(replace(doubtful, held=None).lines())
-    ended = replace(doubtful, held=None, repair=replace(doubtful.repair, left=left))
-    assert told not in "\n".join(ended.lines())
-    assert told not in "\n".join(replace(report, held=None).lines())
-
-
 def test_the_repaired_building_is_an_ordinary_file(repaired):
     path = repaired[0].building_path
     assert path.name == "building.toml"
@@ -188,17 +107,6 @@ def test_the_repaired_building_is_an_ordinary_file(repaired):
     assert (entry.name, entry.place) == ("added_mass", "3F")
     written = tomllib.loads(path.read_text())["effects"][0]["parameters"]["size"]
     assert written == pytest.approx(0.12, abs=0.01)
-
-
-def test_the_sizes_told_are_those_of_the_repaired_building(repaired):
-    """Where the model is fitted anew after the last round, too."""
-    done = repaired[0].repair
-    (entry,) = repaired[0].building.effects
-    assert done.rounds[0].finding.size == pytest.approx(entry.parameters["size"], rel=1e-5)
-    stale = replace(done.rounds[0], finding=replace(done.rounds[0].finding, size=9.9))
-    told = as_fitted(replace(done, rounds=(stale,))).rounds[0]
-    assert told.finding.size == pytest.approx(entry.parameters["size"], rel=1e-5)
-    assert told.chi2_after == pytest.approx(done.after.chi2)
 
 
 def test_the_repaired_posterior_has_the_effect_as_a_parameter(repaired):
@@ -236,26 +144,6 @@ def test_predict_takes_the_repaired_study(repaired, tmp_path, write_record):
 def _unit(story):
     drift = (np.eye(3) - np.eye(3, k=-1))[story]
     return np.outer(drift, drift)
-
-
-def test_pictures_of_the_repaired_modes(repaired):
-    study = repaired[0].study
-    rendered = render_study(study, open_study(study), samples=20, seed=1).modes
-    omega = HEAVY.modes[0]
-    # Frequencies of the mean draw; the mass lowers them by up to 3 %.
-    seen = np.array([mode.tracked.frequency_mean for mode in rendered])
-    np.testing.assert_allclose(seen, omega[: len(seen)] / (2 * np.pi), rtol=0.04)
-
-
-def test_calibrate_exact_takes_the_repaired_building(repaired, home, tmp_path):
-    study = Study(tmp_path / "again")
-    model = open_study(study, str(repaired[0].building_path))
-    settings = CalibrationSettings(particles=400, exact=True)
-    report = calibrate_study(study, model, ObservationSource(home / "kept.csv"), settings)
-    posterior = load_posterior(report.path)
-    assert posterior.names[-1] == "added_mass@3F.size"
-    draws = posterior.theta.reshape(-1, 4)
-    np.testing.assert_allclose(draws.mean(axis=0), [*THETA, 0.12], atol=0.015)
 
 
 @pytest.fixture(scope="module")
@@ -299,21 +187,6 @@ def test_what_such_a_model_errs_by_goes_with_its_posterior(listed, tmp_path, wri
     assert set(posterior.warnings) < set(report.notes)
 
 
-def test_a_right_repair_has_no_error_to_tell(repaired):
-    posterior = load_posterior(repaired[0].study.path("posterior.nc"))
-    assert posterior.model_error.amplitude.present < 0.5
-    assert posterior.warnings == ()
-
-
-def test_a_repaired_building_without_a_surrogate_is_told_what_to_do(repaired):
-    with pytest.raises(SurrogateError) as refused:
-        require_surrogate(repaired[0].study, load_building(repaired[0].building_path))
-    sentence = str(refused.value)
-    assert "femupdate train --study" in sentence
-    assert "--exact" in sentence
-    assert "\n" not in sentence
-
-
 def test_the_report_has_the_promised_keys_and_its_file(repaired):
     report = repaired[0]
     told = report.as_dict()
@@ -352,69 +225,6 @@ def test_nothing_is_added_where_nothing_is_missing(home, tmp_path):
     np.testing.assert_allclose(report.theta_after.mean(axis=0), THETA, rtol=0.01)
 
 
-def test_what_predicts_a_half_worse_by_the_other_is_not_added(home, tmp_path, monkeypatch):
-    def worse(fitted):
-        return 1.0 + len(fitted.placed)
-
-    monkeypatch.setattr("femupdate.discrepancy.repair.missed_in_turn", worse)
-    study = Study(tmp_path / "refused")
-    model = open_study(study, str(home / "three.toml"))
-    report = repair_study(study, model, ObservationSource(home / "heavy.csv"))
-    assert report.repair.rounds == ()
-    assert report.as_dict()["refused"] == ["added_mass@3F"]
-    assert report.building_path is None
-    told = "\n".join(report.lines())
-    assert "not added, for data kept out are predicted worse with it: 3F carries" in told
-    assert "in turn" not in told
-
-
-def test_data_of_which_no_part_can_be_kept_out_are_told(repaired):
-    report = replace(repaired[0], held=None, in_turn=(np.nan, np.nan))
-    assert "No part of the data could be kept out" in "\n".join(report.lines())
-    assert report.as_dict()["halves_chi2_after"] is None
-
-
-def test_the_halves_are_not_asked_where_other_data_were_kept_out(repaired):
-    report = repaired[0]
-    assert report.in_turn is None
-    assert report.as_dict()["halves_chi2_before"] is None
-    assert "in turn" not in "\n".join(report.lines())
-
-
-def test_two_effects_are_added_one_after_the_other(home, tmp_path):
-    study = Study(tmp_path / "both")
-    model = open_study(study, str(home / "three.toml"))
-    report = repair_study(study, model, ObservationSource(home / "both.csv"))
-    labels = {one.finding.placed.label for one in report.repair.rounds}
-    assert labels == {"added_mass@3F", "channel_gain@RF"}
-    first, second = report.repair.rounds
-    assert first.chi2_before > first.chi2_after == second.chi2_before > second.chi2_after
-    assert p_value(report.repair.after.likelihood, report.repair.after) > 0.05
-    sizes = {e.name: e.parameters["size"] for e in load_building(report.building_path).effects}
-    assert sizes["added_mass"] == pytest.approx(0.12, abs=0.01)
-    assert sizes["channel_gain"] == pytest.approx(0.08, abs=0.01)
-
-
-def test_a_table_of_frfs_kept_out_has_no_error_of_histories(home, calibrated_before, tmp_path):
-    grid = np.arange(0.2, 15.0, 0.1)
-    seen = np.abs(HEAVY.frf(grid))
-    rows = [
-        f"{f:.1f}," + ",".join(f"{v:.9g}" for v in c) for f, c in zip(grid, seen.T, strict=True)
-    ]
-    table = tmp_path / "frf.csv"
-    table.write_text("\n".join(["frequency_hz,2F,3F,RF", *rows]) + "\n")
-    study = Study(tmp_path / "again")
-    report = repair_study(
-        study,
-        open_study(study, str(home / "three.toml")),
-        ObservationSource(home / "heavy.csv"),
-        ObservationSource(table),
-    )
-    assert np.isnan(report.held.error_after)
-    assert report.held.chi2_after < 0.2 * report.held.chi2_before
-    json.dumps(report.as_dict(), allow_nan=False)
-
-
 def test_data_of_another_building_leave_nothing_behind(home, tmp_path):
     other = tmp_path / "other.csv"
     text = (home / "heavy.csv").read_text()
@@ -451,12 +261,6 @@ def test_pages_of_a_repair_name_it_and_every_file(repaired, home, tmp_path):
     assert re.search(r"The model holds effects: Added mass at 3F: [\d.]+ \[.*\] % \(share", html)
     # Data kept out made no artefact of the repaired study itself.
     assert file_hash(home / "kept.csv")[:16] in html
-
-
-def test_a_repair_tells_stories_by_their_names(repaired):
-    text = "\n".join(repaired[0].lines())
-    assert re.search(r"^  story S1 +0\.\d+ ± 0\.\d+ +0\.\d+ ± 0\.\d+$", text, re.MULTILINE)
-    assert "theta_" not in text
 
 
 def test_what_comes_after_a_repair_is_said(repaired, home):
