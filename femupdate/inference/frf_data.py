@@ -178,7 +178,7 @@ class FrfData:
     @property
     def turns(self) -> bool:
         """Whether the rotation of the base was measured in every record."""
-        return all(one.estimator is not None and one.estimator.turns for one in self.blocks)
+        return all(block.estimator is not None and block.estimator.turns for block in self.blocks)
 
     @property
     def _parts(self) -> int:
@@ -394,13 +394,13 @@ class FrfData:
         """The same with another static displacement that the reduced model lacks under a force."""
         if not self.forced:
             return self
-        halves = tuple(one.with_rest(rest) for one in self.halves)
+        halves = tuple(half.with_rest(rest) for half in self.halves)
         return replace(self, rest=rest, halves=halves)
 
     def at_level(self, level: float) -> "FrfData":
         """The same with every record at a level, in doublings."""
-        halves = tuple(one.at_level(level) for one in self.halves)
-        blocks = tuple(replace(one, level=level) for one in self.blocks)
+        halves = tuple(half.at_level(level) for half in self.halves)
+        blocks = tuple(replace(block, level=level) for block in self.blocks)
         return replace(self, blocks=blocks, halves=halves)
 
     def cells(self, left: Tensor) -> tuple[Cell, ...]:
@@ -614,10 +614,14 @@ def in_alternate_points(data: FrfData) -> FrfData:
 def together(first: FrfData, second: FrfData) -> FrfData:
     """Two records of the same structure as one, each at its level."""
     both, rows = (first, second), tuple(sorted({*first.rows, *second.rows}))
-    phases = [_on_rows(one.phase, one.rows, rows, 0.0) for one in both if one.phase is not None]
+    phases = [
+        _on_rows(record.phase, record.rows, rows, 0.0)
+        for record in both
+        if record.phase is not None
+    ]
     return replace(
         first,
-        frequency_hz=torch.cat([one.frequency_hz for one in both]),
+        frequency_hz=torch.cat([record.frequency_hz for record in both]),
         rows=rows,
         log_frf=torch.cat([_on_rows(p.log_frf, p.rows, rows, 0.0) for p in both], dim=1),
         phase=torch.cat(phases, dim=1) if len(phases) == 2 else None,

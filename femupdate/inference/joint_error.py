@@ -122,7 +122,7 @@ class ModelError:
 def joint_error(data: Sequence[Data], known: Sequence[Tensor | None] = ()) -> ModelError:
     """What a model may err by in data, beside errors (c, n) of each that are known beforehand."""
     both = zip(data, known or [None] * len(data), strict=True)
-    return ModelError([one.error(own) for one, own in both], [one.residuals for one in data])
+    return ModelError([one.error(own) for one, own in both], [kind.residuals for kind in data])
 
 
 def summed(densities: Sequence[Tensor]) -> Tensor:

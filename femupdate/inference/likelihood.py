@@ -119,7 +119,7 @@ class Likelihood:
         """The same of a model with these effects in place of its own."""
         if placed == self.system.placed:
             return self
-        terms = tuple(self.reduced.terms(one) for one in placed)
+        terms = tuple(self.reduced.terms(effect) for effect in placed)
         system = replace(self.system, placed=placed, terms=terms)
         own = effect_parameters(placed, searched=True)
         prior = self.prior.of("stiffness", "damping") + own
@@ -156,13 +156,13 @@ class Likelihood:
         if self.known is None:
             return self
         found = self.known(self.data, self.system, self.prior.split(parameters))
-        parts = found.split([one.residuals for one in self.data], dim=1)
+        parts = found.split([kind.residuals for kind in self.data], dim=1)
         return replace(self, error=joint_error(self.data, parts).with_rows_of(self.error))
 
     @property
     def divisible(self) -> bool:
         """Whether the data can be parted in two halves that err independently."""
-        return len(self.data) > 1 or any(one.halves for one in self.data)
+        return len(self.data) > 1 or any(kind.halves for kind in self.data)
 
     def half(self, number: int) -> "Likelihood":
         """By one half of the data, nothing known beforehand.
@@ -180,7 +180,7 @@ class Likelihood:
 
     def coarse(self, noise: float) -> "Likelihood":
         """The same as if there were so much more noise: peaks that do not meet show a distance."""
-        data = tuple(one.coarse(noise) for one in self.data)
+        data = tuple(kind.coarse(noise) for kind in self.data)
         error = joint_error(data)
         return replace(self, data=data, error=error, row=error.first)
 
@@ -191,7 +191,7 @@ class Likelihood:
     @property
     def top_hz(self) -> float:
         """The highest frequency that was measured."""
-        return max(one.top_hz for one in self.data)
+        return max(kind.top_hz for kind in self.data)
 
     @property
     def levels(self) -> tuple[float, ...]:
@@ -208,17 +208,17 @@ class Likelihood:
         """Whether an effect can show in any of the data."""
         if effect.needs_levels and len(self.levels) == 1:
             return False
-        return any(one.shows(effect) for one in self.data)
+        return any(kind.shows(effect) for kind in self.data)
 
     @property
     def effective(self) -> float:
         """Number of the numbers compared that err independently."""
-        return sum(one.effective for one in self.data)
+        return sum(kind.effective for kind in self.data)
 
     @property
     def learns(self) -> bool:
         """Whether larger errors are allowed for than the stated noise."""
-        return any(one.learns for one in self.error.parts)
+        return any(part.learns for part in self.error.parts)
 
     @property
     def base(self) -> FrfData | None:
@@ -266,7 +266,7 @@ class Likelihood:
 
     def _in_batches(self, task: Callable[[Tensor], Tensor], parameters: Tensor) -> Tensor:
         """On all processors, but where ln|H| is made by the thousand or slopes are asked for."""
-        parts = parameters.split(min(one.at_once for one in self.data))
+        parts = parameters.split(min(kind.at_once for kind in self.data))
         alone = len(self.data) == 1 and self.base is not None and self.base.logs is not None
         if alone or len(parts) == 1 or parameters.requires_grad:
             return torch.cat([task(some) for some in parts])
@@ -275,7 +275,7 @@ class Likelihood:
 
 def missed(data: Sequence[Data], system: System, known: tuple[Tensor, Tensor, Tensor]) -> Tensor:
     """Residuals (n, m) in the unit of the noise, of theta (n, p), zeta (n,) and sizes (n, q)."""
-    parts = [one.compared(one.predicted(system, *known)) for one in data]
+    parts = [kind.compared(kind.predicted(system, *known)) for kind in data]
     return torch.cat([part.to(known[0].device) for part in parts], dim=1)
 
 

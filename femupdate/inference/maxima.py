@@ -221,7 +221,7 @@ class _Densities:
     def likeliest(self) -> Row:
         """Of the rows of all tables together."""
         at = int(self.best.argmax())
-        return tuple(int(own[at].argmax()) for own in self.parts)
+        return tuple(int(part[at].argmax()) for part in self.parts)
 
 
 def best_of_prior(

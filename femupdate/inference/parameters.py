@@ -127,22 +127,22 @@ class Parameters:
     @property
     def names(self) -> tuple[str, ...]:
         """p names."""
-        return tuple(one.name for one in self.entries)
+        return tuple(entry.name for entry in self.entries)
 
     @cached_property
     def size(self) -> int:
         """Number of free parameters d."""
-        return sum(one.free for one in self.entries)
+        return sum(entry.free for entry in self.entries)
 
     @cached_property
     def lower(self) -> Tensor:
         """(p,) float64."""
-        return self._column([one.lower for one in self.entries])
+        return self._column([entry.lower for entry in self.entries])
 
     @cached_property
     def upper(self) -> Tensor:
         """(p,) float64."""
-        return self._column([one.upper for one in self.entries])
+        return self._column([entry.upper for entry in self.entries])
 
     def columns(self, *kinds: Kind) -> list[int]:
         """Places of those of some kinds."""
@@ -231,7 +231,7 @@ class Parameters:
     @cached_property
     def _normal(self) -> "_Normal":
         """Those with a normal prior among the free ones."""
-        free = [one for one in self.entries if one.free]
+        free = [entry for entry in self.entries if entry.free]
         chosen = [k for k, one in enumerate(free) if math.isfinite(one.scale)]
         lower, upper, centre, scale = (
             self._column([getattr(free[k], name) for k in chosen])

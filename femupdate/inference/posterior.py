@@ -178,7 +178,7 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
             ),
             "/constant_data": xr.Dataset(
                 {
-                    f"prior_{of}": ("parameter", [getattr(one, of) for one in known.entries])
+                    f"prior_{of}": ("parameter", [getattr(entry, of) for entry in known.entries])
                     for of in _OF_PRIOR
                 },
                 coords={"parameter": list(known.names)},

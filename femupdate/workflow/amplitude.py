@@ -123,7 +123,7 @@ def level_settings(
         placed: its effects; nothing is kept where none of them depends on a level.
         span: levels of the records from which the effect was found, doublings above the first.
     """
-    if not (changes_with_level(placed) or any(changes_in_run(one.effect) for one in placed)):
+    if not (changes_with_level(placed) or any(changes_in_run(place.effect) for place in placed)):
         return {}
     try:
         levels = record_levels(model, source)
@@ -138,7 +138,7 @@ def level_settings(
 
 def changes_with_level(placed: tuple[Placed, ...]) -> bool:
     """Whether one of some effects makes stiffness or damping depend on the level."""
-    return any(one.effect.needs_levels for one in placed)
+    return any(place.effect.needs_levels for place in placed)
 
 
 def mean_level(system: System, settings: Mapping[str, Any]) -> Floats | None:

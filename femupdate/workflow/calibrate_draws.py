@@ -112,7 +112,7 @@ def with_own_errors(posterior: Posterior, model: StudyModel, seed: Seed) -> Post
     if not own.any():
         return posterior
     effects, columns = posterior.parameters.of("effect"), posterior.parameters.columns("effect")
-    neutral = np.array([one.neutral for one in effects.entries])
+    neutral = np.array([entry.neutral for entry in effects.entries])
     moved = posterior.values.copy()
     off = 1.0 + own * np.random.default_rng(seed).standard_normal((*moved.shape[:2], len(own)))
     moved[..., columns] = neutral + (moved[..., columns] - neutral) * off

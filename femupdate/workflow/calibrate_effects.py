@@ -68,7 +68,7 @@ def fitted_effects(
         BuildingError: an effect cannot be.
     """
     finder = finder_model(study, model, progress)
-    phase = any(one.effect.needs_phase for one in building_effects(model.building).placed)
+    phase = any(place.effect.needs_phase for place in building_effects(model.building).placed)
     data: list[Data] = []
     if measured.has_base:
         data.append(base_data(measured.runs_at_levels, model.system, phase, believed=COMPARING))

@@ -120,8 +120,8 @@ class Measured:
         if not self.others:
             return self.base
         sources = [self.base.source] if self.has_base else []
-        sources += [one.source for one in self.forced]
-        sources += [one.source for one in self.modes]
+        sources += [response.source for response in self.forced]
+        sources += [table.source for table in self.modes]
         return replace(self.base, source=" and ".join(dict.fromkeys(sources)))
 
     def _force_notes(self) -> list[str]:

@@ -160,7 +160,7 @@ def smooth_likelihood(
         least_noise: standard deviation of ln|H| below which the noise of FRFs under base motion is
             not believed, where that is more than the model's own (see `StudyModel.least_noise`).
     """
-    phase = any(one.effect.needs_phase for one in model.system.placed)
+    phase = any(place.effect.needs_phase for place in model.system.placed)
     forces = data_of_forces(measured, model.system, use_phase=phase)
     modes = data_of_modes(measured, model.system, damping=model.damping.free)
     others: tuple[Data, ...] = (*forces, *modes)
@@ -221,8 +221,8 @@ def data_of_forces(
     """Responses to forces, at a level in doublings above the first record's."""
     floors, rest = system.floors, measured.rest
     return tuple(
-        forced_data(one, floors, rest, use_phase=use_phase, believed=believed).at_level(level)
-        for one in measured.forced
+        forced_data(response, floors, rest, use_phase=use_phase, believed=believed).at_level(level)
+        for response in measured.forced
     )
 
 
@@ -233,9 +233,9 @@ def data_of_modes(
     several = len(measured.modes) > 1
     return tuple(
         mode_data(
-            one, system, measured.errors, damping=damping, source=one.source if several else ""
+            table, system, measured.errors, damping=damping, source=table.source if several else ""
         )
-        for one in measured.modes
+        for table in measured.modes
     )
 
 

@@ -61,7 +61,7 @@ def _learned(model: StudyModel, building: FrameBuilding, fine: ReducedStructure)
         return FinerMesh(fine.model)
     top_hz = float(building.frequency_grid.frequencies_hz()[-1])
     error = learn_mesh_error(model.reduced, fine, _thetas(building), top_hz)
-    return FinerMesh(fine.model, error, tuple(fine.terms(one) for one in error.placed))
+    return FinerMesh(fine.model, error, tuple(fine.terms(effect) for effect in error.placed))
 
 
 def open_mesh_error(
@@ -137,7 +137,7 @@ def open_system(study: Study, model: StudyModel) -> System:
     if mesh is not None:
         reduced = corrected(reduced, mesh)
     check_places(reduced.structure, effects)
-    terms = tuple(reduced.terms(one) for one in effects.placed)
+    terms = tuple(reduced.terms(effect) for effect in effects.placed)
     system = System(reduced.model, model.law, effects.placed, terms)
     check_sizes(model.building, system, effects.values)
     return system

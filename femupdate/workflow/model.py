@@ -143,7 +143,7 @@ def _terms(data: Mapping[str, NDArray[Any]], count: int) -> tuple[Terms, ...]:
     for owner, story, series, matrix in zip(*columns, strict=True):
         whole = torch.from_numpy(matrix.astype(np.float64))
         parts[owner].append(Stiffness(int(story), whole, float(series)))
-    return tuple(Terms(stiffness=tuple(one)) for one in parts)
+    return tuple(Terms(stiffness=tuple(part)) for part in parts)
 
 
 DEFAULT_BUILDING = "six_story_wall_frame"

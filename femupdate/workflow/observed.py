@@ -114,13 +114,13 @@ class ObservationSource:
         return base_motion_in(self._recording(self.path), how)
 
     def _recording(self, path: Path) -> Recording:
-        kept = {one.path: one.recording for one in self.files}
+        kept = {file.path: file.recording for file in self.files}
         return kept.get(path) or read_measured(path)
 
     def made_from(self) -> dict[str, str]:
         """Hash of every file as it was read, for the record of what is made from them."""
         names = ("observation", *(f"observation {k}" for k in range(2, len(self.paths) + 1)))
-        kept = {one.path: one.sha256 for one in self.files}
+        kept = {file.path: file.sha256 for file in self.files}
         hashes = [kept.get(path) or file_hash(path) for path in self.paths]
         return dict(zip(names, hashes, strict=True))
 
