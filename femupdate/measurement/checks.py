@@ -220,7 +220,7 @@ def pair_findings(
     rates: dict[float, list[str]] = defaultdict(list)
     for channel in channels:
         rates[round(1.0 / channel.time_step, 6)].append(channel.name)
-    if len(rates) > 1 and all(floor is not None for floor in floors):
+    if len(rates) > 1:
         told = ", ".join(f"{rate:g} Hz ({', '.join(names)})" for rate, names in rates.items())
         findings.append(
             f"the channels have unlike rates, {told}: all are taken at {min(rates):g} Hz."

@@ -355,6 +355,8 @@ def _step(
         names = None if recording.table is None else recording.table.names or ()
         return next_step(path, histories, names, unit, columns)
     calibrate = f"femupdate calibrate {shlex.quote(str(path))}"
+    if any(mode.damping is not None and mode.damping <= 0.0 for mode in modes):
+        return NextStep("", "Damping ratios must be above 0: leave blank what is not known.")
     if modes:
         placed = all(parse_channel(sensor) for mode in modes for sensor in mode.sensors)
         if columns or placed:
