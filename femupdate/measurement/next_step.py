@@ -24,62 +24,53 @@ _COMPONENTS = 3  # channels of a record of one place, at most
 _ALONG_DEG = 10.0  # degrees, by which azimuths of one direction may differ
 
 
-@dataclass(frozen=True)
-class Proposed:
-    """A channel by its index, and whether it points against the others of its direction."""
-
-    channel: int
-    turned: bool = False
-
-
 def proposed_floors(channels: Sequence[RecordedChannel]) -> tuple[str | None, ...]:
     """Floors that the channels' locations or names tell, None where they do not."""
     return floors_of([each.location or each.name for each in channels])
 
 
-def is_usable(channel: RecordedChannel) -> bool:
-    """Whether a channel is, as far as is told, a horizontal acceleration."""
-    acceleration = channel.quantity in ("acceleration", "unknown")
-    return acceleration and not channel.vertical
+def _proposal(channels: Sequence[RecordedChannel], usable: Sequence[int]) -> dict[str, str]:
+    """Our column name to the channel's number from 1, with a minus where it is turned.
 
-
-def proposal(channels: Sequence[RecordedChannel]) -> dict[str, Proposed]:
-    """Our column name to the channel: x is the direction with most floors above a base.
-
-    The other direction, at a right angle where azimuths are known, is y.
+    The direction x is that with most floors above a base; y is the next that may be at a right
+    angle to it.
     """
     floors = proposed_floors(channels)
     directions: dict[str, list[int]] = defaultdict(list)
-    for k, channel in enumerate(channels):
-        if is_usable(channel) and floors[k] is not None:
-            directions[_key(channel, directions, channels)].append(k)
+    for k in usable:
+        if floors[k] is not None:
+            directions[_key(channels[k], directions, channels)].append(k)
     reached = {key: {floors[k] for k in indices} for key, indices in directions.items()}
-    rank = {key: (BASE in there, len(there)) for key, there in reached.items()}
-    ordered = sorted(directions, key=lambda key: rank[key], reverse=True)
-    proposed: dict[str, Proposed] = {}
-    for axis, key in zip("xy", _right_angled(ordered, directions, channels), strict=False):
-        proposed |= _along(axis, directions[key], floors, channels)
+    ordered = sorted(
+        directions, key=lambda key: (BASE in reached[key], len(reached[key])), reverse=True
+    )
+    azimuths = {key: channels[directions[key][0]].azimuth_deg for key in ordered}
+    right = [
+        key
+        for key in ordered[1:]
+        if azimuths[key] is None
+        or azimuths[ordered[0]] is None
+        or _angle(azimuths[key], azimuths[ordered[0]]) >= 90.0 - _ALONG_DEG
+    ]
+    proposed: dict[str, str] = {}
+    for axis, key in zip("xy", [*ordered[:1], *right[:1]], strict=False):
+        by_floor: dict[str, list[int]] = defaultdict(list)
+        for k in directions[key]:
+            by_floor[floors[k] or ""].append(k)
+        # Of several bases those inside the building are taken.
+        ranks = {k: base_rank(channels[k].location or channels[k].name) for k in by_floor[BASE]}
+        by_floor[BASE] = [k for k, rank in ranks.items() if rank == min(ranks.values())]
+        rising = sorted((floor for floor in by_floor if by_floor[floor]), key=floor_height)
+        forward = channels[by_floor[rising[0]][0]].azimuth_deg
+        for floor in rising:
+            several = len(by_floor[floor]) > 1
+            for number, k in enumerate(by_floor[floor], start=1):
+                azimuth = channels[k].azimuth_deg
+                known = forward is not None and azimuth is not None
+                turned = known and 90.0 < abs((azimuth or 0.0) - (forward or 0.0)) % 360.0 < 270.0
+                name = channel_name(floor, str(number) if several else "", axis)
+                proposed[name] = f"{'-' if turned else ''}{k + 1}"
     return proposed
-
-
-def columns_of(
-    proposed: Mapping[str, Proposed],
-    channels: Sequence[RecordedChannel],
-    names: Sequence[str] | None,
-) -> dict[str, str]:
-    """Our column name to the file's, or to the channel's number with a minus where it is turned.
-
-    Args:
-        names: of a table's columns, the one of times included; None of any other file.
-    """
-    if names is None:
-        return {
-            ours: f"{'-' if each.turned else ''}{each.channel + 1}"
-            for ours, each in proposed.items()
-        }
-    columns = {ours: channels[each.channel].name for ours, each in proposed.items()}
-    time = next((n for n in names if n not in {each.name for each in channels}), TIME)
-    return columns if time.lower() == TIME else {TIME: time, **columns}
 
 
 def _key(
@@ -100,51 +91,10 @@ def _key(
     return f"{channel.azimuth_deg:.0f}"
 
 
-def _angle(first: float, second: float) -> float:
+def _angle(first: float | None, second: float | None) -> float:
     """Angle between two axes, 0 to 90 degrees, whichever way they point."""
-    apart = abs(first - second) % 180.0
+    apart = abs((first or 0.0) - (second or 0.0)) % 180.0
     return min(apart, 180.0 - apart)
-
-
-def _right_angled(
-    ordered: Sequence[str],
-    directions: Mapping[str, Sequence[int]],
-    channels: Sequence[RecordedChannel],
-) -> list[str]:
-    """The first direction, and the first one after it that may be at a right angle to it."""
-    if not ordered:
-        return []
-    first = channels[directions[ordered[0]][0]].azimuth_deg
-    for key in ordered[1:]:
-        other = channels[directions[key][0]].azimuth_deg
-        if first is None or other is None or _angle(first, other) >= 90.0 - _ALONG_DEG:
-            return [ordered[0], key]
-    return [ordered[0]]
-
-
-def _along(
-    axis: str, own: Sequence[int], floors: Sequence[str | None], channels: Sequence[RecordedChannel]
-) -> dict[str, Proposed]:
-    """Channels of one direction; of several bases those inside the building."""
-    by_floor: dict[str, list[int]] = defaultdict(list)
-    for k in own:
-        by_floor[floors[k] or ""].append(k)
-    if BASE in by_floor:
-        places = {k: channels[k].location or channels[k].name for k in by_floor[BASE]}
-        best = min(base_rank(text) for text in places.values())
-        by_floor[BASE] = [k for k, text in places.items() if base_rank(text) == best]
-    ordered = sorted(by_floor, key=floor_height)
-    forward = channels[by_floor[ordered[0]][0]].azimuth_deg
-    found: dict[str, Proposed] = {}
-    for floor in ordered:
-        several = len(by_floor[floor]) > 1
-        for number, k in enumerate(by_floor[floor], start=1):
-            azimuth = channels[k].azimuth_deg
-            known = forward is not None and azimuth is not None
-            turned = known and 90.0 < abs((azimuth or 0.0) - (forward or 0.0)) % 360.0 < 270.0
-            name = channel_name(floor, str(number) if several else "", axis)
-            found[name] = Proposed(k, turned)
-    return found
 
 
 _NO_BASE = "There is no base: the modes can be found if this is ambient vibration."
@@ -181,7 +131,9 @@ def next_step(
     Args:
         names: of a table's columns, the one of times included; None of any other file.
     """
-    usable = [k for k, each in enumerate(histories) if is_usable(each)]
+    # As far as is told, horizontal accelerations.
+    kinds = ("acceleration", "unknown")
+    usable = [k for k, e in enumerate(histories) if e.quantity in kinds and not e.vertical]
     unknown = unit is None and any(histories[k].unit is None for k in usable)
     options = f" --unit {unit or 'UNIT'}" if unit or unknown else ""
     if not usable:
@@ -191,9 +143,13 @@ def next_step(
         based = any(ours.startswith((BASE, "force/")) for ours in columns)
         command = f"calibrate {name}{options}" if based else f"identify {name} -o modes.csv"
         return NextStep(f"femupdate {command}{columns_option(columns)}", "", columns)
-    proposed = proposal(histories)
-    columns = columns_of(proposed, histories, names)
-    along = columns_of({k: v for k, v in proposed.items() if ".y" not in k}, histories, names)
+    proposed = _proposal(histories, usable)
+    columns = dict(proposed)
+    if names is not None:  # columns of a table go by their names
+        columns = {ours: histories[int(k.lstrip("-")) - 1].name for ours, k in proposed.items()}
+        time = next((n for n in names if n not in {each.name for each in histories}), TIME)
+        columns = columns if time.lower() == TIME else {TIME: time, **columns}
+    along = {ours: theirs for ours, theirs in columns.items() if ".y" not in ours}
     told = proposed_floors(histories)
     left_over = [histories[k].name for k in usable if told[k] is None]
     if proposed and left_over and (names is not None or not any(h.location for h in histories)):
