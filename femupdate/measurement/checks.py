@@ -230,7 +230,7 @@ def pair_findings(
     for number, (channel, floor) in enumerate(zip(channels, floors, strict=True), start=1):
         if floor is not None and not channel.vertical and np.ptp(channel.values):
             parsed = parse_channel(channel.name)
-            along = parsed.direction if parsed else channel.direction.upper() or "x"
+            along = parsed.direction if parsed else channel.direction.lower() or "x"
             key = along, channel.values.size, channel.time_step
             stack = parsed.sensor if parsed else _PLACES.sub("", channel.location.lower())
             values = channel.values * acceleration_factor(channel.unit)

@@ -14,6 +14,10 @@ FREQUENCY = "frequency_hz"
 TIME_NAME = re.compile(
     r"^(t|time)([_ .].*)?$|^sec(ond)?s?$|^time_?stamp$|^date_?time$|^時[刻間]", re.IGNORECASE
 )
+# How columns that are named by other people end where they say a direction.
+DIRECTION_END = re.compile(
+    r"[ _.-](x|y|z|ns|ew|ud|n-s|e-w|u-d|up|north|east|vert(?:ical)?)$", re.IGNORECASE
+)
 SECONDS_NAME = re.compile(r"^(t|time)([_ .]s(ec(ond)?s?)?)?$|^sec(ond)?s?$", re.IGNORECASE)
 FREQUENCY_NAME = re.compile(r"^(f|freq|frequency)([_ ]?hz)?$|^周波数", re.IGNORECASE)
 
@@ -142,7 +146,7 @@ def _floor_name(text: str) -> str:
 
 
 _ROOF = re.compile(
-    r"\b(roof|RF|top|dach|DG|toit|techo|azotea|tetto)\b|屋[上根顶]|顶层", re.IGNORECASE
+    r"\b(roof\w*|RF|top|dach|DG|toit|techo|azotea|tetto)\b|屋[上根顶]|顶层", re.IGNORECASE
 )
 _STORY = r"floor|flr?|level|lvl|stor(?:e?y|ies)|stockwerk|etage|étage|piso|piano|OG"
 _NUMBERED = re.compile(
@@ -151,12 +155,14 @@ _NUMBERED = re.compile(
     re.IGNORECASE,
 )
 _BELOW = re.compile(
-    r"\b(basement|foundation|ground floor|lobby|base|B\d?F?|GF|EG|UG|erdgescho(ss|ß)|keller"
-    r"|fundament|rez|RDC|cimentaci[oó]n|fondazione|(shak\w+ )?table)\b|基[礎础]|地下",
+    r"\b(basement\w*|foundation\w*|ground floor|lobby|base(?!line)\w*|B\d?F?|GF|EG|UG"
+    r"|erdgescho\w+|keller\w*|fundament\w*|rez|RDC|cimentaci[oó]n|fondazione|(shak\w+ )?table)\b"
+    r"|基[礎础]|地下",
     re.IGNORECASE,
 )
 _BESIDE = re.compile(
-    r"\bgr(?:oun|n)d\b|free[ -]?field|\b(pit|boden|soil|sol|suelo|terreno|input)\b|地[表盤面]|^地$",
+    r"\bgr(?:oun|n)d\w*|free[ -]?field|\b(pit|boden\w*|soil|sol|suelo|terreno|input)\b"
+    r"|地[表盤面]|^地$",
     re.IGNORECASE,
 )
 

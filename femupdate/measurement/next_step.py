@@ -83,7 +83,7 @@ def _key(
     if parsed is not None:
         return parsed.direction
     if channel.azimuth_deg is None:
-        return channel.direction.upper() or "x"
+        return channel.direction.lower() or "x"
     for key, indices in directions.items():
         other = channels[indices[0]].azimuth_deg
         if other is not None and _angle(channel.azimuth_deg, other) <= _ALONG_DEG:

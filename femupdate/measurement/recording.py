@@ -18,7 +18,13 @@ from femupdate.measurement.clock import (
     rate_ratio,
     resampled,
 )
-from femupdate.measurement.names import TIME_NAME, floors_of, parse_channel
+from femupdate.measurement.names import (
+    DIRECTION_END,
+    TIME_NAME,
+    floors_of,
+    parse_channel,
+    parse_history,
+)
 from femupdate.measurement.quantity import FORCES, is_acceleration, plain_unit, si_factor
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile
@@ -266,13 +272,18 @@ def channels_of(
             other, counted = _seconds(table, clock)
             of_column, _, words = even_step(table.file, other, table.lines, table.title(clock))
             start, done = float(other[0]), (*counted, *words)
+        name = table.names[column] if table.names else str(column)
+        end = None if parse_history(name) else DIRECTION_END.search(name)
+        direction = end[1].upper() if end else ""
         first, every, seen, blank = _filled(table, column, values[:, column], of_column)
         channels[column] = RecordedChannel(
-            name=table.names[column] if table.names else str(column),
+            name=name,
             values=seen,
             time_step=of_column * every,
             unit=table.units[column],
             quantity="force" if table.units[column] in FORCES else "acceleration",
+            direction=direction,
+            azimuth_deg=azimuth_of(direction),
             start=start + first * of_column,
             done=(*done, *blank),
         )

@@ -346,6 +346,7 @@ def read_channels(path):
         ("基礎 2階 3階 屋上", "base 2F 3F RF"),
         ("acc_base acc_2F x3F acc_roof", "base 2F 3F RF"),
         ("basement 2nd_floor 3rd_floor top", "base 2F 3F RF"),
+        ("Kellerdecke_x Floor1_x Floor2_x Roof_x", "base 2F 3F RF"),
     ],
 )
 def test_the_next_command_runs_with_the_names_that_people_give(write, names, floors):
@@ -356,6 +357,16 @@ def test_the_next_command_runs_with_the_names_that_people_give(write, names, flo
     columns = inspect_file(path).step.columns
     assert columns == dict(zip(floors, names, strict=True))
     assert read_observation_file(path, columns=columns).floors == ("2F", "3F", "RF")
+
+
+def test_columns_in_two_directions_are_not_taken_for_two_sensors(write):
+    names = ["Ground_EW", "Roof_EW", "Ground_NS", "Roof_NS"]
+    path = write(
+        table(printed("{:.2f}"), head=",".join(["time_s", *names]) + "\ns" + ",m/s2" * 4), "xy.csv"
+    )
+    step = inspect_file(path).step
+    assert step.columns == dict(zip(("base", "RF", "base.y", "RF.y"), names, strict=True))
+    assert "base=Ground_EW,RF=Roof_EW" in step.command
 
 
 def test_nothing_is_proposed_where_a_column_is_left_over(write):
