@@ -128,14 +128,14 @@ class _InNormal:
         return torch.cat([self.misfit.derivative(*both)[:, :, first:] for both in parts])
 
 
-def descend(misfit: Residuals, starts: Tensor, how: "Search") -> Descent:
+def descend(misfit: Residuals, starts: Tensor, how: "Search | None" = None) -> Descent:
     """Minimise the misfit from every start (s, z)."""
     size = starts.shape[1]
     far, one = starts.new_full((size,), torch.inf), torch.eye(size).to(starts)
     found = maximise(
         _InNormal(misfit, -far, far, torch.zeros_like(far), one),
         starts,
-        how,
+        how or Search(iterations=40, small_nats=1e-3),
     )
     jacobian, residual = found.jacobian, found.residual
     pull = (jacobian.mT @ residual[:, :, None])[:, :, 0]

@@ -159,9 +159,8 @@ def find_latent(
     points = (data.weight > 0).any(0).nonzero()[:, 0]
     seen = LatentData(data.log_frf[:, points], data.weight[:, points])
     by_decoder = Misfit(lambda z: mvae.decode(z, points), seen, 1e-3)
-    usual = Search(iterations=40, small_nats=1e-3)
     # A decoder's misfit may be wrong by some nats.
-    near = _distinct(mvae, descend(by_decoder, starts, usual), nats=30.0, count=24)
+    near = _distinct(mvae, descend(by_decoder, starts), nats=30.0, count=24)
     # In double precision: differences of responses are taken.
     precise = copy.deepcopy(mvae).double()
 
