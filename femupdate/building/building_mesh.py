@@ -34,17 +34,6 @@ def self_mass(model: FiniteElementModel, dead: Iterable[DeadWall]) -> Floats:
     return total
 
 
-def _tributary(model: FiniteElementModel, group: int) -> Floats:
-    """Return the slab area that each node of a floor carries, (N,) m2."""
-    area = np.zeros(len(model.nodes))
-    for part in model.elements:
-        on_floor = np.flatnonzero((part.kind == "slab") & (part.group == group))
-        slab = part.taken(on_floor)
-        share = slab.measure(model.nodes) / slab.node_count()
-        np.add.at(area, slab.nodes, share[:, None])
-    return area
-
-
 def place_masses(
     building: Massive, model: FiniteElementModel, dead: Sequence[DeadWall]
 ) -> PointMasses:
@@ -68,7 +57,11 @@ def place_masses(
                     "is too heavy"
                 )
                 raise Complaint(f"{key}.total", text)
-            area = _tributary(model, group)
+            area = np.zeros(len(model.nodes))  # of slab that each node carries
+            for part in model.elements:
+                slab = part.taken(np.flatnonzero((part.kind == "slab") & (part.group == group)))
+                share = slab.measure(model.nodes) / slab.node_count()
+                np.add.at(area, slab.nodes, share[:, None])
             if rest > _ROUNDING * mass.total and not area.any():
                 text = f"{floor} has no slab to carry its mass; add one, or remove the floor mass"
                 raise Complaint(f"{key}.floors", text)

@@ -42,7 +42,16 @@ def span_ends(nodes: Floats, lines: Integers, others: Integers) -> SpanEnds:
         lines: (n, 2) node indices.
         others: nodes of other line elements.
     """
-    broken = _breaks(nodes, lines, others)
+    broken = np.bincount(lines.ravel(), minlength=len(nodes)) != 2  # nodes that spans do not pass
+    broken[others] = True
+    axis = nodes[lines[:, 1]] - nodes[lines[:, 0]]
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    # Unit vectors away from a node add up to nothing where the two are one line.
+    away = np.zeros((len(nodes), 3))
+    np.add.at(away, lines[:, 0], axis)
+    np.add.at(away, lines[:, 1], -axis)
+    # One span turns by an angle of at most this cosine.
+    broken |= np.einsum("nd,nd->n", away, away) > 2.0 - 2.0 * 0.985
     elements = np.repeat(np.arange(len(lines)), 2)
     passing = ~broken[lines.ravel()]
     shape = (len(lines), len(nodes))
@@ -62,22 +71,6 @@ def span_ends(nodes: Floats, lines: Integers, others: Integers) -> SpanEnds:
     starts[first[swapped, rows], second[swapped, rows]] = True
     ends[first[1 - swapped, rows], second[1 - swapped, rows]] = True
     return SpanEnds(starts, ends)
-
-
-def _breaks(nodes: Floats, lines: Integers, others: Integers) -> Flags:
-    """Which nodes spans do not pass, (N,)."""
-    count = np.bincount(lines.ravel(), minlength=len(nodes))
-    broken = count != 2
-    broken[others] = True
-    axis = nodes[lines[:, 1]] - nodes[lines[:, 0]]
-    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    # Unit vectors away from a node add up to nothing where the two are one line.
-    away = np.zeros((len(nodes), 3))
-    np.add.at(away, lines[:, 0], axis)
-    np.add.at(away, lines[:, 1], -axis)
-    # One span turns by an angle of at most this cosine.
-    broken |= np.einsum("nd,nd->n", away, away) > 2.0 - 2.0 * 0.985
-    return np.asarray(broken)
 
 
 def beam_arms(part: Part, nodes: Floats, lines: Integers, spans: SpanEnds, key: str) -> Floats:

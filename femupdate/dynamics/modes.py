@@ -168,17 +168,16 @@ class _Band:
 @lru_cache(maxsize=8)
 def _bands(grid: bytes) -> tuple[_Band, ...]:
     """The bands of a grid (k,), rad/s, as bytes: one grid serves many responses."""
-    return tuple(_band(own) for own in torch.from_numpy(np.frombuffer(grid).copy()).split(_WIDE))
-
-
-def _band(omega: Tensor) -> _Band:
-    low, high = float(omega.min()), float(omega.max())
-    middle, half = 0.5 * (low + high), max(0.5 * (high - low), _TINY)
-    ends = max(middle - _REACH * half, 0.0), middle + _REACH * half
-    points, transform = _chebyshev()
-    basis = chebyshev.chebvander((omega.numpy() - middle) / half, _POINTS - 1)
-    nodes = torch.from_numpy(middle + half * points)
-    return _Band(omega, ends, nodes, torch.from_numpy(transform @ basis.T))
+    bands = []
+    for omega in torch.from_numpy(np.frombuffer(grid).copy()).split(_WIDE):
+        low, high = float(omega.min()), float(omega.max())
+        middle, half = 0.5 * (low + high), max(0.5 * (high - low), _TINY)
+        ends = max(middle - _REACH * half, 0.0), middle + _REACH * half
+        points, transform = _chebyshev()
+        basis = chebyshev.chebvander((omega.numpy() - middle) / half, _POINTS - 1)
+        nodes = torch.from_numpy(middle + half * points)
+        bands.append(_Band(omega, ends, nodes, torch.from_numpy(transform @ basis.T)))
+    return tuple(bands)
 
 
 def _near(inverse: Tensor, bands: Sequence[_Band]) -> tuple[list[int], list[int]]:

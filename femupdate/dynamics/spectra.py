@@ -82,7 +82,14 @@ def response_spectrum(
 
     histories = np.asarray(acceleration, dtype=np.float64)
     frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-    _check(histories, time_step, frequency, zeta)
+    if histories.ndim < 1 or histories.shape[-1] < 2 or not np.isfinite(histories).all():
+        raise MeasurementError("the accelerations need two samples or more, all of them finite")
+    if not (np.isfinite(time_step) and time_step > 0.0):
+        raise MeasurementError(f"the time step is {time_step} s; it must be positive")
+    if not (np.isfinite(frequency).all() and (frequency > 0.0).all()):
+        raise MeasurementError("the frequencies of the oscillators must be positive")
+    if not 0.0 <= zeta < 1.0:
+        raise MeasurementError(f"the damping ratio {zeta} must lie from 0 to below 1")
     peaks = np.zeros((*histories.shape[:-1], len(frequency)))
     flat, found = histories.reshape(-1, histories.shape[-1]), peaks.reshape(-1, len(frequency))
     # A step is divided into sixteen at most.
@@ -113,14 +120,3 @@ def _filter(transition: Floats, load: Floats, omega: float, zeta: float) -> tupl
     impulse.append(outputs @ state)
     impulse.append(outputs @ (transition @ state))
     return np.convolve(denominator, impulse)[:3], denominator
-
-
-def _check(histories: Floats, time_step: float, frequency: Floats, zeta: float) -> None:
-    if histories.ndim < 1 or histories.shape[-1] < 2 or not np.isfinite(histories).all():
-        raise MeasurementError("the accelerations need two samples or more, all of them finite")
-    if not (np.isfinite(time_step) and time_step > 0.0):
-        raise MeasurementError(f"the time step is {time_step} s; it must be positive")
-    if not (np.isfinite(frequency).all() and (frequency > 0.0).all()):
-        raise MeasurementError("the frequencies of the oscillators must be positive")
-    if not 0.0 <= zeta < 1.0:
-        raise MeasurementError(f"the damping ratio {zeta} must lie from 0 to below 1")

@@ -12,7 +12,6 @@ import numpy as np
 from femupdate.arrays import Floats, Integers
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.structure import Structure
-from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.solve import lowest_modes
 
 
@@ -170,7 +169,11 @@ def mesh_modes(structure: Structure) -> FullModes:
     modes = lowest_modes(operators, np.ones(operators.parameters), count)
     full = operators.expand(modes.shapes).reshape(len(operators.nodes), 6, -1)[:, :3]
     shapes = np.moveaxis(full, 2, 0)
-    mass = np.column_stack([_effective(operators, modes.shapes, axis) for axis in (0, 1)])
+    mass = np.zeros((len(shapes), 2))
+    for axis in (0, 1):  # shares of the whole mass, that of the supports included
+        rigid = operators.rigid_translation(axis)
+        total = float(rigid @ (operators.mass_full @ rigid))
+        mass[:, axis] = (modes.shapes.T @ operators.inertia(axis)) ** 2 / total
     levels = operators.nodes[:, 2].min() + np.asarray(structure.levels)
     nodal = (operators.mass_full @ operators.rigid_translation(0)).reshape(-1, 6)[:, 0]
     return FullModes(
@@ -179,13 +182,6 @@ def mesh_modes(structure: Structure) -> FullModes:
         mass,
         tuple(_direction(shape, operators.nodes, nodal, levels) for shape in shapes),
     )
-
-
-def _effective(operators: AffineOperators, shapes: Floats, axis: int) -> Floats:
-    """Share (k,) of the whole mass, that of the supports included, in each mode."""
-    rigid = operators.rigid_translation(axis)
-    total = float(rigid @ (operators.mass_full @ rigid))
-    return np.asarray((shapes.T @ operators.inertia(axis)) ** 2 / total)
 
 
 def _direction(shape: Floats, nodes: Floats, mass: Floats, levels: Floats) -> str:

@@ -60,26 +60,16 @@ def infills(
     known = cKDTree(mesh.model.nodes)
     shells, new = stiff.elements_of(Shells), _is_new(stiff, mesh.model)
     found = []
+    corners, grid = shells.corners(stiff.nodes), building.grid
     for line, stories in infill_lines(building).items():
-        here = new & _in_plane(stiff, *_plane(building, line))
+        axis, at = (1, grid.y[line]) if line in grid.y else (0, grid.x[line])
+        here = new & (np.abs(corners[:, :, axis] - at) < _SAME).all(axis=1)
         for story in stories:
             walls = shells.taken(np.flatnonzero(here & (shells.group == story)))
             if len(walls):
                 local = _condensed(stiff, walls, known)
                 found.append(Infill(line, story, _placed(*local, operators)))
     return tuple(found)
-
-
-def _plane(building: FrameBuilding, line: str) -> tuple[int, float]:
-    """The axis across a grid line, and where the line lies on it, m."""
-    grid = building.grid
-    return (1, grid.y[line]) if line in grid.y else (0, grid.x[line])
-
-
-def _in_plane(model: FiniteElementModel, axis: int, place: float) -> Flags:
-    corners = model.elements_of(Shells).corners(model.nodes)
-    near = np.abs(corners[:, :, axis] - place) < _SAME
-    return np.asarray(near.all(axis=1))
 
 
 def _is_new(stiff: FiniteElementModel, present: FiniteElementModel) -> Flags:

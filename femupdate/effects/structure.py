@@ -309,16 +309,8 @@ def _points(mesh: BuildingMesh, operators: AffineOperators, shapes: Floats) -> N
     for axis in range(3):
         unit = operators.rigid_translation(axis)
         mass += unit * (operators.mass_full @ unit)
-    position = np.repeat(mesh.model.nodes, DOF_PER_NODE, axis=0)
-    return NodeMotions(
-        position, np.arange(operators.dof) % DOF_PER_NODE, mass, shapes, _motion(operators)
-    )
-
-
-def _motion(operators: AffineOperators) -> csr_matrix:
-    """(6N, n) motion of all degrees of freedom per unit of the independent ones."""
-    if operators.expansion is not None:
-        return operators.expansion
-    free = operators.free
-    where = (free, np.arange(len(free)))
-    return csr_matrix((np.ones(len(free)), where), shape=(operators.dof, len(free)))
+    position, free = np.repeat(mesh.model.nodes, DOF_PER_NODE, axis=0), operators.free
+    motion, where = operators.expansion, (free, np.arange(len(free)))
+    if motion is None:
+        motion = csr_matrix((np.ones(len(free)), where), shape=(operators.dof, len(free)))
+    return NodeMotions(position, np.arange(operators.dof) % DOF_PER_NODE, mass, shapes, motion)
