@@ -63,20 +63,6 @@ def local_structure(
     """
     if structure.operators is None:
         return lumped(structure)
-    shapes = _answers(structure, theta, target, progress, spread, present)
-    return reduced_on(structure, compressed(structure.mass, shapes, size))
-
-
-def _answers(
-    structure: Structure,
-    theta: Floats,
-    target: ReductionTarget,
-    progress: Progress,
-    spread: float,
-    present: Sequence[Sized] | None,
-) -> list[Floats | Singles]:
-    """Weighted shapes (n, c) of every question (see `local_structure`)."""
-    assert structure.operators is not None
     sets = (
         _of_catalogue(structure)
         if present is None
@@ -99,7 +85,7 @@ def _answers(
     for one in everywhere(task, questions):
         shapes.append(one)
         progress.advance()
-    return shapes
+    return reduced_on(structure, compressed(structure.mass, shapes, size))
 
 
 def _along_ports(structure: Structure, factors: Factored, sets: Sequence[Sized]) -> list[Floats]:

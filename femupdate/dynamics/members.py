@@ -249,30 +249,22 @@ def choose_members(building: Building, wanted: Sequence[Place | str]) -> ChosenM
     placed = building_effects(building).placed
     added = tuple((one, one.effect.terms(structure, one.place)) for one in placed)
     for one, terms in added:
-        if not _leaves_members(one, terms):
+        changed = bool(terms.stiffness) or terms.hinges is not None or terms.port is not None
+        if changed or one.effect.needs_levels or changes_in_run(one.effect):
             raise BuildingError(
                 f"{building.name}: forces of members are not found beside the effect {one.label}, "
                 "which changes members, makes modes complex or changes with the level of the "
                 "motion; leave members out"
             )
-    members = tuple(
-        _wall(wall_cut(building, structure.mesh, one), one)
-        if isinstance(one, str)
-        else _nearest(building, structure.mesh.model, one)
-        for one in wanted
-    )
-    return ChosenMembers(structure, added, damping_law(building), members)
-
-
-def _leaves_members(placed: Placed, terms: Terms) -> bool:
-    """Whether forces follow from displacements as without an effect, and modes are real."""
-    changed = bool(terms.stiffness) or terms.hinges is not None or terms.port is not None
-    return not (changed or placed.effect.needs_levels or changes_in_run(placed.effect))
-
-
-def _wall(cut: WallCut, name: str) -> CutMember:
-    forces = WALL_FORCES + _WITH_COLUMNS if cut.has_columns else WALL_FORCES
-    return CutMember("wall", name, cut.ends, forces, cut)
+    members = []
+    for place in wanted:
+        if isinstance(place, str):
+            cut = wall_cut(building, structure.mesh, place)
+            forces = WALL_FORCES + _WITH_COLUMNS if cut.has_columns else WALL_FORCES
+            members.append(CutMember("wall", place, cut.ends, forces, cut))
+        else:
+            members.append(_nearest(building, structure.mesh.model, place))
+    return ChosenMembers(structure, added, damping_law(building), tuple(members))
 
 
 def _nearest(building: Building, model: FiniteElementModel, place: Place) -> CutMember:

@@ -247,6 +247,14 @@ def truth_of(
         share = (vectors.T @ reduced.model.excitation) ** 2
         frequency = np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi)
         return Truth(fine, system, theta, values, frequency, share / share.sum())
+    mesh, operators = structure.mesh, structure.operators
+    assert mesh is not None
+    assert operators is not None
+    nodes = np.concatenate([mesh.floor_nodes[floor] for floor in mesh.floors])
+    rows = np.zeros((len(nodes), operators.dof))
+    rows[np.arange(len(nodes)), DOF_PER_NODE * nodes + structure.direction] = 1.0
+    floors = tuple(channel.floor for channel in fine.channels)
+    heights = np.array([structure.levels[structure.floors.index(floor)] for floor in floors])
     found = driven_system(
         structure,
         [(one, one.effect.terms(structure, one.place)) for one in placed],
@@ -254,23 +262,10 @@ def truth_of(
         np.array(values),
         top_hz,
         law,
-        _sensors(fine),
+        SensorRows(floors, operators.gather(rows.T).T, heights),
         turns,
     )
     below = found.frequency_hz < top_hz
     participation = (found.shapes[:, below].T @ structure.rigid_force[:, 0]) ** 2
     share = participation / structure.rigid_mass[0, 0]
     return Truth(fine, found.system, np.zeros(0), values, found.frequency_hz[below], share)
-
-
-def _sensors(fine: FineModel) -> SensorRows:
-    """Every sensor of a frame along the motion."""
-    structure, mesh, operators = fine.structure, fine.structure.mesh, fine.structure.operators
-    if mesh is None or operators is None:
-        raise AssertionError("a frame has a mesh")
-    nodes = np.concatenate([mesh.floor_nodes[floor] for floor in mesh.floors])
-    rows = np.zeros((len(nodes), operators.dof))
-    rows[np.arange(len(nodes)), DOF_PER_NODE * nodes + structure.direction] = 1.0
-    floors = tuple(channel.floor for channel in fine.channels)
-    heights = np.array([structure.levels[structure.floors.index(floor)] for floor in floors])
-    return SensorRows(floors, operators.gather(rows.T).T, heights)
