@@ -17,7 +17,7 @@ from femupdate.dynamics.members import (
     write_member_forces,
 )
 from femupdate.dynamics.spectra import floor_spectra
-from femupdate.dynamics.summary import HistorySummary, summarise
+from femupdate.dynamics.summary import summarise
 from femupdate.inference.next_event import EventErrors
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.record import GroundMotion
@@ -94,9 +94,16 @@ def predict_study(
     histories, at_level = _histories(task, draws)
     # Of the parameters alone, as they were when they were measured.
     alone = summarise(histories, _EXAMPLES)
+    moving, erring = spawn(settings.seed, 2)
+    # Errors of the model fade below the lowest frequency.
+    lowest = system.modes(draws.values.theta[:1], draws.values.sizes[:1]).omega.min()
+    errors = EventErrors(posterior, draws.rows, 0.25 * float(lowest) / (2.0 * np.pi), erring)
+    moved = in_another_event(task, draws, moving)
+    progress.start("Integrating the response of another event", len(draws.rows))
+    histories, _ = _histories(task, moved)
+    summary = summarise(errors.applied(histories), _EXAMPLES)
     # A stiffness is the building's own: errors of shear and drift are none of it.
-    errors = _event_errors(task, draws)
-    summary = replace(_in_another_event(task, draws, errors), story_stiffness=alone.story_stiffness)
+    summary = replace(summary, story_stiffness=alone.story_stiffness)
     best = errors.corrected(alone.floors, alone.acceleration_mean, motion.time_step)
     spectra, damping = None, settings.spectrum_damping
     if damping is not None:
@@ -125,22 +132,21 @@ def predict_study(
     return report
 
 
-def _event_errors(task: PredictionTask, draws: PredictionDraws) -> EventErrors:
-    """Errors of the model in another event; they fade below the lowest frequency."""
-    first = draws.values.theta[:1], draws.values.sizes[:1]
-    lowest = float(task.system.modes(*first).omega.min()) / (2.0 * np.pi)
-    seed = spawn(task.settings.seed, 2)[1]
-    return EventErrors(task.posterior, draws.rows, 0.25 * lowest, seed)
-
-
-def _in_another_event(
-    task: PredictionTask, draws: PredictionDraws, errors: EventErrors
-) -> HistorySummary:
-    """Bands of the next measurement."""
-    moved = in_another_event(task, draws, spawn(task.settings.seed, 2)[0])
-    task.show.start("Integrating the response of another event", len(draws.rows))
-    histories, _ = _histories(task, moved)
-    return summarise(errors.applied(histories), _EXAMPLES)
+def _record(
+    study: Study, model: StudyModel, record: RecordSource, report: Prediction, measured: Path | None
+) -> None:
+    """Note in the study what the prediction was made from, and how well it met measured floors."""
+    origin = {
+        **model.made_from(),
+        "posterior": file_hash(study.require("posterior", "calibrate")),
+        "record": file_hash(record.path),
+    }
+    used = {"file": str(record.path), "scale": record.scale, "damping": report.damping}
+    if measured is not None:
+        origin["measured"], used["measured"] = file_hash(measured), str(measured)
+    if report.comparison is not None:
+        used["against_measured"] = report.comparison.as_dict()
+    study.record("prediction", "prediction.nc", "predict", origin, used)
 
 
 def _histories(
@@ -157,27 +163,6 @@ def _histories(
     own = OwnLevel(level, keep)
     batches = history_batches(task.system, theta, zeta, *record, level=own, progress=task.show)
     return batches, (*told, changing_note(level is not None))
-
-
-def _record(
-    study: Study,
-    model: StudyModel,
-    record: RecordSource,
-    report: Prediction,
-    measured: Path | None,
-) -> None:
-    """Note in the study what the prediction was made from, and how well it met measured floors."""
-    origin = {
-        **model.made_from(),
-        "posterior": file_hash(study.require("posterior", "calibrate")),
-        "record": file_hash(record.path),
-    }
-    settings = {"file": str(record.path), "scale": record.scale, "damping": report.damping}
-    if measured is not None:
-        origin["measured"], settings["measured"] = file_hash(measured), str(measured)
-    if report.comparison is not None:
-        settings["against_measured"] = report.comparison.as_dict()
-    study.record("prediction", "prediction.nc", "predict", origin, settings)
 
 
 def _members(
@@ -207,7 +192,14 @@ def _members(
 def _notes(
     model: StudyModel, posterior: Posterior, motion: GroundMotion, settings: PredictionSettings
 ) -> tuple[str, ...]:
-    between = _scatter(posterior, settings)
+    # How much the building differs between events, and where that is from.
+    scatter = chosen_scatter(posterior, settings, np.arange(posterior.log_likelihood.size))
+    sizes = (float(np.median(sd)) for sd in (scatter.stiffness, scatter.damping))
+    between = "stiffness scatters by {} and damping by {}".format(*map(percent, sizes))
+    if posterior.scatter is None or settings.scatter is not None:
+        between += " (--scatter, --damping-scatter)"
+    else:
+        between += f", as between the {posterior.scatter.runs} runs"
     errs = (
         "; the calibration learned no error of the model, so none is in them"
         if posterior.model_error is None
@@ -239,13 +231,3 @@ def _notes(
     if settings.members:
         notes.append(ALONE)
     return tuple(notes)
-
-
-def _scatter(posterior: Posterior, settings: PredictionSettings) -> str:
-    """How much the building differs between events, and where that is from."""
-    scatter = chosen_scatter(posterior, settings, np.arange(posterior.log_likelihood.size))
-    sizes = (float(np.median(sd)) for sd in (scatter.stiffness, scatter.damping))
-    told = "stiffness scatters by {} and damping by {}".format(*map(percent, sizes))
-    if posterior.scatter is None or settings.scatter is not None:
-        return f"{told} (--scatter, --damping-scatter)"
-    return f"{told}, as between the {posterior.scatter.runs} runs"
