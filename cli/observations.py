@@ -118,13 +118,6 @@ def finder_options(function: F) -> F:
 @click.command("diagnose", cls=GroupedCommand)
 @observations_argument
 @building_option
-@click.option(
-    "--sampled",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Leading effects whose evidence is sampled instead of approximated.",
-)
 @finder_options
 @reading_options
 @study_options(shares=True)

@@ -16,7 +16,7 @@ if (_checkout / "cli" / "main.py").exists():
 # Where each public name is: imported when it is first used, so that commands start without it.
 _NOUNS = {
     "Building": "building.files:AnyBuilding",
-    "Diagnosis": "discrepancy.diagnose",
+    "Diagnosis": "discrepancy.findings",
     "Effect": "effects.effect",
     "GroundMotion": "measurement.record",
     "Likelihood": "inference.likelihood",
@@ -38,7 +38,7 @@ _VERBS = (
 
 if _TYPE_CHECKING:
     from femupdate.building.common import Building
-    from femupdate.discrepancy.diagnose import Diagnosis
+    from femupdate.discrepancy.findings import Diagnosis
     from femupdate.dynamics.system import System
     from femupdate.effects.effect import Effect
     from femupdate.effects.structure import Structure

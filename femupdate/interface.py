@@ -185,7 +185,7 @@ def diagnose(
         second: record at another level of motion.
         use_phase: compare phases where they were measured.
         reading: how files are read, see `calibrate`.
-        settings: `seed`, `sampled`, ..., as `DiagnosisSettings` has them.
+        settings: `seed`, `least_frequency`, ..., as `DiagnosisSettings` has them.
 
     Raises:
         MeasurementError: a file cannot be used.

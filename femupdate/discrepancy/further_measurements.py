@@ -14,8 +14,7 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Flags
-from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.thresholds import FIT, FOLLOW
+from femupdate.discrepancy.fit import DIFFERENCE, Fit
 from femupdate.inference.data import WILD, Data
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood
@@ -43,24 +42,15 @@ def measurement_values(
     """What further measurements would tell a model from others, the best first.
 
     A floor's noise is taken to be that of the floors measured.
-
-    Args:
-        problem: the likelihood of the data.
-        first: the leading model, fitted.
-        others: those that it is not told from, fitted.
     """
-    seen = next((one for one in problem.data if isinstance(one, FrfData)), None)
-    if seen is None or not others:
+    seen = next((kind for kind in problem.data if isinstance(kind, FrfData)), None)
+    options = {} if seen is None else _options(seen)
+    if seen is None or not options or not others:
         return ()
-    options = _options(seen)
-    if not options:
-        return ()
-    data = (_everywhere(seen), *(one for one in problem.data if one is not seen))
-    worth = np.array([_expected(data, first, one, options) for one in others]).min(axis=0)
-    found = [
-        MeasurementValue(what, float(value)) for what, value in zip(options, worth, strict=True)
-    ]
-    return tuple(sorted(found, key=lambda one: -one.log_evidence))
+    data = (_everywhere(seen), *(kind for kind in problem.data if kind is not seen))
+    worth = np.array([_expected(data, first, other, options) for other in others]).min(axis=0)
+    values = map(MeasurementValue, options, worth.tolist())
+    return tuple(sorted(values, key=lambda value: -value.log_evidence))
 
 
 def _everywhere(problem: FrfData) -> FrfData:
@@ -107,14 +97,13 @@ def _expected(
 
     def predicted(fitted: Fit, z: Tensor) -> list[Tensor]:
         known = fitted.steps.split(z)
-        return [one.predicted(fitted.system, *known) for one in data]
+        return [kind.predicted(fitted.system, *known) for kind in data]
 
     def moved(from_: list[Tensor], to: list[Tensor]) -> list[Tensor]:
-        return [one.moved(*both) for one, *both in zip(data, from_, to, strict=True)]
+        return [kind.moved(*both) for kind, *both in zip(data, from_, to, strict=True)]
 
-    here, there = (predicted(one, one.z[None]) for one in (other, first))
-    step = FIT.difference
-    steps = torch.where(other.z + step <= where.upper, step, -step)
+    here, there = (predicted(model, model.z[None]) for model in (other, first))
+    steps = torch.where(other.z + DIFFERENCE <= where.upper, DIFFERENCE, -DIFFERENCE)
     changes = moved(here, predicted(other, other.z + torch.diag(steps)))
     columns = [change / steps[:, None] for change in changes]
     prior = torch.diag(where.precision.diagonal().sqrt())
@@ -129,11 +118,10 @@ def _expected(
 
         matrix = torch.cat([kept(columns).T, prior])
         z, least = other.z, np.inf
-        for _ in range(FOLLOW.rounds):
+        for _ in range(6):
             missed = kept(moved(predicted(other, z[None]), there))[0]
-            # As among the residuals, one point where an anti-resonance is off must not decide.
-            rest = missed.clamp(-WILD, WILD)
-            left = torch.cat([rest, prior @ (other.z - z)])
+            # One point where an anti-resonance is off must not decide.
+            left = torch.cat([missed.clamp(-WILD, WILD), prior @ (other.z - z)])
             least = min(least, 0.5 * float(left @ left))
             better = z + least_squares(matrix, left)
             z = torch.minimum(torch.maximum(better, where.lower), where.upper)

@@ -1,17 +1,23 @@
-"""Effects so large that theta without them lies far off, looked for over the whole prior.
+"""Effects that theta lies far off without, looked for over the whole prior.
 
 No step from there leads to where the right effect would explain the data. Responses with one
 effect more at draws of the prior say which are worth a search; noise is taken as coarse, so that
 peaks that do not meet yet show their distance.
+
+Channels exchanged or reversed come after the structure: its responses at draws are found once, and
+an exchange only orders or turns their rows.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import (
+    FAR_STEPS,
+    FIRST_STEPS,
     Fit,
     coarse,
     fit,
@@ -19,11 +25,15 @@ from femupdate.discrepancy.fit import (
     prior_draws,
 )
 from femupdate.discrepancy.score import Score
-from femupdate.discrepancy.thresholds import FIT, SEARCH
 from femupdate.effects.effect import Placed
 from femupdate.inference.likelihood import Likelihood
 from femupdate.seeds import spawn, torch_generator
 from femupdate.workers import in_threads
+
+_STARTS = 2  # draws from which every effect that is followed is fitted
+_SEARCHED = 6  # effects that are fitted
+_ROUGH_STEPS = 10
+_BETTER = 0.5  # of the coarse sum of squares, that an effect must stay below
 
 
 def global_fit(
@@ -33,40 +43,43 @@ def global_fit(
     leading: Sequence[Placed],
     seed: int = 0,
 ) -> Fit | None:
-    """A rough fit with one effect more that explains most of what the model leaves.
+    """The best fit with one effect more as if noise were coarse, or None where none explains half.
 
     Args:
         problem: the likelihood of the data.
         base: the model so far, fitted.
         scores: tests of every effect, the strongest first.
         leading: what explains most near the base.
-        seed: of the draws.
-
-    Returns:
-        The best fit as if noise were coarse, or None where no effect explains half.
     """
     rough = coarse(problem)
-    alone = fit(rough, base.placed, base.z, 10)
-    most = _most(problem, scores, leading)
+    alone = fit(rough, base.placed, base.z, _ROUGH_STEPS)
+    # What leads, and the strongest place of every effect, get all draws; of a stick all places.
+    strongest = {one.placed.effect.name: one.placed.label for one in reversed(scores)}
+    most = {*strongest.values(), *(placed.label for placed in leading[:4])}
+    cheap = problem.reduced.model.size <= 60
 
     def screened(placed: Placed) -> tuple[float, tuple[Placed, ...], Tensor]:
         together = (*base.placed, placed)
-        drawn = _draws if placed.label in most else _own
+        drawn = _draws if cheap or placed.label in most else _few_draws
         z = drawn(rough, alone, together, seed)
-        misfit = misfits(rough.with_effects(together), z)
-        nearest = misfit.sort()
-        return float(nearest.values[0]), together, z[nearest.indices[: SEARCH.starts]]
+        nearest = misfits(rough.with_effects(together), z).sort()
+        return float(nearest.values[0]), together, z[nearest.indices[:_STARTS]]
 
     others = [one.placed for one in scores if not one.placed.exchange]
-    first = sorted(in_threads(screened, others), key=lambda one: one[0])[: SEARCH.searched]
+    first = sorted(in_threads(screened, others), key=lambda one: one[0])[:_SEARCHED]
     begun = [(together, start) for _, together, starts in first for start in starts]
-    fits = in_threads(lambda one: fit(rough, *one, FIT.steps), begun)
-    best = min(fits, key=lambda one: one.misfit, default=alone)
-    if best.chi2 > SEARCH.better * alone.chi2:
-        best = min([best, *_of_usual_size(rough, alone, scores)], key=lambda one: one.misfit)
-    if best.chi2 > SEARCH.better * alone.chi2:
+    fits = in_threads(lambda one: fit(rough, *one), begun)
+    best = min(fits, key=lambda fitted: fitted.misfit, default=alone)
+    if best.chi2 > _BETTER * alone.chi2:
+        usual = _of_usual_size(rough, alone, scores)
+        best = min([best, *usual], key=lambda fitted: fitted.misfit)
+    if best.chi2 > _BETTER * alone.chi2:
         return None
-    return min(best, *_everywhere(rough, best, seed), key=lambda one: one.misfit)
+    # From the best of many draws of theta with the effect that was found.
+    of, sizes = best.likelihood, best.z[best.steps.first_size :]
+    z = prior_draws(of, sizes, 512, spawn(seed, 1)[0])
+    everywhere = in_threads(partial(fit, of, best.placed), z[misfits(of, z).argsort()[:6]])
+    return min([best, *everywhere], key=lambda fitted: fitted.misfit)
 
 
 def _of_usual_size(problem: Likelihood, alone: Fit, scores: Sequence[Score]) -> list[Fit]:
@@ -75,89 +88,65 @@ def _of_usual_size(problem: Likelihood, alone: Fit, scores: Sequence[Score]) -> 
     Where damping is low a draw of the prior seldom meets the peaks; steps lead there.
     """
     starts = [
-        one
-        for placed in (score.placed for score in scores if score.placed.effect.parameters)
-        for one in _either_sign(problem, alone, placed)
+        start
+        for placed in (test.placed for test in scores if test.placed.effect.parameters)
+        for start in _either_sign(problem, alone, placed)
     ]
-    begun = in_threads(lambda one: fit(problem, *one, FIT.first_steps), starts)
-    begun.sort(key=lambda one: one.misfit)
-    leading = {one.placed[-1].label: one for one in reversed(begun)}
-    chosen = sorted(leading.values(), key=lambda one: one.misfit)[: SEARCH.searched]
-    return in_threads(lambda one: fit(problem, one.placed, one.z, FIT.steps), chosen)
+    begun = in_threads(lambda start: fit(problem, *start, FIRST_STEPS), starts)
+    begun.sort(key=lambda fitted: fitted.misfit)
+    leading = {fitted.placed[-1].label: fitted for fitted in reversed(begun)}
+    chosen = sorted(leading.values(), key=lambda fitted: fitted.misfit)[:_SEARCHED]
+    return in_threads(lambda near: fit(problem, near.placed, near.z), chosen)
 
 
 def _either_sign(
     problem: Likelihood, alone: Fit, placed: Placed
 ) -> Iterator[tuple[tuple[Placed, ...], Tensor]]:
     """An effect with its first parameter a deviation of its prior to either side, if it can be."""
-    together, own = (*alone.placed, placed), len(placed.effect.parameters)
-    where = problem.with_effects(together).prior.steps
+    together, count = (*alone.placed, placed), len(placed.effect.parameters)
+    steps = problem.with_effects(together).prior.steps
     for size in (-1.0, 1.0):
-        start = torch.cat([alone.z, alone.z.new_zeros(own)])
-        start[-own] = size
-        start = where.inside(start)
-        if float(start[-own]) * size > 0.0:
+        start = torch.cat([alone.z, alone.z.new_zeros(count)])
+        start[-count] = size
+        start = steps.inside(start)
+        if float(start[-count]) * size > 0.0:
             yield together, start
-
-
-def _everywhere(problem: Likelihood, found: Fit, seed: int) -> list[Fit]:
-    """Fits with the effect that was found, from the best of many draws of theta."""
-    own, sizes = found.likelihood, found.z[found.steps.first_size :]
-    z = prior_draws(own, sizes, SEARCH.many_draws, spawn(seed, 1)[0])
-    nearest = misfits(own, z).argsort()[: SEARCH.many_starts]
-    followed = partial(fit, own, found.placed, iterations=FIT.steps)
-    return in_threads(followed, z[nearest])
-
-
-def _most(problem: Likelihood, scores: Sequence[Score], leading: Sequence[Placed]) -> set[str]:
-    """Labels of what gets all draws: what leads, and the strongest place of every effect."""
-    if problem.reduced.model.size <= SEARCH.cheap:
-        return {one.placed.label for one in scores}
-    chosen = {one.effect.name: one.label for one in reversed([one.placed for one in scores])}
-    return {*chosen.values(), *(one.label for one in leading[: SEARCH.leading])}
 
 
 def _draws(problem: Likelihood, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
     """Unknowns (n, d) with the last effect: half from the prior, half of theta as it is but for one
     story, the effect's parameters from their prior."""
-    drawn, half = _from_prior(problem, alone, together, SEARCH.draws, seed), SEARCH.draws // 2
+    drawn, half = _from_prior(problem, alone, together, 192, seed), 96
     stories = torch.arange(half) % alone.steps.stories
     return torch.cat([_one_story(alone, drawn[:half], stories), drawn[half:]])
 
 
-def _own(problem: Likelihood, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
-    """Unknowns (n, d) with theta as it is but for the story in which the last effect sits."""
-    drawn = _from_prior(problem, alone, together, SEARCH.few_draws, seed)
-    story = _story(problem, together[-1].place)
-    stories = torch.arange(SEARCH.few_draws) % alone.steps.stories
-    return _one_story(
-        alone, drawn, stories if story is None else torch.full((SEARCH.few_draws,), story)
-    )
+def _few_draws(problem: Likelihood, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
+    """Unknowns (n, d) with theta as it is but for the story in which the last effect sits.
 
-
-def _story(problem: Likelihood, place: str) -> int | None:
-    """The story that a place, such as "S2", "X1/S2" or "3F", lies in; None for another place."""
-    structure, last = problem.reduced.structure, place.split("/")[-1]
-    for names in (structure.building.story_names, structure.floors):
-        if last in names:
-            return names.index(last)
-    return None
+    For a place in no story, such as "all", every story in turn.
+    """
+    drawn, structure = _from_prior(problem, alone, together, 32, seed), problem.reduced.structure
+    stories = torch.arange(len(drawn)) % alone.steps.stories
+    place = together[-1].place.split("/")[-1]
+    for names in (structure.floors, structure.building.story_names):
+        if place in names:
+            stories = torch.full_like(stories, names.index(place))
+    return _one_story(alone, drawn, stories)
 
 
 def _from_prior(
     problem: Likelihood, alone: Fit, together: tuple[Placed, ...], count: int, seed: int
 ) -> Tensor:
     """Unknowns (count, d) with theta, zeta and the last effect from their priors."""
-    where = problem.with_effects(together).prior.steps
-    known = alone.z[alone.steps.first_size :]
-    own = len(together[-1].effect.parameters)
+    of = problem.with_effects(together)
+    known, own = alone.z[alone.steps.first_size :], len(together[-1].effect.parameters)
     stories, sizes = spawn(seed, 3)[1:]
-    sizes_of = torch.cat([known, known.new_zeros(own)])
-    drawn = prior_draws(problem.with_effects(together), sizes_of, count, stories)
+    drawn = prior_draws(of, torch.cat([known, known.new_zeros(own)]), count, stories)
     generator = torch_generator(sizes)
     size = torch.randn(count, own, generator=generator, dtype=torch.float64)
-    drawn[:, -own:] = SEARCH.wider * size
-    return where.inside(drawn)
+    drawn[:, -own:] = 1.5 * size
+    return of.prior.steps.inside(drawn)
 
 
 def _one_story(alone: Fit, drawn: Tensor, stories: Tensor) -> Tensor:
@@ -169,4 +158,81 @@ def _one_story(alone: Fit, drawn: Tensor, stories: Tensor) -> Tensor:
     return near
 
 
-__all__ = ["global_fit"]
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """A model with one exchange more, fitted as if noise were coarse.
+
+    Attributes:
+        placed: the exchange.
+        z: (d,) the unknowns of the model without it, as they are with it.
+        share: of the squared residuals that the model without it, fitted likewise, leaves.
+    """
+
+    placed: Placed
+    z: Tensor
+    share: float
+
+
+def exchange_fits(
+    problem: Likelihood, base: Fit, exchanges: list[Placed], seed: int = 0
+) -> list[Fit]:
+    """Fits with one exchange more, of those that explain much."""
+    promises = promising(problem, base, exchanges, seed)
+    return in_threads(
+        lambda one: fit(problem, (*base.placed, one.placed), one.z, FAR_STEPS), promises
+    )
+
+
+def promising(
+    problem: Likelihood, base: Fit, exchanges: list[Placed], seed: int = 0
+) -> list[Promise]:
+    """The exchanges with which theta may explain much, the best first.
+
+    Under a wrong name theta may lie far from where the right one puts it. The basis for searching
+    is used where the likelihood has one.
+    """
+    if not exchanges:
+        return []
+    wide = coarse(problem.for_search())
+    # On the basis for searching only some effects of the base can act.
+    serves, first = problem.search is None, base.steps.first_size
+    kept, columns = list[Placed](), list(range(first))
+    for placed in base.placed:
+        count = len(placed.effect.parameters)
+        if serves or problem.reduced.terms(placed).shapeless:
+            kept.append(placed)
+            columns += range(first, first + count)
+        first += count
+    alone = fit(wide, tuple(kept), base.z[columns], _ROUGH_STEPS)
+    known = alone.z[alone.steps.first_size :]
+    z = torch.cat([alone.z[None], prior_draws(alone.likelihood, known, 384, seed)])
+    misfit = _misfits(wide, alone, exchanges, z)
+    promises = []
+    for number in misfit.amin(dim=1).argsort()[:3].tolist():
+        together = (*alone.placed, exchanges[number])
+        nearest = z[misfit[number].argsort()[:_STARTS]]
+        fits = in_threads(partial(fit, wide, together, iterations=_ROUGH_STEPS), nearest)
+        best = min(fits, key=lambda fitted: fitted.chi2)
+        moved = base.z.clone()
+        moved[columns] = best.z
+        promises.append(Promise(exchanges[number], moved, best.chi2 / max(alone.chi2, 1e-12)))
+    return sorted((one for one in promises if one.share < 0.8), key=lambda one: one.share)
+
+
+def _misfits(problem: Likelihood, alone: Fit, exchanges: list[Placed], z: Tensor) -> Tensor:
+    """Sums of squared residuals (e, N) with each exchange at the unknowns z (N, d) without it."""
+
+    def of_batch(batch: Tensor) -> Tensor:
+        values = alone.steps.split(batch)
+        squares = torch.zeros(len(exchanges), len(batch), dtype=torch.float64)
+        for data in problem.data:
+            predicted = data.predicted(alone.system, *values)
+            for number, placed in enumerate(exchanges):
+                seen = data.read_with(predicted, placed)
+                squares[number] += (data.compared(seen) ** 2).sum(dim=1)
+        return squares
+
+    return torch.cat(in_threads(of_batch, z.split(16)), dim=1)
+
+
+__all__ = ["Promise", "exchange_fits", "global_fit", "promising"]

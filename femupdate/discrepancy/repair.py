@@ -1,44 +1,45 @@
-"""Adding what is missing, one effect a round, as long as the evidence carries it."""
+"""Adding what is missing, one effect a round, as long as the evidence carries it.
+
+Data kept out of a repair say how well they are predicted before and after.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femupdate.discrepancy.certify import missed_in_turn
-from femupdate.discrepancy.diagnose import (
+from femupdate.arrays import Floats
+from femupdate.discrepancy.diagnose import denied, diagnose, with_pair
+from femupdate.discrepancy.evidence import as_event, gain_elsewhere, mean_square, missed_in_turn
+from femupdate.discrepancy.findings import (
     AMBIGUOUS,
     INDISTINGUISHABLE,
     NAMED,
     PARTLY,
     Diagnosis,
     Finding,
-    diagnose,
     others_than,
 )
-from femupdate.discrepancy.finder_model import FinderModel
-from femupdate.discrepancy.fit import Fit, extended, fit, settle
-from femupdate.discrepancy.pairs import denied, with_pair
-from femupdate.discrepancy.remains import Remains, remains
-from femupdate.discrepancy.search import refined
-from femupdate.discrepancy.thresholds import FIT, VERDICT, DiagnosisSettings
+from femupdate.discrepancy.fit import Fit, Remains, about, extended, fit, settle
+from femupdate.discrepancy.search import FinderModel, problem_of, refined, with_rest_about
+from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
+from femupdate.dynamics.history import transformed_sensors
+from femupdate.errors import MeasurementError
+from femupdate.inference.data import Data
+from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood
+from femupdate.measurement.histories import Histories, rotation_of
+from femupdate.measurement.names import BASE
 from femupdate.progress import SILENT, Progress
 
 Elsewhere = Callable[[Likelihood, Fit, Fit], float]
+"""Log density of data kept out by the second of two fits over that by the first."""
 
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One effect that was added.
+    """One effect that was added: what was found, and sums of squared residuals."""
 
-    Attributes:
-        diagnosis: what was found.
-        finding: what was added.
-        chi2_before, chi2_after: sums of squared residuals.
-    """
-
-    diagnosis: Diagnosis
     finding: Finding
     chi2_before: float
     chi2_after: float
@@ -89,21 +90,17 @@ def repair(
     """Diagnose and add, at most four times, while an effect is certain.
 
     Whether noise alone leaves as much does not matter: with the error that every estimate is
-    allowed, it always does on quiet records.
-
-    An effect that competes with another, or that these sensors cannot tell from another, is added
-    only where data kept out decide between them; else the engineer does.
+    allowed, it always does on quiet records. An effect that competes with another, or that these
+    sensors cannot tell from another, is added only where data kept out decide between them; else
+    the engineer does.
 
     Args:
         problem: the likelihood of the data.
         base: the model as it is, fitted.
-        settings: of the diagnosis.
-        progress: see `diagnose`.
         renewed: makes the problem and the fit anew where an exchange of channels was added, which
             moves theta far; by default they stay.
         found: of the model as it is, with its pair, where it was diagnosed already.
-        elsewhere: log density of data kept out by the second of two fits over that by the first; by
-            default each half of the data is kept out in turn.
+        elsewhere: by default each half of the data is kept out in turn.
     """
     settings = settings or DiagnosisSettings()
     rounds: list[Round] = []
@@ -114,127 +111,101 @@ def repair(
             found = with_pair(diagnose(now, settings, current, progress), settings, progress)
         rivals = found.verdict in (AMBIGUOUS, INDISTINGUISHABLE) and elsewhere is not None
         certain = found.verdict in (NAMED, PARTLY)
-        if not (certain or rivals) or len(rounds) == VERDICT.most_rounds:
+        if not (certain or rivals) or len(rounds) == 4:
             break
-        leading, worse = _chosen(now, found, settings, elsewhere)
-        refused |= {one.placed.label: one for one in worse}
+        leading, worse = next_effect(now, found, settings, elsewhere)
+        refused |= {finding.placed.label: finding for finding in worse}
         if leading is None:
             break
         # What was refused beside one effect may be right beside two.
         refused.pop(leading.placed.label, None)
-        rounds.append(Round(found, leading, current.chi2, leading.fitted.chi2))
+        rounds.append(Round(leading, current.chi2, leading.fitted.chi2))
         current, found = leading.fitted, None
         if renewed is not None and leading.placed.exchange:
             now, current = renewed(now, current)
-    current, rounds = _needed(base, current, rounds)
-    left = remains(now, current)
-    return Repair(base, current, tuple(rounds), found, left, now, tuple(refused.values()))
+    current, rounds = without_needless(base, current, rounds)
+    return Repair(
+        base, current, tuple(rounds), found, current.remains(), now, tuple(refused.values())
+    )
 
 
-def _needed(base: Fit, current: Fit, rounds: list[Round]) -> tuple[Fit, list[Round]]:
+def without_needless(base: Fit, current: Fit, rounds: list[Round]) -> tuple[Fit, list[Round]]:
     """The model without what others have made needless, and the rounds that stay.
 
     Where a third effect imitates two, it may be the first that is added. Beside the two, nothing
-    of it is left.
+    of it is left: it lies within two standard deviations of nothing.
     """
     first, squares = len(base.known), base.chi2
     values, sd = current.sizes()
     sizes, kept = list(values[:first]), list[Round]()
     for one in rounds:
-        own = one.finding.placed.effect.parameters
-        size, error = values[first : first + len(own)], sd[first : first + len(own)]
-        first += len(own)
-        if own and abs(size[0] - own[0].neutral) < VERDICT.needless * error[0]:
+        parameters = one.finding.placed.effect.parameters
+        part = slice(first, first + len(parameters))
+        first = part.stop
+        if parameters and abs(values[part][0] - parameters[0].neutral) < 2.0 * sd[part][0]:
             continue
-        sizes += list(size)
+        sizes += list(values[part])
         kept.append(replace(one, chi2_before=squares))
         squares = one.chi2_after
     if len(kept) == len(rounds):
         return current, rounds
     problem, placed = current.likelihood, (*base.placed, *(one.finding.placed for one in kept))
     start = extended(problem, current, placed, np.array(sizes))
-    return settle(problem, fit(problem, placed, start, FIT.steps)), kept
+    return settle(problem, fit(problem, placed, start)), kept
 
 
-def _chosen(
+def next_effect(
     problem: Likelihood,
     found: Diagnosis,
     settings: DiagnosisSettings,
-    elsewhere: Elsewhere | None,
+    elsewhere: Elsewhere | None = None,
 ) -> tuple[Finding | None, tuple[Finding, ...]]:
     """What is added, and what leads but predicts data kept out worse.
 
-    Such data certify by themselves, also what the data alone would give no name. What all data
+    Data kept out certify by themselves, also what the data alone would give no name. What all data
     together hold clearly likelier than the first goes before it.
     """
     if elsewhere is None:
-        return _kept_in_turn(found)
-    rivals = _rivals(found)
-    if rivals and (one := _decided(problem, found.base, rivals, settings, elsewhere)):
-        return one, ()
+        # The log density of the halves is certified already. Two at once are judged together.
+        first, last = found.findings[0], [*found.findings[:1], *found.pair][-1]
+        worse = missed_in_turn(last.fitted) >= missed_in_turn(found.base)
+        return (None, (first,)) if worse else (first, ())
+    base, rivals = found.base, 0
+    if found.twins:
+        labels = [finding.placed.label for finding in found.findings]
+        rivals = 1 + max(labels.index(twin) for twin in found.twins)
+        gains = [elsewhere(problem, base, one.fitted) for one in found.findings[:rivals]]
+        evidence = [finding.log_evidence for finding in found.findings[:rivals]]
+        totals = np.add(evidence, gains)
+        second, best = np.argsort(totals)[-2:]
+        clear = totals[best] - totals[second] > settings.margin(totals[best])
+        if clear and gains[best] > 0.0:
+            return found.findings[best], ()
     accepted: list[tuple[float, Finding]] = []
     refused: list[Finding] = []
-    for one in found.findings[len(rivals) :]:
-        value = one.evidence.log_evidence
-        if denied(found, one, settings) or value < VERDICT.positive or not one.matters(settings):
+    for finding in found.findings[rivals:]:
+        value = finding.log_evidence
+        if value < VERDICT.positive or not finding.matters(settings):
             continue
-        gain = elsewhere(problem, found.base, one.fitted)
+        if denied(found, finding, settings):
+            continue
+        gain = elsewhere(problem, base, finding.fitted)
         certain = value >= settings.over_none
         least = float(np.log(len(found.scores) / settings.false_share))
         if certain:
             # What differs between events alone hides in their scatter.
-            least = 0.0 if one.placed.effect.needs_levels else VERDICT.clearly
+            least = 0.0 if finding.placed.effect.needs_levels else VERDICT.clearly
         if gain > least and value + gain >= settings.over_none:
-            accepted.append((value + gain, one))
+            accepted.append((value + gain, finding))
         elif certain:
-            refused.append(one)
-    return _likeliest(accepted, settings), tuple(refused)
-
-
-def _likeliest(
-    accepted: list[tuple[float, Finding]], settings: DiagnosisSettings
-) -> Finding | None:
-    """The first of what is accepted, or what all data together hold clearly likelier, if any."""
+            refused.append(finding)
     if not accepted:
-        return None
-    totals = {id(one): total for total, one in accepted}
-    first, *others = [one for _, one in accepted]
-    best = max([first, *others_than(first, others)], key=lambda one: totals[id(one)])
-    lead = totals[id(best)] - totals[id(first)]
-    return best if lead > settings.margin(totals[id(best)]) else first
-
-
-def _kept_in_turn(found: Diagnosis) -> tuple[Finding | None, tuple[Finding, ...]]:
-    """What leads, unless a half of the data is predicted worse with it by a fit to the other.
-
-    Its log density there is certified already; see `certify`. Two at once are judged together.
-    """
-    first, last = found.findings[0], [*found.findings[:1], *found.pair][-1]
-    worse = missed_in_turn(last.fitted) >= missed_in_turn(found.base)
-    return (None, (first,)) if worse else (first, ())
-
-
-def _rivals(found: Diagnosis) -> tuple[Finding, ...]:
-    """The findings that compete for the first place; none where the first has none."""
-    if not found.twins:
-        return ()
-    last = max(k for k, one in enumerate(found.findings) if one.placed.label in found.twins)
-    return found.findings[: last + 1]
-
-
-def _decided(
-    problem: Likelihood,
-    base: Fit,
-    rivals: tuple[Finding, ...],
-    settings: DiagnosisSettings,
-    elsewhere: Elsewhere,
-) -> Finding | None:
-    """Of effects that compete, the one that all data together hold clearly likelier, if any."""
-    gains = [elsewhere(problem, base, one.fitted) for one in rivals]
-    totals = [one.evidence.log_evidence + gain for one, gain in zip(rivals, gains, strict=True)]
-    second, first = np.argsort(totals)[-2:]
-    clear = totals[first] - totals[second] > settings.margin(totals[first])
-    return rivals[first] if clear and gains[first] > 0.0 else None
+        return None, tuple(refused)
+    total = {id(finding): value for value, finding in accepted}
+    first, *others = [finding for _, finding in accepted]
+    best = max([first, *others_than(first, others)], key=lambda finding: total[id(finding)])
+    lead = total[id(best)] - total[id(first)]
+    return best if lead > settings.margin(total[id(best)]) else first, tuple(refused)
 
 
 def as_fitted(done: Repair) -> Repair:
@@ -243,7 +214,7 @@ def as_fitted(done: Repair) -> Repair:
     A model that was fitted anew at the end has moved the sizes on from where they were named.
     """
     values, sd = done.after.sizes()
-    first = len(done.before.sizes()[0])
+    first = len(done.before.known)
     rounds = []
     for one in done.rounds:
         finding, count = one.finding, len(one.finding.placed.effect.parameters)
@@ -259,29 +230,173 @@ def as_fitted(done: Repair) -> Repair:
 def mend(
     model: FinderModel,
     problem: Likelihood,
-    base: Fit,
     found: Diagnosis,
     settings: DiagnosisSettings,
-    show: Progress,
+    progress: Progress,
     elsewhere: Elsewhere | None = None,
 ) -> tuple[Likelihood, Repair]:
-    """What was added, and the problem on a basis about the last fit.
-
-    Args:
-        model: of the building.
-        problem: the likelihood of the data.
-        base: the model as it is, fitted.
-        found: of the model as it is.
-        settings: of the diagnosis.
-        show: told about the steps.
-        elsewhere: see `repair`.
-    """
+    """What was added to a diagnosed model, and the problem on a basis about the last fit."""
 
     def renewed(now: Likelihood, fitted: Fit) -> tuple[Likelihood, Fit]:
-        return refined(model, now, fitted, show)
+        return refined(model, now, fitted, progress)
 
-    done = repair(problem, base, settings, show, renewed, found, elsewhere)
+    done = repair(problem, found.base, settings, progress, renewed, found, elsewhere)
     if not done.rounds or done.rounds[-1].finding.placed.exchange:
         return done.problem, done
-    mended, last = refined(model, done.problem, done.after, show, alone=True)
-    return mended, as_fitted(replace(done, after=last, left=remains(mended, last)))
+    mended, last = refined(model, done.problem, done.after, progress, alone=True)
+    return mended, as_fitted(replace(done, after=last, left=last.remains()))
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """How well two models predict data that neither was fitted to.
+
+    Attributes:
+        name: of the file.
+        compared: what of it, beside histories.
+        error_before, error_after: rms of the predicted less the measured floor accelerations over
+            the rms of the measured; NaN without histories of base motion.
+        own_before, own_after: the same with stiffness and damping of the event itself, as no two
+            have the same.
+        chi2_before, chi2_after: mean squared whitened residual of what is compared.
+        floors: names; time, measured, before, after: histories for the picture, or None.
+    """
+
+    name: str
+    compared: str
+    error_before: float
+    error_after: float
+    own_before: float
+    own_after: float
+    chi2_before: float
+    chi2_after: float
+    floors: tuple[str, ...]
+    time: Floats | None = None
+    measured: Floats | None = None
+    before: Floats | None = None
+    after: Floats | None = None
+
+    def lines(self) -> tuple[str, ...]:
+        """How both models predict the data, and how with the event's own factors."""
+        agreement = (
+            f"{self.compared} (chi2 a point) {self.chi2_before:.1f} -> {self.chi2_after:.1f}"
+        )
+        if self.time is None:
+            return (f"{self.name}, kept out: error of {agreement}",)
+        return (
+            f"{self.name}, kept out: error of the histories {self.error_before:.3f} -> "
+            f"{self.error_after:.3f}, of {agreement}",
+            "with that event's own stiffness and damping: error of the histories "
+            f"{self.own_before:.3f} -> {self.own_after:.3f}",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class KeptOut:
+    """Data that no model is fitted to.
+
+    Attributes:
+        name: of the file.
+        model: of the building.
+        data: as the finder judges them.
+        floors: that they show.
+        level: of the data, in doublings above those that are fitted.
+        histories: under base motion, where there are any.
+        direction: of the motion.
+    """
+
+    name: str
+    model: FinderModel
+    data: tuple[Data, ...]
+    floors: tuple[str, ...]
+    level: float
+    histories: Histories | None
+    direction: str
+
+    def gain(self, problem: Likelihood, before: Fit, after: Fit) -> float:
+        """Their log density by the second of two fits over that by the first, as another event.
+
+        No more than zero where they are not predicted better as the fits stand, too: what any event
+        may make up for is no proof.
+        """
+        gained = gain_elsewhere(self._seen_by(problem, before), before, after)
+        better = self.chi2(problem, after) < self.chi2(problem, before)
+        return gained if better else min(gained, 0.0)
+
+    def chi2(self, problem: Likelihood, fitted: Fit) -> float:
+        """Mean squared whitened residual at the parameters of a fit."""
+        return mean_square(self._seen_by(problem, fitted), fitted)
+
+    def fitted(self, problem: Likelihood, fitted: Fit) -> Fit:
+        """The model as of the event that the data show."""
+        event = about(self._seen_by(problem, fitted), fitted)
+        return settle(event, as_event(event.at_row(event.error.start), fitted))
+
+    def _seen_by(self, problem: Likelihood, fitted: Fit) -> Likelihood:
+        """The data as a problem of the structure of a fit, at their level of motion."""
+        data = tuple(
+            kind.at_level(self.level) if isinstance(kind, FrfData) else kind for kind in self.data
+        )
+        near, theta = fitted.system.model, fitted.theta()[0]
+        data = with_rest_about(data, self.model.structure, near, theta)
+        return problem_of(problem.reduced, self.model.building, data)
+
+
+def hold(kept: KeptOut, problem: Likelihood, done: Repair) -> Held:
+    """Both models against data that neither has seen, at their level of motion.
+
+    Raises:
+        MeasurementError: a channel that the observation has is missing in the file.
+    """
+    modes = any(kind.name == "modes" for kind in kept.data)
+    held = Held(
+        name=kept.name,
+        compared="frequencies, damping ratios and shapes" if modes else "ln|H|",
+        error_before=np.nan,
+        error_after=np.nan,
+        own_before=np.nan,
+        own_after=np.nan,
+        chi2_before=kept.chi2(problem, done.before),
+        chi2_after=kept.chi2(problem, done.after),
+        floors=kept.floors,
+    )
+    data = kept.histories
+    if data is None:
+        return held
+    base, seen = _channels(data, kept.floors, kept.direction)
+    rows = [problem.reduced.model.floors.index(floor) for floor in kept.floors]
+    fits = [done.before, done.after]
+    fits += [kept.fitted(problem, fitted) for fitted in fits]
+    told = []
+    for fitted in fits:
+        theta, zeta, sizes = fitted.split
+        theta, zeta = fitted.system.at_level(theta, zeta, sizes, kept.level)
+        values = (theta, zeta, sizes)
+        told.append(transformed_sensors(fitted.system, values, base, data.time_step)[rows])
+    size = np.sqrt((seen**2).mean())
+    errors = [float(np.sqrt(((floors - seen) ** 2).mean()) / size) for floors in told]
+    return replace(
+        held,
+        error_before=errors[0],
+        error_after=errors[1],
+        own_before=errors[2],
+        own_after=errors[3],
+        time=data.time_step * np.arange(seen.shape[1], dtype=np.float64),
+        measured=seen,
+        before=told[0],
+        after=told[1],
+    )
+
+
+def _channels(data: Histories, floors: tuple[str, ...], direction: str) -> tuple[Floats, Floats]:
+    """Motion of the base (1, n), or (2, n) where it turns, and floors (f, n), sensors averaged."""
+
+    def mean(floor: str) -> Floats:
+        rows = data.rows(floor, direction)
+        if not rows:
+            raise MeasurementError(f"{data.source}: there is no channel {floor} along {direction}")
+        return np.asarray(data.acceleration[rows].mean(axis=0))
+
+    rotation = rotation_of(data.channels, data.acceleration)
+    base = [mean(BASE), *(() if rotation is None else (rotation,))]
+    return np.stack(base), np.stack([mean(floor) for floor in floors])

@@ -1,20 +1,20 @@
 """The search for what a model lacks, from its fit to its diagnosis, wherever theta may lie."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from torch import Tensor
 
-from femupdate.discrepancy.diagnose import AMBIGUOUS, PARTLY, UNKNOWN, Diagnosis, diagnose
-from femupdate.discrepancy.exchange import promising
-from femupdate.discrepancy.finder_model import (
-    FinderModel,
-    check_sizes,
-    problem_of,
-    with_rest_about,
-)
+from femupdate.arrays import Floats
+from femupdate.building.document import Building, without_effects
+from femupdate.building.frame import FrameBuilding
+from femupdate.discrepancy.diagnose import diagnose, too_few
+from femupdate.discrepancy.findings import AMBIGUOUS, PARTLY, UNKNOWN, Diagnosis
 from femupdate.discrepancy.fit import (
+    FAR_STEPS,
+    RIGHT,
     Fit,
     about,
     error_left,
@@ -24,77 +24,187 @@ from femupdate.discrepancy.fit import (
     log_posterior,
     settle,
 )
-from femupdate.discrepancy.global_search import global_fit
-from femupdate.discrepancy.mesh_error import corrected
-from femupdate.discrepancy.mesh_scatter import left_open
-from femupdate.discrepancy.near_basis import structure_near
+from femupdate.discrepancy.global_search import global_fit, promising
+from femupdate.discrepancy.mesh_error import MeshError, corrected, left_open
 from femupdate.discrepancy.score import candidates
-from femupdate.discrepancy.thresholds import FIT, SEARCH, VERDICT, DiagnosisSettings
-from femupdate.dynamics.local_basis import SPREAD, Sized
+from femupdate.discrepancy.thresholds import MESH_ERROR, VERDICT, DiagnosisSettings
+from femupdate.dynamics.damping import damping_law
+from femupdate.dynamics.force_response import rest_about
+from femupdate.dynamics.local_basis import SPREAD, Sized, local_structure
+from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, lumped, reduced_on
+from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
-from femupdate.effects.registry import BuildingEffects, building_effects, check_places
+from femupdate.effects.registry import building_effects, check_places
+from femupdate.effects.structure import Structure, require_story_factors, structure_of
+from femupdate.errors import BuildingError
 from femupdate.inference.data import Data
+from femupdate.inference.frf_data import FrfData
 from femupdate.inference.joint_error import joint_error
-from femupdate.inference.likelihood import Likelihood
-from femupdate.progress import Progress, Silent
+from femupdate.inference.likelihood import Likelihood, likelihood_of
+from femupdate.inference.parameters import (
+    Parameters,
+    damping_parameter,
+    reduction_target,
+    theta_prior,
+)
+from femupdate.progress import SILENT, Progress
+
+Bases = Callable[[Structure, Floats, float, Callable[[], Floats]], Floats]
+"""Gives the basis (n, r) kept of a structure for theta (p,) and zeta, else makes and keeps it."""
+
+
+@dataclass(frozen=True, eq=False)
+class FinderModel:
+    """What serves every observation of a building.
+
+    Attributes:
+        building: as its file says.
+        plain: the structure on the building's own basis, which knows the story factors alone.
+        structure: the full model in which effects act.
+        mesh: error of its mesh where it is a frame's, or None.
+        bases: keeps the basis near a fit; None keeps none.
+    """
+
+    building: Building
+    plain: ReducedStructure
+    structure: Structure
+    mesh: MeshError | None = None
+    bases: Bases | None = None
+
+
+def finder_structure(building: Building) -> Structure:
+    """The full model in which effects act: a frame of ours on a mesh finer than the study's.
+
+    The study's mesh is chosen for a hundred thousand responses; here some twenty solutions are
+    needed, and half of the error of a mesh is worth them.
+    """
+    require_story_factors(building)
+    return structure_of(without_effects(building), finder_mesh_size(building))
+
+
+def finder_mesh_size(building: Building) -> float | None:
+    """Of the finder's mesh, m; None for what is not meshed here."""
+    return MESH_ERROR.finer * building.mesh.size if isinstance(building, FrameBuilding) else None
+
+
+def plain_structure(building: Building, reduced: ReducedModel) -> ReducedStructure:
+    """The structure on the basis of a reduced model, which knows the story factors alone."""
+    require_story_factors(building)
+    structure = structure_of(without_effects(building))
+    if structure.is_stick:
+        return lumped(structure)
+    return ReducedStructure(structure, reduced, np.zeros((len(structure.axis), 0)))
+
+
+def problem_of(reduced: ReducedStructure, building: Building, data: Sequence[Data]) -> Likelihood:
+    """A building and what was observed of it, for the effect finder."""
+    system = System(reduced.model, damping_law(building))
+    prior = theta_prior(building) + Parameters((damping_parameter(building),))
+    return likelihood_of(data, system, prior, reduced=reduced)
+
+
+def check_sizes(building: Building, system: System, values: Sequence[float]) -> None:
+    """Make sure that effects of sizes that a building lists leave it stiff in every direction.
+
+    Raises:
+        BuildingError: they do not; two effects may each be possible and take too much together.
+    """
+    theta = torch.ones(1, system.factors, dtype=torch.float64)
+    inverse = system.modes(theta, torch.tensor([list(values)], dtype=torch.float64)).inverse
+    if not torch.isfinite(inverse).all():
+        listed = ", ".join(placed.label for placed in system.placed)
+        raise BuildingError(
+            f"{building.name}: effects: {listed}: together they take away more stiffness than "
+            "there is; give smaller changes, or remove one that says the same"
+        )
+
+
+def with_rest_about(
+    data: Sequence[Data], structure: Structure, reduced: ReducedModel, theta: Floats
+) -> tuple[Data, ...]:
+    """The data with what a basis about theta (p,) lacks under forces; that of a stick nothing."""
+    forced = any(isinstance(kind, FrfData) and kind.forced for kind in data)
+    if structure.operators is None or not forced:
+        return tuple(data)
+    rest = rest_about(structure, reduced, theta)
+    return tuple(kind.with_rest(rest) if isinstance(kind, FrfData) else kind for kind in data)
+
+
+def structure_near(
+    structure: Structure,
+    building: Building,
+    theta: Floats,
+    zeta: float,
+    progress: Progress = SILENT,
+    present: Sequence[Sized] | None = None,
+    bases: Bases | None = None,
+) -> ReducedStructure:
+    """The structure on a basis for the neighbourhood of theta, in which effects may act.
+
+    A basis for the whole prior, members and torsion apart, needs some nine hundred shapes; near one
+    theta two hundred do, from some thirty solutions of the full model, or from ten where only the
+    effects that are present need act. A stick comes back as it is.
+
+    Args:
+        structure: the full model.
+        building: whose grid and damping the basis serves.
+        theta: (p,) story factors; zeta: the damping ratio.
+        present: see `local_structure`.
+        bases: keeps the last basis in which every effect may act; None keeps nothing.
+    """
+    whole = reduction_target(building)
+    target = replace(whole, zeta=max(float(_rounded(zeta, 0.3)), whole.zeta))
+    if present is not None or structure.operators is None:
+        return local_structure(structure, theta, target, progress, present=present)
+    middle = _rounded(theta, 0.1)  # a basis serves .2 in ln theta to both sides
+
+    def make() -> Floats:
+        # As it is kept, in single precision: the next run gives the same to the last digit.
+        return local_structure(structure, middle, target, progress).basis.astype(np.float32)
+
+    basis = make() if bases is None else bases(structure, middle, target.zeta, make)
+    return reduced_on(structure, basis.astype(np.float64))
+
+
+def _rounded(value: Floats | float, spacing: float) -> Floats:
+    """The nearest value whose logarithm is a multiple of a spacing."""
+    return np.asarray(np.exp(spacing * np.round(np.log(value) / spacing)), dtype=np.float64)
 
 
 def prepared(
-    model: FinderModel,
-    data: Sequence[Data],
-    settings: DiagnosisSettings | None = None,
-    progress: Progress | None = None,
+    model: FinderModel, data: Sequence[Data], seed: int = 0, progress: Progress = SILENT
 ) -> tuple[Likelihood, Fit]:
     """The problem with its mesh error, and the model as it is fitted to it.
 
     The stiffness factors of a frame are found on the study's own basis; then it gets one that
     serves near them and lets effects act.
     """
-    show = progress or Silent()
-    seed = settings.seed if settings is not None else 0
-    effects = building_effects(model.building)
-    plain = model.plain
+    effects, plain = building_effects(model.building), model.plain
     check_places(plain.structure, effects)
-    show.start("Fitting the model as it is", 1)
+    progress.start("Fitting the model as it is", 1)
     problem = problem_of(plain, model.building, data)
     if plain.structure.operators is None:
         check_sizes(model.building, problem.with_effects(effects.placed).system, effects.values)
         base = fit_baseline(problem, effects.placed, effects.values, seed)[0]
-        show.advance()
+        progress.advance()
         return problem, base
-    problem = replace(problem, search=plain.first(FIT.rough_shapes))
+    problem = replace(problem, search=plain.first(100))
     rough = fit_baseline(problem.for_search(), seed=seed)[0]
     middle = _rightly_named(problem, rough, seed)
-    show.advance()
+    progress.advance()
     # An exchange that is not in the building's file is for the finder to name.
-    listed = set(middle.placed) <= set(effects.placed)
-    known = middle if listed else rough
-    start = extended(problem, known, effects.placed, np.array(effects.values))
-    problem, base = _around(model, problem, middle, (effects.placed, start), show)
+    known = middle if set(middle.placed) <= set(effects.placed) else rough
+    start = extended(problem, known, effects.placed, effects.values)
+    problem, base = _around(model, problem, middle, (effects.placed, start), progress)
     if not effects.placed:
         return problem, base
     check_sizes(model.building, problem.with_effects(effects.placed).system, effects.values)
-    return _as_listed(model, problem, base, effects, show, seed)
-
-
-def _as_listed(
-    model: FinderModel,
-    problem: Likelihood,
-    base: Fit,
-    effects: BuildingEffects,
-    show: Progress,
-    seed: int,
-) -> tuple[Likelihood, Fit]:
-    """Theta where it lies with the listed effects, as large as the file says.
-
-    The search without them may have ended far from there.
-    """
-    tried = fit_baseline(
-        problem, effects.placed, effects.values, seed, FIT.listed_draws, FIT.listed_starts
-    )[0]
+    # Theta where it lies with the listed effects, as large as the file says: the search without
+    # them may have ended far from there.
+    tried = fit_baseline(problem, effects.placed, effects.values, seed, samples=192, starts=4)[0]
     if log_posterior(problem, tried) < log_posterior(problem, base) + VERDICT.clearly:
         return problem, base
-    return refined(model, problem, tried, show)
+    return refined(model, problem, tried, progress)
 
 
 def sought(
@@ -102,38 +212,33 @@ def sought(
     problem: Likelihood,
     base: Fit,
     settings: DiagnosisSettings | None = None,
-    progress: Progress | None = None,
-) -> tuple[Likelihood, Fit, Diagnosis]:
+    progress: Progress = SILENT,
+) -> tuple[Likelihood, Diagnosis]:
     """What a model lacks; far from its most probable theta, too, where nothing near it explains
     the data, or it takes two effects, or several do about equally well.
 
     Args:
-        model: of the building.
-        problem: the likelihood of the data.
         base: the model as it is, fitted.
-        settings: of the diagnosis.
-        progress: told about the steps.
 
     Returns:
-        Likelihood, base and diagnosis; the first two anew where something was found far off.
+        Likelihood and diagnosis; the first anew where something was found far off.
     """
-    show, chosen = progress or Silent(), settings or DiagnosisSettings()
-
-    first = diagnose(problem, chosen, base, show)
-    near = _run_off(model, problem, base, first, chosen, show)
-    if near[2].verdict not in (UNKNOWN, AMBIGUOUS, PARTLY):
-        return near
-    show.advance(note="searching far from the model as it is")
-    leading = [one.placed for one in first.findings]
+    chosen = settings or DiagnosisSettings()
+    first = diagnose(problem, chosen, base, progress)
+    near, found = _run_off(model, problem, base, first, chosen, progress)
+    if found.verdict not in (UNKNOWN, AMBIGUOUS, PARTLY) or too_few(found.base):
+        return near, found
+    progress.advance(note="searching far from the model as it is")
+    leading = [finding.placed for finding in first.findings]
     far = global_fit(problem, base, first.scores, leading, chosen.seed)
     if far is None:
-        return near
-    there, far = refined(model, problem, far, show)
+        return near, found
+    there, far = refined(model, problem, far, progress)
     moved = fit(there, base.placed, base.z)
-    again = diagnose(there, chosen, moved, show, far)
-    if again.verdict == UNKNOWN or _best(again) < _best(near[2]) + VERDICT.clearly:
-        return near
-    return _run_off(model, there, moved, again, chosen, show)
+    again = diagnose(there, chosen, moved, progress, far)
+    if again.verdict == UNKNOWN or _best(again) < _best(found) + VERDICT.clearly:
+        return near, found
+    return _run_off(model, there, moved, again, chosen, progress)
 
 
 def _run_off(
@@ -142,36 +247,35 @@ def _run_off(
     base: Fit,
     found: Diagnosis,
     settings: DiagnosisSettings,
-    show: Progress,
-) -> tuple[Likelihood, Fit, Diagnosis]:
+    progress: Progress,
+) -> tuple[Likelihood, Diagnosis]:
     """Of a frame's leading effects that are close, each on a basis that serves them alone.
 
     What one basis for all effects leaves of each is a few hundredths of ln|H|, and not of all the
     same.
     """
-    close = found.close
+    close = found.close(settings)
     if problem.reduced.structure.operators is None or len(close) < 2:
-        return problem, base, found
-
-    sets = [_sized(one.fitted) for one in close]
-    problem, first = _around(model, problem, close[0].fitted, (base.placed, base.z), show, sets)
-    labels = frozenset(one.placed.label for one in close)
-    again = diagnose(problem, settings, first, show, close[0].fitted, among=labels)
-    others = (one for one in found.findings if one.placed.label not in labels)
+        return problem, found
+    sets = [_sized(finding.fitted) for finding in close]
+    start = (base.placed, base.z)
+    problem, first = _around(model, problem, close[0].fitted, start, progress, sets)
+    labels = frozenset(finding.placed.label for finding in close)
+    again = diagnose(problem, settings, first, progress, close[0].fitted, among=labels)
+    others = (finding for finding in found.findings if finding.placed.label not in labels)
     # What all effects show is told by the basis that serves them all.
-    told = replace(
+    return problem, replace(
         again,
         findings=(*again.findings, *others),
         scores=found.scores,
         unobservable=found.unobservable,
     )
-    return problem, first, told
 
 
 def _best(found: Diagnosis) -> float:
     """Log density of the data by the best of the fits."""
-    fits = [found.base, *(one.fitted for one in found.findings)]
-    return max(log_posterior(one.likelihood, one) for one in fits)
+    fits = [found.base, *(finding.fitted for finding in found.findings)]
+    return max(log_posterior(fitted.likelihood, fitted) for fitted in fits)
 
 
 def _rightly_named(problem: Likelihood, rough: Fit, seed: int) -> Fit:
@@ -180,42 +284,40 @@ def _rightly_named(problem: Likelihood, rough: Fit, seed: int) -> Fit:
     Under a wrong name theta is drawn to where nothing found in its neighbourhood would be right.
     """
     searched = problem.for_search()
-    if error_left(searched, rough) < SEARCH.right:
+    if error_left(searched, rough) < RIGHT:
         return rough
-    exchanges = [one for one in candidates(searched) if one.exchange]
-    found = promising(problem, rough, exchanges, seed)
-    if not found or found[0].share > VERDICT.obvious:
+    exchanges = [placed for placed in candidates(searched) if placed.exchange]
+    best = next(iter(promising(problem, rough, exchanges, seed)), None)
+    if best is None or best.share > 0.5:
         return rough
-    return fit(searched, (found[0].placed,), found[0].z, FIT.far_steps)
+    return fit(searched, (best.placed,), best.z, FAR_STEPS)
 
 
 def refined(
     model: FinderModel,
     problem: Likelihood,
     fitted: Fit,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
     *,
     alone: bool = False,
 ) -> tuple[Likelihood, Fit]:
     """The problem around a fit with effects, whose theta may be far from the first one's.
 
-    Where theta leaves the neighbourhood that the new basis serves, it is followed.
+    Where theta leaves the neighbourhood that the new basis serves, it is followed, four times at
+    most.
 
     Args:
-        model: of the building.
         problem: as the effects were found.
         fitted: with the effects.
-        progress: told about the steps.
         alone: no other effects need act in it; then it serves these better, and costs a third.
     """
     if problem.reduced.structure.operators is None:
         return problem, fitted
-    show = progress or Silent()
-    for _ in range(FIT.most_bases):
+    for _ in range(4):
         middle = fitted
         start = (fitted.placed, fitted.z)
         sets = [_sized(middle)] if alone else None
-        problem, fitted = _around(model, problem, middle, start, show, sets)
+        problem, fitted = _around(model, problem, middle, start, progress, sets)
         if np.abs(np.log(fitted.theta()[0] / middle.theta()[0])).max() < SPREAD:
             break
     return problem, fitted
@@ -226,12 +328,14 @@ def _around(
     problem: Likelihood,
     middle: Fit,
     start: tuple[tuple[Placed, ...], Tensor],
-    show: Progress,
+    progress: Progress,
     present: Sequence[Sized] | None = None,
 ) -> tuple[Likelihood, Fit]:
     """A frame's problem on a basis about a fit, with its mesh error there, and a fit from there."""
     theta, zeta = middle.theta()[0], middle.zeta
-    near = structure_near(model.structure, model.building, theta, zeta, show, present, model.bases)
+    near = structure_near(
+        model.structure, model.building, theta, zeta, progress, present, model.bases
+    )
     data = with_rest_about(problem.data, model.structure, near.model, theta)
     if model.mesh is not None:
         near = corrected(near, model.mesh)
@@ -248,9 +352,5 @@ def _around(
 
 def _sized(fitted: Fit) -> Sized:
     """The effects of a fit, each with its first parameter."""
-    values, found, first = fitted.sizes()[0], [], 0
-    for placed in fitted.placed:
-        count = len(placed.effect.parameters)
-        found.append((placed, float(values[first]) if count else 1.0))
-        first += count
-    return tuple(found)
+    known = ((placed, fitted.known_of(number)) for number, placed in enumerate(fitted.placed))
+    return tuple((placed, float(values[0]) if values.size else 1.0) for placed, values in known)

@@ -179,6 +179,20 @@ class LevelChange(NamedTuple):
     damping: Tensor  # (N,) factor on the damping ratios
 
 
+class Sway(NamedTuple):
+    """How a structure sways at some stiffness factors, by which shares are counted.
+
+    Attributes:
+        roof: static displacement of the roof under unit base acceleration, s2.
+        omega: first circular frequency.
+        shape: (f,) of the floors in the first mode, of unit modal mass.
+    """
+
+    roof: float
+    omega: float
+    shape: Floats
+
+
 def _all_and_each(structure: Structure) -> tuple[str, ...]:
     names = structure.building.story_names
     return ("all", *names) if len(names) > 1 else ("all",)
@@ -295,6 +309,14 @@ class Effect(ABC):
         if wide or len(places) == 1:
             return tuple((place, size) for place in wide or places for size in sizes)
         return tuple((place, sizes[-1]) for place in places)
+
+    def unit(self, sway: Sway, place: int) -> float:
+        """What a size of one is, in a unit that does not depend on stiffness factors.
+
+        Sizes are kept as they are at theta = 1; a reader is told the share in the building that was
+        measured. The place is a floor's number, or zero.
+        """
+        return 1.0
 
     def port_stiffness(self, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]) -> Tensor:
         """Complex dynamic stiffness (N, k), N/m, of the port at omega (k,), rad/s."""

@@ -1,6 +1,5 @@
 """FRFs as a model is judged by them: residuals of ln|H| and of the phase."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -16,7 +15,7 @@ from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.dynamics.system import Responses, System
 from femupdate.effects.effect import Effect, Placed
-from femupdate.inference.data import WILD, Cell, Remains
+from femupdate.inference.data import Cell, Remains
 from femupdate.inference.model_error import (
     COARSE_ERROR,
     MODEL_ERROR,
@@ -45,20 +44,18 @@ _PARTED = 20  # points of a table under a force, from which every other one is a
 class Believed:
     """What is believed of FRFs and of the model beside them.
 
+    No residual is too large to count: beyond a limit nothing would tell a search the way.
+
     Attributes:
-        wild: standard deviations, of error and noise together, beyond which a residual counts as
-            that many: one point where an anti-resonance is a sample off must not decide a name.
-            A search from the whole prior has no limit: beyond it nothing tells the way.
         table: what the model may err by.
     """
 
-    wild: float = math.inf
     table: ErrorTable = MODEL_ERROR
 
 
 # A model that may err; the same by a coarser table, which a hundred fits share, for only their
 # differences count; and a model that may not err.
-LEARNING, COMPARING = Believed(), Believed(wild=WILD, table=COARSE_ERROR)
+LEARNING, COMPARING = Believed(), Believed(table=COARSE_ERROR)
 AT_ITS_WORD = Believed(table=STATED)
 
 
@@ -206,7 +203,6 @@ class FrfData:
             known,
             table=table if several or not table.sizes else NOISE_ALONE,
             parts=self._parts,
-            wild=self.believed.wild,
         )
 
     def predicted(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.held_out import Held
+from femupdate.discrepancy.repair import Held
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
 from femupdate.report.curves import Curve, Interval

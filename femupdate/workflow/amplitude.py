@@ -14,7 +14,6 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats, Integers
-from femupdate.discrepancy.thresholds import LEVEL
 from femupdate.dynamics.history import HistorySettings, floor_histories
 from femupdate.dynamics.level import RunLevels, levels_in_run, motion_level
 from femupdate.dynamics.system import System, changes_in_run
@@ -91,6 +90,7 @@ def _histories(source: ObservationSource, direction: str) -> Histories:
     )
 
 
+_BEYOND = 0.5  # doublings of the amplitude outside of the records that are worth a word
 _LEVELS, _SPAN = "level_m_s2", "level_span"  # in the settings of a posterior
 
 
@@ -258,7 +258,7 @@ def own_level(reached: Callable[[Integers, Floats], Floats], count: int, start: 
     level, answer = np.full(count, start), np.full(count, start)
     ends, gaps = np.full((2, count), np.nan), np.full((2, count), np.nan)
     before, open_ = np.full(count, -1), np.arange(count)
-    for _ in range(LEVEL.steps):
+    for _ in range(30):
         answer[open_] = reached(open_, level[open_])
         gap = answer[open_] - level[open_]
         side = (gap < 0.0).astype(np.intp)
@@ -266,7 +266,7 @@ def own_level(reached: Callable[[Integers, Floats], Floats], count: int, start: 
         stays = before[open_] == side
         gaps[1 - side[stays], open_[stays]] *= 0.5
         ends[side, open_], gaps[side, open_], before[open_] = level[open_], gap, side
-        open_ = open_[np.abs(gap) >= LEVEL.exact]
+        open_ = open_[np.abs(gap) >= 0.005]
         if not open_.size:
             break
         low, high = ends[:, open_]
@@ -284,7 +284,7 @@ def _note(level: Floats, stiffness: Floats, damping: Floats, span: list[float] |
         f"The motion is {2.0**mean:.2g} times as strong as the record behind the stiffness "
         f"factors: stiffness is multiplied by {most:.3g}, damping by {damping.mean():.3g}."
     )
-    if span and span[1] > span[0] and not span[0] - LEVEL.beyond < mean < span[1] + LEVEL.beyond:
+    if span and span[1] > span[0] and not span[0] - _BEYOND < mean < span[1] + _BEYOND:
         text += (
             f" That is beyond the records ({2.0 ** span[0]:.2g} to {2.0 ** span[1]:.2g} times) "
             "that show this change."

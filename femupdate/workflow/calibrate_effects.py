@@ -5,12 +5,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.likelihood import parameters_at
-from femupdate.discrepancy.mesh_error import MeshError
-from femupdate.discrepancy.mesh_scatter import left_open
+from femupdate.discrepancy.fit import COARSE_NOISE, Fit, parameters_at
+from femupdate.discrepancy.mesh_error import MeshError, left_open
 from femupdate.discrepancy.search import prepared, refined
-from femupdate.discrepancy.thresholds import FIT
 from femupdate.effects.registry import building_effects
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import COMPARING
@@ -50,7 +47,7 @@ class FittedEffects:
         """
         if self.local:
             return self.start
-        prior, coarse = likelihood.prior, likelihood.coarse(FIT.coarse_noise)
+        prior, coarse = likelihood.prior, likelihood.coarse(COARSE_NOISE)
         likely, _ = best_of_prior(prior, coarse.log_density, seed)
         ended = found_from(prior, coarse.residuals, likely[: prior.size])
         return torch.cat([self.start, prior.from_normal(ended.z)])
@@ -74,7 +71,7 @@ def fitted_effects(
         data.append(base_data(measured.runs_at_levels, model.system, phase, believed=COMPARING))
     data += data_of_forces(measured, model.system, use_phase=phase, believed=COMPARING)
     data += data_of_modes(measured, model.system)
-    problem, fitted = prepared(finder, data, None, progress)
+    problem, fitted = prepared(finder, data, progress=progress)
     problem, fitted = refined(finder, problem, fitted, progress, alone=True)
     local = problem.reduced.structure.operators is not None
     if local:

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,19 +10,23 @@ from typing import Any
 
 import torch
 
-from femupdate.discrepancy.diagnose import PARTLY, Diagnosis, Finding, mass_in_words
-from femupdate.discrepancy.finder_model import FinderModel, finder_structure, plain_structure
+from femupdate.discrepancy.diagnose import with_pair
+from femupdate.discrepancy.findings import PARTLY, Diagnosis, Finding, grouped, mass_in_words
 from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.pairs import with_pair
 from femupdate.discrepancy.screen import screen_channels
-from femupdate.discrepancy.search import prepared, sought
-from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
-from femupdate.dynamics.reduced import ReducedStructure
+from femupdate.discrepancy.search import (
+    FinderModel,
+    finder_structure,
+    plain_structure,
+    prepared,
+    sought,
+)
+from femupdate.discrepancy.thresholds import DiagnosisSettings
+from femupdate.effects.effect import EffectParameter
 from femupdate.effects.registry import CATALOGUE
-from femupdate.inference.data import Cell, Data
+from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood
-from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import with_unit
 from femupdate.result import Item, Note, Notes, Picture, Result
@@ -30,13 +34,10 @@ from femupdate.study import Study, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
 from femupdate.workflow.effects import finder_basis
-from femupdate.workflow.finder_data import read_given
-from femupdate.workflow.kinds import Measured
+from femupdate.workflow.finder_data import Given, read_given
 from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
-
-_SHOWN, _RANKED = 6, 8  # effects in the table and the picture
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,10 +45,8 @@ class DiagnosisReport(Result):
     """A diagnosis and what was made of it.
 
     Attributes:
-        diagnosis: the finding.
+        diagnosis: what was found.
         problem: what it was found from.
-        reduced: the structure with its basis.
-        observation: the data.
         limits: factors that end at a limit of their prior, in a sentence.
         screen: what else is to be said of the data and their channels, in sentences.
         settings: of the diagnosis.
@@ -57,8 +56,6 @@ class DiagnosisReport(Result):
 
     diagnosis: Diagnosis
     problem: Likelihood
-    reduced: ReducedStructure
-    observation: Observation
     limits: tuple[str, ...]
     screen: tuple[str, ...]
     settings: DiagnosisSettings
@@ -97,7 +94,8 @@ class DiagnosisReport(Result):
         yield _effects(found.findings)
         told = ""
         if found.unobservable:
-            told = f"  cannot be seen with these sensors: {', '.join(found.unobservable)}"
+            unseen = grouped(found.unobservable, self.problem.reduced.structure)
+            told = f"  cannot be seen with these sensors: {unseen}"
         yield Note(told, {"cannot_be_seen": found.unobservable})
         yield Notes(self.notes, f"{self.path.name} in the study")
         where = [cell for cell in found.residuals if cell.p_value < 1e-3]
@@ -117,7 +115,16 @@ class DiagnosisReport(Result):
                 "screen": [*self.limits, *self.screen],
             },
         )
-        yield _residuals(found.residuals)
+        cells = found.residuals
+        columns = (
+            Column([cell.floor for cell in cells], csv="floor"),
+            Column([cell.band_hz[0] for cell in cells], csv="from_hz"),
+            Column([cell.band_hz[1] for cell in cells], csv="to_hz"),
+            Column([cell.excess for cell in cells], csv="excess"),
+            Column([cell.p_value for cell in cells], csv="p_value"),
+            Column([cell.data for cell in cells], csv="data"),
+        )
+        yield Table(name="residual_map", columns=columns)
 
     def figures(self) -> Iterator[Picture]:
         """The maps of residuals and, where anything was fitted, the ranking."""
@@ -129,71 +136,70 @@ class DiagnosisReport(Result):
         shown = [
             Ranked(
                 finding.placed.in_words,
-                finding.evidence.log_evidence,
+                finding.log_evidence,
                 shown_size(finding),
                 number == 0 and named,
             )
-            for number, finding in enumerate(found.findings[:_RANKED])
+            for number, finding in enumerate(found.findings[:8])
         ]
         if shown:
             needed = self.settings.over_none
             yield Picture("effect_ranking", lambda: ranking(shown, needed, found.sentence))
 
 
-def _effects(found: Sequence[Finding]) -> Table:
+def _effects(findings: Sequence[Finding]) -> Table:
     """The effects that were fitted, the strongest first."""
-    first = [next(iter(finding.placed.effect.parameters), None) for finding in found]
-    sized = [
-        finding if parameter else None for finding, parameter in zip(found, first, strict=True)
-    ]
-    certified = [finding.tested and finding.tested.certified for finding in found]
-    other = [finding.tested and finding.tested.log_e_value for finding in found]
-    mass = [finding.mass for finding in found]
-    evidence = [finding.evidence.log_evidence for finding in found]
-    absorbed = [finding.score.absorbed for finding in found]
-    gained = [
-        f"{finding.evidence.log_evidence:.1f}"
-        + (f" ± {finding.evidence.error:.2g}" if finding.evidence.effective else "")
-        for finding in found
-    ]
-    places = [finding.placed.place for finding in found]
-    units = [parameter.unit if parameter else "" for parameter in first]
+
+    def each(value: Callable[[Finding], Any]) -> list[Any]:
+        return [value(finding) for finding in findings]
+
+    def sized(value: Callable[[Finding, EffectParameter], Any]) -> list[Any]:
+        """Of those that have a size; None of the others."""
+        firsts = each(lambda one: next(iter(one.placed.effect.parameters), None))
+        both = zip(findings, firsts, strict=True)
+        return [None if first is None else value(finding, first) for finding, first in both]
+
+    def other_data(one: Finding) -> str:
+        if one.tested is None:
+            return "-"
+        held = "holds" if one.tested.certified else "too little"
+        return f"{one.tested.log_e_value:.1f} ({held})"
+
+    evidence, mass = each(lambda one: one.log_evidence), each(lambda one: one.mass)
+    other = each(lambda one: one.tested and one.tested.log_e_value)
+    absorbed = each(lambda one: one.score.absorbed)
+    key = "log_evidence_over_none"
+    elsewhere = "log_evidence_on_other_data"
     columns = (
-        Column([finding.placed.label for finding in found], "effect"),
-        Column([finding.placed.effect.name for finding in found], key="name"),
-        Column([finding.placed.effect.title for finding in found], csv="effect"),
-        Column(places, csv="place", key="place"),
-        Column([finding.in_words for finding in found], csv="in_words"),
-        Column([finding.placed.in_words for finding in found], key="in_words"),
+        Column(each(lambda one: one.placed.label), "effect"),
+        Column(each(lambda one: one.placed.effect.name), key="name"),
+        Column(each(lambda one: one.placed.effect.title), csv="effect"),
+        Column(each(lambda one: one.placed.place), csv="place", key="place"),
+        Column(each(lambda one: one.in_words), csv="in_words"),
+        Column(each(lambda one: one.placed.in_words), key="in_words"),
+        Column(evidence, "log evidence", [f"{value:.1f}" for value in evidence], key, key),
+        Column(other, "on other data", each(other_data), elsewhere, elsewhere),
         Column(
-            evidence, "log evidence", gained, "log_evidence_over_none", "log_evidence_over_none"
+            each(lambda one: one.tested and one.tested.certified), csv="certified", key="certified"
         ),
         Column(
-            other,
-            "on other data",
-            [_on_other_data(finding) for finding in found],
-            "log_evidence_on_other_data",
-            "log_evidence_on_other_data",
-        ),
-        Column(certified, csv="certified", key="certified"),
-        Column(
-            [finding.changes.frequency for finding in found],
+            each(lambda one: one.changes.frequency),
             csv="change_of_frequency",
             key="changes_of_frequency",
         ),
         Column(
-            [finding.changes.response for finding in found],
+            each(lambda one: one.changes.response),
             csv="change_of_response",
             key="changes_of_response",
         ),
-        Column([shown_size(finding) for finding in found], "size"),
-        Column([size_in_words(finding) for finding in found], key="size_in_words"),
-        Column([finding and finding.size for finding in sized], csv="size"),
-        Column([finding and finding.size_sd for finding in sized], csv="size_sd"),
-        Column([finding.size for finding in found], key="size"),
-        Column([finding.size_sd for finding in found], key="size_sd"),
-        Column(units, csv="unit", key="unit"),
-        Column([parameter and parameter.text for parameter in first], csv="meaning_of_size"),
+        Column(each(shown_size), "size"),
+        Column(each(size_in_words), key="size_in_words"),
+        Column(sized(lambda one, _: one.size), csv="size"),
+        Column(sized(lambda one, _: one.size_sd), csv="size_sd"),
+        Column(each(lambda one: one.size), key="size"),
+        Column(each(lambda one: one.size_sd), key="size_sd"),
+        Column([unit or "" for unit in sized(lambda _, first: first.unit)], csv="unit", key="unit"),
+        Column(sized(lambda _, first: first.text), csv="meaning_of_size"),
         Column(mass, key="added_mass_kg"),
         Column([None if kg is None else 1e-3 * kg for kg in mass], csv="added_mass_t"),
         Column(
@@ -203,22 +209,9 @@ def _effects(found: Sequence[Finding]) -> Table:
             "hidden_by_stiffness_factors",
             "absorbed_by_theta",
         ),
-        Column([finding.placed.effect.sentence for finding in found], key="explains"),
+        Column(each(lambda one: one.placed.effect.sentence), key="explains"),
     )
-    return Table(name="effects", columns=columns, key="effects", most=_SHOWN)
-
-
-def _residuals(cells: Sequence[Cell]) -> Table:
-    columns = {
-        "floor": [cell.floor for cell in cells],
-        "from_hz": [cell.band_hz[0] for cell in cells],
-        "to_hz": [cell.band_hz[1] for cell in cells],
-        "excess": [cell.excess for cell in cells],
-        "p_value": [cell.p_value for cell in cells],
-        "data": [cell.data for cell in cells],
-    }
-    own = tuple(Column(values, csv=key) for key, values in columns.items())
-    return Table(name="residual_map", columns=own)
+    return Table(name="effects", columns=columns, key="effects", most=6)
 
 
 def diagnose_study(
@@ -233,7 +226,6 @@ def diagnose_study(
     """Find where the study's model fails and rank what it may lack; changes nothing in it.
 
     Args:
-        study: where the JSON file goes.
         use_phase: compare phases where they were measured.
         second: another record at another level, to be explained together with the first.
 
@@ -247,20 +239,12 @@ def diagnose_study(
     given = read_given(study, model, source, second, progress)
     finder = finder_model(study, model, progress)
     data = given.data(model.system, use_phase)
-    problem, _, found = search(finder, data, chosen, progress)
+    problem, found = search(finder, data, chosen, progress)
     report = DiagnosisReport(
         diagnosis=found,
         problem=problem,
-        reduced=problem.reduced,
-        observation=given.measured.as_observation,
         limits=_at_limits(model, found.base),
-        screen=(
-            *given.notes,
-            *_parted(data),
-            *_turns(data),
-            *_screen(given.measured, found),
-            *_looks_on(found),
-        ),
+        screen=tuple(_notes(given, data, found)),
         settings=chosen,
         path=study.path("diagnosis.json"),
         seconds=time.monotonic() - started,
@@ -272,12 +256,12 @@ def diagnose_study(
 
 def search(
     finder: FinderModel, data: Sequence[Data], settings: DiagnosisSettings, progress: Progress
-) -> tuple[Likelihood, Fit, Diagnosis]:
+) -> tuple[Likelihood, Diagnosis]:
     """Fit the model as it is, and look for what it lacks."""
-    problem, base = prepared(finder, data, settings, progress)
+    problem, base = prepared(finder, data, settings.seed, progress)
     progress.start("Looking for what is missing", 4)
-    problem, base, found = sought(finder, problem, base, settings, progress)
-    return problem, base, with_pair(found, settings, progress)
+    problem, found = sought(finder, problem, base, settings, progress)
+    return problem, with_pair(found, settings, progress)
 
 
 def keep_found(
@@ -298,11 +282,29 @@ def keep_found(
     study.record(path.stem, path.name, command, {**made_from, **hashes}, files)
 
 
+def _notes(given: Given, data: Sequence[Data], found: Diagnosis) -> Iterator[str]:
+    """What else is to be said of the data and their channels."""
+    yield from given.notes
+    if len(data) == 1 and not data[0].halves and data[0].name == "modes":
+        yield (
+            "One table of modes cannot be parted in two, so that a name rests on its evidence"
+            " alone; a second test would let each test what the other says."
+        )
+    if any(isinstance(kind, FrfData) and kind.turns for kind in data):
+        names = " and ".join(effect.name for effect in CATALOGUE.values() if effect.turns_base)
+        yield f"The base's rotation was measured and is an input, so {names} are not looked for."
+    if given.measured.has_base:
+        base = found.base
+        yield from screen_channels(given.measured.base, base.system, base.theta()[0])
+    if found.verdict == PARTLY and not found.pair:
+        yield "The effect explains only a part: `repair` adds it and looks for what is beside it."
+
+
 def _at_limits(model: StudyModel, base: Fit) -> tuple[str, ...]:
     """Factors of the model as it is that end at a limit of their prior."""
     where, count = base.steps, base.steps.stories
     room = torch.minimum(base.z - where.lower, where.upper - base.z)[:count]
-    ended = (room < VERDICT.at_limit).nonzero()[:, 0].tolist()
+    ended = (room < 1e-3).nonzero()[:, 0].tolist()
     names = ", ".join(f"{model.prior.names[k]} ({base.theta()[0][k]:.3g})" for k in ended)
     if not names:
         return ()
@@ -310,26 +312,6 @@ def _at_limits(model: StudyModel, base: Fit) -> tuple[str, ...]:
         f"Without effects {names} end{'s' if len(ended) == 1 else ''} at the prior's limit: widen "
         "the prior first, or what is named may only make up for it.",
     )
-
-
-def _parted(data: Sequence[Data]) -> tuple[str, ...]:
-    """Whether names can be tested on data to which they were not fitted."""
-    if len(data) > 1 or data[0].halves:
-        return ()
-    if data[0].name == "modes":
-        return (
-            "One table of modes cannot be parted in two, so that a name rests on its evidence"
-            " alone; a second test would let each test what the other says.",
-        )
-    return ()
-
-
-def _turns(data: Sequence[Data]) -> tuple[str, ...]:
-    """What is not looked for where it was measured how the base turns."""
-    if not any(isinstance(one, FrfData) and one.turns for one in data):
-        return ()
-    names = " and ".join(effect.name for effect in CATALOGUE.values() if effect.turns_base)
-    return (f"The base's rotation was measured and is an input, so {names} are not looked for.",)
 
 
 def finder_model(study: Study, model: StudyModel, progress: Progress = SILENT) -> FinderModel:
@@ -343,23 +325,10 @@ def finder_model(study: Study, model: StudyModel, progress: Progress = SILENT) -
     return FinderModel(building, plain, structure, mesh, partial(finder_basis, study, building))
 
 
-def _looks_on(found: Diagnosis) -> tuple[str, ...]:
-    """What looks for the rest, where one effect explains a part."""
-    if found.verdict != PARTLY or found.pair:
-        return ()
-    return ("The effect explains only a part: `repair` adds it and looks for what is beside it.",)
-
-
-def _screen(measured: Measured, found: Diagnosis) -> tuple[str, ...]:
-    if not measured.has_base:
-        return ()
-    return screen_channels(measured.base, found.base.system, found.base.theta()[0])
-
-
 def shown_size(one: Finding) -> str:
     """Size of an effect with its spread and unit; nothing of one that is there or not."""
     first = next(iter(one.placed.effect.parameters), None)
-    return "" if first is None else with_unit(*first.as_read(one.size, one.size_sd))
+    return "" if first is None else with_unit(*first.as_read(*one.told))
 
 
 def size_in_words(one: Finding) -> str:
@@ -371,10 +340,3 @@ def size_in_words(one: Finding) -> str:
     )
     more = ", ".join(part for part in meant if part)
     return f"{shown_size(one)} ({more})" if more else shown_size(one)
-
-
-def _on_other_data(one: Finding) -> str:
-    """What the halves of the data say of an effect that was fitted to the other."""
-    if one.tested is None:
-        return "-"
-    return f"{one.tested.log_e_value:.1f} ({'holds' if one.tested.certified else 'too little'})"

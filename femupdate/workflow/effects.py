@@ -8,7 +8,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.document import Building, mechanics_hash, without_effects
-from femupdate.discrepancy.finder_model import finder_mesh_size, finder_structure
+from femupdate.discrepancy.search import finder_mesh_size, finder_structure
 from femupdate.dynamics.reduced import ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.reduction import reduce_structure
 from femupdate.dynamics.snapshots import ReductionTarget
@@ -41,7 +41,7 @@ def open_structure(
         target = with_size_ranges(reduction_target(building), placed)
         return reduce_structure(structure, target, placed, progress).reduced.basis
 
-    basis = study.cached(_effect_basis(structure), finder_origin(building), make)
+    basis = study.cached(basis_part(BASIS, structure), finder_origin(building), make)
     return reduced_on(structure, basis)
 
 
@@ -64,15 +64,10 @@ def finder_origin(building: Building) -> dict[str, str]:
 
 def keep_basis(study: Study, reduced: ReducedStructure, building: Building) -> None:
     """Write the basis of a building into a study."""
-    part = _effect_basis(reduced.structure)
-    study.keep(part, finder_origin(building), reduced.basis)
+    study.keep(basis_part(BASIS, reduced.structure), finder_origin(building), reduced.basis)
 
 
-def _effect_basis(structure: Structure) -> StudyPart[Floats]:
-    return basis_part(BASIS, "effect_basis.npz", "diagnose", structure)
-
-
-def basis_part(name: str, file: str, command: str, structure: Structure) -> StudyPart[Floats]:
+def basis_part(name: str, structure: Structure) -> StudyPart[Floats]:
     """A basis (n, r) for a structure of n degrees of freedom, as a study keeps it."""
 
     def write(basis: Floats, path: Path) -> None:
@@ -85,7 +80,8 @@ def basis_part(name: str, file: str, command: str, structure: Structure) -> Stud
             raise ValueError(f"basis of {len(data['basis'])} degrees of freedom")
         return data["basis"]
 
-    return StudyPart(name, file, command, write, read, lambda basis: {"size": basis.shape[1]})
+    file = {BASIS: "effect_basis.npz", NEAR_BASIS: "finder_basis.npz"}[name]
+    return StudyPart(name, file, "diagnose", write, read, lambda basis: {"size": basis.shape[1]})
 
 
 def finder_basis(
@@ -96,16 +92,10 @@ def finder_basis(
     zeta: float,
     make: Callable[[], Floats],
 ) -> Floats:
-    """The last basis (n, r) in which every effect of a building may act; made where needed.
-
-    Args:
-        building: whose full model, the structure, it reduces.
-        theta: (p,) about which it serves, and zeta.
-    """
+    """The last basis (n, r) about theta (p,) in which every effect of a building may act."""
     origin = {
         **finder_origin(building),
         "theta": " ".join(f"{factor:.4g}" for factor in theta),
         "zeta": f"{zeta:.4g}",
     }
-    part = basis_part(NEAR_BASIS, "finder_basis.npz", "diagnose", structure)
-    return study.cached(part, origin, make)
+    return study.cached(basis_part(NEAR_BASIS, structure), origin, make)

@@ -10,8 +10,8 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.document import Building, without_effects
 from femupdate.building.frame import FrameBuilding
-from femupdate.discrepancy.finder_model import check_sizes
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error
+from femupdate.discrepancy.search import check_sizes
 from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
 from femupdate.dynamics.finer_mesh import on_finer_mesh, on_nodes_of
 from femupdate.dynamics.reduced import ReducedStructure
@@ -34,6 +34,8 @@ from femupdate.workflow.model import (
 )
 
 MESH_ERROR = "mesh error"
+_THETAS = 8  # sets of factors at which meshes are compared
+_INNER = 1.5  # by which the ends of the prior are left out
 
 
 def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT) -> StudyModel:
@@ -112,7 +114,7 @@ MESH_ERROR_PART = StudyPart(
     "diagnose",
     lambda mesh, path: write_text(path, json.dumps(asdict(mesh), indent=2) + "\n"),
     read_mesh_error,
-    lambda _: {"thetas": THRESHOLDS.thetas},
+    lambda _: {"thetas": _THETAS},
 )
 
 
@@ -120,10 +122,10 @@ def _thetas(building: Building) -> Floats:
     """Stiffness factors (n, p), even in their logarithm over the inner part of the prior."""
     prior = theta_prior(building)
     low, high = (
-        np.log(prior.lower.numpy() * THRESHOLDS.inner),
-        np.log(prior.upper.numpy() / THRESHOLDS.inner),
+        np.log(prior.lower.numpy() * _INNER),
+        np.log(prior.upper.numpy() / _INNER),
     )
-    unit = even_points(THRESHOLDS.thetas, len(low), 4)
+    unit = even_points(_THETAS, len(low), 4)
     return np.asarray(np.exp(low + (high - low) * unit))
 
 

@@ -15,8 +15,7 @@ from torch import Tensor
 from femupdate.building.document import Building, mechanics_hash, without_effects
 from femupdate.building.files import load_building, save_building
 from femupdate.building.frame import FrameBuilding
-from femupdate.discrepancy.mesh_error import MeshError, corrected_model
-from femupdate.discrepancy.mesh_scatter import OpenMesh
+from femupdate.discrepancy.mesh_error import MeshError, OpenMesh, corrected_model
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.damping import DampingLaw, damping_law
 from femupdate.dynamics.reduced import ReducedModel

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.building.parameters import factor_titles
-from femupdate.discrepancy.diagnose import NAMED, PARTLY
+from femupdate.discrepancy.findings import NAMED, PARTLY
 from femupdate.dynamics.tracking import mean_shape, node_displacements
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed

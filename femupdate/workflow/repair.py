@@ -11,15 +11,12 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.document import Building
 from femupdate.building.parameters import factor_titles
-from femupdate.discrepancy.certify import missed_in_turn
-from femupdate.discrepancy.diagnose import STANDS_IN
-from femupdate.discrepancy.finder_model import FinderModel
-from femupdate.discrepancy.fit import Fit
-from femupdate.discrepancy.held_out import Held, KeptOut, hold
-from femupdate.discrepancy.likelihood import likelihood_about, parameters_at
-from femupdate.discrepancy.repair import Repair, mend
-from femupdate.discrepancy.residual_map import residual_cells
-from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
+from femupdate.discrepancy.evidence import missed_in_turn
+from femupdate.discrepancy.findings import STANDS_IN
+from femupdate.discrepancy.fit import Fit, likelihood_about, parameters_at
+from femupdate.discrepancy.repair import Held, KeptOut, Repair, hold, mend
+from femupdate.discrepancy.search import FinderModel
+from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood
@@ -48,10 +45,8 @@ class RepairReport(Result):
     """What was added and what it did.
 
     Attributes:
-        repair: before and after.
-        problem: the data.
-        building: the repaired building.
-        study: the study of the repaired building; None where nothing was added.
+        building: as repaired.
+        study: of the repaired building; None where nothing was added.
         theta_before, theta_after: (n, p) draws of the stiffness factors.
         held: on data kept out, if any.
         in_turn: mean squared residual of each half of the data by a fit to the other, before and
@@ -86,7 +81,7 @@ class RepairReport(Result):
                 "in_words": added.finding.placed.in_words,
                 "size": added.finding.size,
                 "size_sd": added.finding.size_sd,
-                "log_evidence_over_none": added.finding.evidence.log_evidence,
+                "log_evidence_over_none": added.finding.log_evidence,
                 "chi2_before": added.chi2_before,
                 "chi2_after": added.chi2_after,
                 "settled_by": added.finding.placed.effect.settled_by,
@@ -145,9 +140,9 @@ class RepairReport(Result):
 
         done = self.repair
         added = [one.finding.placed for one in done.rounds]
-        cells = {"Before": residual_cells(self.problem, done.before)}
+        cells = {"Before": done.before.cells()}
         if added:
-            cells["After"] = residual_cells(self.problem, done.after)
+            cells["After"] = done.after.cells()
         yield from residual_pictures("gap_residuals", cells, repair_headline(added))
         yield Picture(
             "gap_before_after",
@@ -170,17 +165,17 @@ class RepairReport(Result):
             return ()
         first = slice(data.blocks[0].points)
         measured = np.where(data.valid.numpy(), data.log_frf.numpy(), np.nan)[:, first]
-        before = _log_frf(data, done.before)
-        after = _log_frf(data, done.after) if done.rounds else None
+        fits = [done.before, done.after] if done.rounds else [done.before]
+        told = [data.drawn(fitted.system, *fitted.split).abs().log().numpy() for fitted in fits]
         return tuple(
             Curve(
                 title=name,
                 across="frequency, Hz",
                 up=f"{name}, ln|H|",
                 x=data.frequency_hz.numpy()[first],
-                mean=before[row],
+                mean=told[0][row],
                 measured=measured[row],
-                beside=None if after is None else after[row],
+                beside=told[1][row] if done.rounds else None,
             )
             for row, name in reversed(list(enumerate(data.names)))
         )
@@ -214,10 +209,6 @@ class RepairReport(Result):
         )
 
 
-def _log_frf(data: FrfData, fitted: Fit) -> Floats:
-    return np.asarray(data.drawn(fitted.system, *fitted.split).abs().log().numpy())
-
-
 def repair_study(
     study: Study,
     model: StudyModel,
@@ -233,7 +224,6 @@ def repair_study(
     The repaired building becomes a study of its own, in the folder `repaired` of this one.
 
     Args:
-        source: the data to explain.
         holdout: other data of the same building, to be predicted before and after.
         use_phase: compare phases where they were measured.
         second: another record at another level, to be explained together with the first.
@@ -246,31 +236,39 @@ def repair_study(
     other = None if holdout is None else read_held(study, model, holdout, progress)
     finder, model = finder_model(study, model, progress), on_kept_finer(study, model)
     data = given.data(model.system, use_phase)
-    problem, base, found = search(finder, data, settings, progress)
+    problem, found = search(finder, data, settings, progress)
     kept_out, elsewhere = None, None
     if holdout is not None and other is not None:
         kept_out = _kept_out(model, finder, holdout, other, use_phase, source if second else None)
         elsewhere = kept_out.gain
-    mended, done = mend(finder, problem, base, found, settings, progress, elsewhere)
+    mended, done = mend(finder, problem, found, settings, progress, elsewhere)
     before = _updated(done.before, settings.seed, progress)
     after = _updated(done.after, settings.seed, progress) if done.rounds else before
-    held = None if kept_out is None else _held(kept_out, problem, done, progress)
+    held, in_turn = None, None
+    if kept_out is not None:
+        progress.start("Predicting the data kept out", 1)
+        held = hold(kept_out, problem, done)
+        progress.advance()
+    else:
+        missed = missed_in_turn(done.before)
+        in_turn = missed, missed_in_turn(done.after) if done.rounds else missed
     building, kept = model.building, None
     if done.rounds:
         building = repaired_building(building, done)
         kept = keep_repaired(study, model, building, mended.reduced, finder.mesh)
-        own = with_fitted(open_study(kept), mended, done.after, finder.mesh)
+        repaired = with_fitted(open_study(kept), mended, done.after, finder.mesh)
         known = given.measured, source, after, settings.seed, problem.levels
-        keep_repaired_posterior(kept, own, *known)
+        keep_repaired_posterior(kept, repaired, *known)
+    theta = [draws.parameters.split(draws.runs[0].theta).theta.numpy() for draws in (before, after)]
     report = RepairReport(
         repair=done,
         problem=problem,
         building=building,
         study=kept,
-        theta_before=_factors(before),
-        theta_after=_factors(after),
+        theta_before=theta[0],
+        theta_after=theta[1],
         held=held,
-        in_turn=_in_turn(done) if held is None else None,
+        in_turn=in_turn,
         path=study.path("repair.json"),
         seconds=time.monotonic() - started,
     )
@@ -285,27 +283,9 @@ def _updated(fitted: Fit, seed: Seed, progress: Progress) -> Sampled:
     likelihood = likelihood_about(fitted)
     maxima = found_from(likelihood.prior, likelihood.residuals, parameters_at(fitted))
     target = Target(likelihood, maxima, FROM_FIT, local=True)
-    sampled = sampled_about_maxima(target, VERDICT.repair_draws, seed, progress)
+    sampled = sampled_about_maxima(target, 1000, seed, progress)
     assert sampled is not None
     return sampled
-
-
-def _factors(sampled: Sampled) -> Floats:
-    """(n, p) draws of the stiffness factors."""
-    return sampled.parameters.split(sampled.runs[0].theta).theta.numpy()
-
-
-def _in_turn(done: Repair) -> tuple[float, float]:
-    """How far each half of the data is missed by a fit to the other, before and after."""
-    before = missed_in_turn(done.before)
-    return before, missed_in_turn(done.after) if done.rounds else before
-
-
-def _held(kept_out: KeptOut, problem: Likelihood, done: Repair, progress: Progress) -> Held:
-    progress.start("Predicting the data kept out", 1)
-    held = hold(kept_out, problem, done)
-    progress.advance()
-    return held
 
 
 def _kept_out(
@@ -316,16 +296,10 @@ def _kept_out(
     use_phase: bool,
     first: ObservationSource | None,
 ) -> KeptOut:
-    """Data kept out, with their histories where they are histories under base motion.
-
-    Args:
-        first: of two records at their own levels, to place that of the data kept out by.
-    """
+    """Data kept out, at their level where there are two records, the first of which is given."""
     # The level of modes is taken to be the first's.
     level = 0.0 if first is None or held.measured.modes else level_between(model, first, source)
-    read = None
-    if held.measured.has_base:
-        read = source.read_base_motion()
+    read = source.read_base_motion() if held.measured.has_base else None
     return KeptOut(
         name=source.path.name,
         model=finder,

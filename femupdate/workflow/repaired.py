@@ -30,12 +30,9 @@ from femupdate.workflow.observed import ObservationSource
 def repaired_building(building: Building, done: Repair) -> Building:
     """The building with all effects of the last fit at their fitted values."""
     repaired = without_effects(building)
-    values, first = done.after.sizes()[0], 0
-    for placed in done.after.placed:
-        count = len(placed.effect.parameters)
-        repaired = with_effect(repaired, placed, values[first : first + count])
-        first += count
-    names = "; ".join(one.finding.placed.in_words for one in done.rounds)
+    for number, placed in enumerate(done.after.placed):
+        repaired = with_effect(repaired, placed, done.after.known_of(number))
+    names = "; ".join(added.finding.placed.in_words for added in done.rounds)
     text = f"{building.description.rstrip()}\nRepaired: {names}.".strip()
     return repaired.model_copy(update={"description": text})
 
@@ -47,10 +44,9 @@ def keep_repaired(
     reduced: ReducedStructure,
     mesh: MeshError | None,
 ) -> Study:
-    """A study of the repaired building, with its file, reduced model and basis.
+    """A study of the repaired building in a study's folder, with its reduced model and basis.
 
     Args:
-        study: in whose folder it goes.
         model: of the building as it was.
         building: as repaired.
         reduced: structure on the basis on which the repaired model was fitted.
@@ -81,11 +77,7 @@ def keep_repaired_posterior(
     """Keep draws of a repaired building as the posterior of its study.
 
     Args:
-        study: of the repaired building.
         model: with all that was added, as it was fitted.
-        measured: what it was fitted to.
-        sampled: draws of the fitted model's posterior.
-        seed: of what is drawn beside them.
         levels: of the records, in doublings above the first.
     """
     drawing, count = spawn(seed, 4), len(sampled.runs[0].theta)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import from_document
-from femupdate.discrepancy.finder_model import problem_of
+from femupdate.discrepancy.search import problem_of
 from femupdate.dynamics import lumped
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.inference.frf_data import COMPARING, frf_data

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from femupdate.discrepancy.certify import Tested as Outcome
-from femupdate.discrepancy.certify import (
+from femupdate.discrepancy.evidence import Tested as Outcome
+from femupdate.discrepancy.evidence import (
     certify,
     gain_elsewhere,
     least_log_e_value,
@@ -39,7 +39,7 @@ def test_discoveries_are_those_of_the_rule_for_e_values(logs, untried, share):
 
 
 def test_the_e_value_is_the_mean_of_both_orders_of_the_halves():
-    assert Outcome("x", (np.log(3.0), np.log(1.0)), True).log_e_value == pytest.approx(np.log(2.0))
+    assert Outcome((np.log(3.0), np.log(1.0)), True).log_e_value == pytest.approx(np.log(2.0))
 
 
 @pytest.fixture(scope="module")

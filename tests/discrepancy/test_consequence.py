@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.consequence import consequence
+from femupdate.discrepancy.evidence import consequence
 from femupdate.discrepancy.fit import extended, fit, fit_baseline, settle
-from femupdate.discrepancy.remains import remains
 
 GRID = 0.2 * np.arange(1, 61)
 MASSES, SPRINGS, SD = np.ones(1), np.full(1, 900.0), 0.01  # 4.8 Hz
@@ -48,7 +47,7 @@ def test_what_is_left_is_found_where_it_was_put(chains, building_of, observe, po
     bump = np.exp(-0.5 * ((GRID - 9.0) / 0.5) ** 2)
     frf[0] *= np.exp(0.22 * bump)
     problem = pose(building_of(masses, springs), observe(("2F", "RF"), GRID, frf, SD, 2))
-    left = remains(problem, settle(problem, fit_baseline(problem)[0]))
+    left = settle(problem, fit_baseline(problem)[0]).remains()
     assert left.floor == "2F"
     low, high = left.band_hz
     assert low < 9.5

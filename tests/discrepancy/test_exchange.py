@@ -9,10 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.exchange import exchange_fits, promising
 from femupdate.discrepancy.fit import fit, fit_baseline
+from femupdate.discrepancy.global_search import exchange_fits, promising
 from femupdate.discrepancy.repair import repair
-from femupdate.discrepancy.residual_map import p_value
 from femupdate.discrepancy.score import candidates
 
 GRID = 0.2 * np.arange(1, 61)
@@ -76,5 +75,5 @@ def test_the_repair_starts_anew_from_an_exchange(hidden):
     assert asked == [(problem, "swapped_channels@2F,3F")]
     assert done.problem is not problem
     assert done.after is not done.rounds[0].finding.fitted
-    assert p_value(done.problem, done.after) > 0.001
+    assert done.after.p_value > 0.001
     assert done.last.verdict == "none"

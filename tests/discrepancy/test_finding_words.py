@@ -2,26 +2,28 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import torch
 
-from femupdate.discrepancy.diagnose import Finding
+from femupdate.discrepancy.findings import Finding, grouped
+from femupdate.discrepancy.fit import extended, fit
 from femupdate.effects import CATALOGUE, Placed
 
 
-def fitted(unit_mass=None, nominal=False):
+def fitted(placed, unit_mass=None, nominal=False):
     """The little of a fit that words ask for: mass of an effect of unit size, kg."""
     mass = None if unit_mass is None else SimpleNamespace(rigid=unit_mass * torch.eye(2))
-    structure = SimpleNamespace(building=SimpleNamespace(forces_are_relative=nominal))
     return SimpleNamespace(
-        likelihood=SimpleNamespace(reduced=SimpleNamespace(structure=structure)),
+        placed=(placed,),
+        likelihood=SimpleNamespace(building=SimpleNamespace(forces_are_relative=nominal)),
         system=SimpleNamespace(terms=(SimpleNamespace(mass=mass),)),
     )
 
 
-def in_words(name, place, size, sd, model=None):
+def in_words(name, place, size, sd, **model):
     placed = Placed(CATALOGUE[name], place)
-    return Finding(placed, None, model or fitted(), None, None, None, size, sd).in_words
+    return Finding(None, fitted(placed, **model), 0.0, None, None, size, sd).in_words
 
 
 @pytest.mark.parametrize(
@@ -34,7 +36,7 @@ def in_words(name, place, size, sd, model=None):
     ids=["building", "model on a bench", "nominal masses"],
 )
 def test_added_mass_is_told_in_its_own_unit_too(unit_mass, nominal, told):
-    words = in_words("added_mass", "3F", 0.0976, 0.0033, fitted(unit_mass, nominal))
+    words = in_words("added_mass", "3F", 0.0976, 0.0033, unit_mass=unit_mass, nominal=nominal)
     assert words == f"3F carries 9.76 % more mass than modelled {told}"
 
 
@@ -59,16 +61,13 @@ def test_added_mass_is_told_in_its_own_unit_too(unit_mass, nominal, told):
             "Damping follows Rayleigh's law by 50 % (± 10 %)",
         ),
         (
-            ("base_sway", "base", 0.1, 0.01),
-            "The base sways by 10 % of the roof's static displacement (± 1 %)",
+            ("damping_law", "proportional", -0.155, 0.02),
+            "Damping falls with frequency, by 15.5 % against a law proportional to frequency "
+            "(± 2 %)",
         ),
         (
             ("wall_stiffness", "S2", -0.25, 0.02),
             "The walls are 25 % softer than modelled in S2 (± 2 %)",
-        ),
-        (
-            ("brace", "ground-3F", 0.3, 0.01),
-            "A brace between the ground and 3F has 30 % of the building's stiffness (± 1 %)",
         ),
         (
             ("non_structural_walls", "X1/S2", 0.2, 0.03),
@@ -79,3 +78,43 @@ def test_added_mass_is_told_in_its_own_unit_too(unit_mass, nominal, told):
 )
 def test_a_finding_is_told_with_its_unit(finding, words):
     assert in_words(*finding) == words
+
+
+def test_shares_are_told_at_the_fitted_factors(chains, building_of, observe, pose, place):
+    """A dashpot's damping ratio, against a chain of the fitted stories by hand; a brace's share."""
+    masses, springs, theta = np.ones(2), np.full(2, 600.0), np.array([0.6, 1.5])
+    chain = chains.Chain(masses, springs * theta, zeta=0.03)
+    grid = 0.2 * np.arange(1, 41)
+    seen = observe(("2F", "RF"), grid, chain.frf(grid), 0.02, 1)
+    problem = pose(building_of(masses, springs), seen)
+    plain = chains.Chain(masses, springs)
+    rate = 20.0
+    for label, in_file, told in (
+        ("story_damper@RF", *(_first_ratio(one, rate) for one in (plain, chain))),
+        ("brace@ground-RF", *(0.1 * one.static_roof for one in (plain, chain))),
+        ("base_sway@base", *(0.1 / one.static_roof for one in (plain, chain))),
+    ):
+        placed = place(label)
+        base = fit(problem, (), torch.from_numpy(np.log([*theta, 0.03])), 0)
+        fitted = fit(problem, placed, extended(problem, base, placed, [in_file]), 0)
+        found = Finding(None, fitted, 0.0, None, None, in_file, 0.1 * in_file)
+        assert found.told == pytest.approx((told, 0.1 * told), rel=0.01), label
+
+
+def _first_ratio(chain, rate):
+    """Damping ratio that a dashpot in the second story adds to the first mode."""
+    omega, shapes = chain.modes
+    return rate * (shapes[1, 0] - shapes[0, 0]) ** 2 / (2.0 * omega[0])
+
+
+def test_what_cannot_be_seen_is_told_by_effect():
+    floors = (*(f"{k}F" for k in range(2, 19)), "RF")
+    structure = SimpleNamespace(floors=floors, building=SimpleNamespace(story_names=("S1", "S2")))
+    labels = [f"added_mass@{floor}" for floor in floors[-2::-1]]
+    labels += ["cracked_beams@S2", "channel_gain@4F", "channel_gain@RF", "cracked_beams@all"]
+    told = set(grouped(labels, structure).split("; "))
+    assert told == {
+        "added_mass@2F to 18F",
+        "channel_gain@4F, RF",
+        "cracked_beams@all, S2",
+    }

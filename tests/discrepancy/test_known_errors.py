@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.discrepancy.mesh_scatter import of_points_that_bend
+from femupdate.discrepancy.mesh_error import of_points_that_bend
 from femupdate.dynamics import System
 from femupdate.inference.frf_data import base_logs
 from femupdate.inference.likelihood import likelihood_of

@@ -9,8 +9,7 @@ import torch
 
 from femupdate.building import from_document
 from femupdate.discrepancy.fit import about, fit_baseline, settle
-from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error
-from femupdate.discrepancy.mesh_scatter import left_open
+from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error, left_open
 from femupdate.dynamics import ConstantDamping, System, reduced_on
 from femupdate.effects import structure_of
 from femupdate.errors import StructureError

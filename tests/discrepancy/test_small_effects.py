@@ -32,3 +32,11 @@ def test_a_light_appendage_is_named_wherever_it_is_tuned(chains, building_of, ob
     assert found.leading is not None
     assert found.leading.placed.label == "tuned_appendage@RF"
     assert found.leading.size == pytest.approx(0.03, rel=0.2)
+
+
+def test_too_few_points_tell_nothing(chains, building_of, observe, pose):
+    exact = chains.Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)[:, 10:12]
+    seen = observe(FLOORS, GRID[10:12], exact, 0.05, 0, False)
+    found = diagnose(pose(building_of(MASSES, SPRINGS), seen))
+    assert found.verdict == "unknown"
+    assert found.sentence.startswith("The data are too few to tell: 8 independent points for 5")

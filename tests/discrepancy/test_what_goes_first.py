@@ -4,9 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from femupdate.discrepancy import certify
-from femupdate.discrepancy.diagnose import Finding
-from femupdate.discrepancy.evidence import Evidence
+from femupdate.discrepancy.evidence import Tested as Outcome
+from femupdate.discrepancy.findings import Finding, in_order
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.effects import CATALOGUE, Placed
 
@@ -19,10 +18,9 @@ def finding(placed, log_evidence, log_e_value=None, certified=True):
     changes = SimpleNamespace(matters=lambda *_: True)
     tested = None
     if log_e_value is not None:
-        tested = certify.Tested(placed.label, (log_e_value, log_e_value), certified)
+        tested = Outcome((log_e_value, log_e_value), certified)
     fitted = SimpleNamespace(placed=(placed,))
-    evidence = Evidence(log_evidence)
-    return Finding(placed, None, fitted, evidence, changes, tested, 1.0, 0.1)
+    return Finding(None, fitted, log_evidence, changes, tested, 1.0, 0.1)
 
 
 @pytest.mark.parametrize(
@@ -39,3 +37,26 @@ def finding(placed, log_evidence, log_e_value=None, certified=True):
 )
 def test_of_what_the_halves_certify_an_instrument_needs_less_evidence(one, carried):
     assert one.carried(SETTINGS) == carried
+
+
+@pytest.mark.parametrize(("chi2", "named"), [(40.0, True), (998.0, False), (1200.0, False)])
+def test_what_removes_nothing_of_the_misfit_beyond_the_noise_is_no_name(chi2, named):
+    base = SimpleNamespace(chi2=1000.0, likelihood=SimpleNamespace(effective=100.0))
+    late = finding(LATE, 12.0, 24.0)
+    late.fitted.chi2 = chi2
+    assert late.names(base, SETTINGS) == named
+
+
+@pytest.mark.parametrize(
+    ("late", "beside", "first"),
+    [
+        (finding(LATE, 5.0, 24.0), True, LATE),
+        (finding(LATE, 5.0, 24.0), False, MASS),
+        (finding(LATE, 5.0, 9.0), True, MASS),
+        (finding(LATE, 5.0, 24.0, certified=False), True, MASS),
+    ],
+    ids=["far likelier elsewhere", "not beside it", "of little evidence", "refused"],
+)
+def test_a_sensor_leads_that_the_other_half_holds_far_likelier(late, beside, first):
+    order = in_order((finding(MASS, 12.0, 8.7), late), SETTINGS, lambda *_: beside)
+    assert order[0].placed is first

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.diagnose import STANDS_IN
+from femupdate.discrepancy.findings import STANDS_IN
 from femupdate.report.figure import draw
 from femupdate.study import Study
 from femupdate.workflow.diagnose import diagnose_study

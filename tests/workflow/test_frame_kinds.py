@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from femupdate.discrepancy.finder_model import FinderModel, plain_structure
-from femupdate.discrepancy.search import prepared, sought
+from femupdate.discrepancy.search import FinderModel, plain_structure, prepared, sought
 from femupdate.dynamics import equations_at
 from femupdate.effects import CATALOGUE
 from femupdate.progress import SILENT
@@ -65,7 +64,7 @@ def _hit(path, structure, hidden):
 def _found(cabin, path):
     given = read_given(cabin.study, cabin.model, _source(path), None, SILENT)
     posed = prepared(cabin.finder, given.data(cabin.model.system))
-    return sought(cabin.finder, *posed)[2]
+    return sought(cabin.finder, *posed)[1]
 
 
 def _source(path):

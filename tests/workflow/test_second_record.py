@@ -6,7 +6,6 @@ import tomllib
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.residual_map import p_value
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.measurement.record import GroundMotion
 from femupdate.simulation import parse_effect
@@ -70,9 +69,7 @@ def test_softening_is_named_repaired_and_of_the_right_size(repaired, study, home
     assert (1.0 + own["size"]) ** level == pytest.approx(SOFTER, rel=0.01)
     assert (1.0 + own["damping"]) ** level == pytest.approx(1.25, rel=0.1)
     np.testing.assert_allclose(report.theta_after.mean(axis=0), THETA, rtol=0.01)
-    before, after = (
-        p_value(fit.likelihood, fit) for fit in (report.repair.before, report.repair.after)
-    )
+    before, after = (fit.p_value for fit in (report.repair.before, report.repair.after))
     assert before < 1e-6
     assert after > 0.05
     # The repaired building is an ordinary one: the first record alone is explained by it.

@@ -1,7 +1,7 @@
 """A base that slides on the ground."""
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, Terms
+from femupdate.effects.effect import Effect, EffectParameter, Sway, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
 
 
@@ -27,6 +27,10 @@ class BaseSway(Effect):
         """A spring beside the base, along the motion."""
         start, _ = drawn.edges(0)
         return (Glyph.of("spring", start - drawn.along(0.25 * drawn.size), start),)
+
+    def unit(self, sway: Sway, place: int) -> float:
+        """Of the roof, s2."""
+        return sway.roof
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The spring under which sway equals the roof's own static displacement."""

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, SpringTerms, Terms
+from femupdate.effects.effect import Effect, EffectParameter, SpringTerms, Sway, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
 
 _GROUND = "ground"
@@ -51,6 +51,10 @@ class Brace(Effect):
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A spring from corner to corner of the stories."""
         return (Glyph.of("spring", *drawn.diagonal(*_levels(drawn.structure, place))),)
+
+    def unit(self, sway: Sway, place: int) -> float:
+        """Stiffness by the base shear, 1/m."""
+        return 1.0 / sway.roof
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """Unit size has the stiffness of the building: base shear over roof displacement.

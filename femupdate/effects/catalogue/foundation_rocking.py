@@ -3,7 +3,7 @@
 import numpy as np
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, Terms
+from femupdate.effects.effect import Effect, EffectParameter, Sway, Terms
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
 
 
@@ -30,6 +30,10 @@ class FoundationRocking(Effect):
         """Upright springs under two opposite edges of the base."""
         down = np.array([0.0, 0.0, -0.13 * drawn.size])
         return tuple(Glyph.of("spring", edge + down, edge) for edge in drawn.edges(0))
+
+    def unit(self, sway: Sway, place: int) -> float:
+        """Of the roof, s2."""
+        return sway.roof
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The spring under which rocking equals the roof's own static displacement."""

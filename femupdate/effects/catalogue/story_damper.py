@@ -6,7 +6,15 @@ from torch import Tensor
 from femupdate.arrays import Flags
 from femupdate.building.frame import FrameBuilding
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, Port, Terms, as_complex, story_port
+from femupdate.effects.effect import (
+    Effect,
+    EffectParameter,
+    Port,
+    Sway,
+    Terms,
+    as_complex,
+    story_port,
+)
 from femupdate.effects.structure import Structure
 
 
@@ -62,10 +70,14 @@ class StoryDamper(Effect):
         """
         floor, _, point = place.partition("/")
         story = structure.floors.index(floor)
-        omega, shape = structure.fundamental
-        drift = shape[story] - (shape[story - 1] if story else 0.0)
+        sway = Sway(0.0, *structure.fundamental)
         port = _point_port(structure, story, point) if point else story_port(structure, story)
-        return Terms(port=port, constants=(float(2.0 * omega / drift**2),))
+        return Terms(port=port, constants=(self.unit(sway, story),))
+
+    def unit(self, sway: Sway, place: int) -> float:
+        """The dashpot, N s/m."""
+        drift = sway.shape[place] - (sway.shape[place - 1] if place else 0.0)
+        return float(2.0 * sway.omega / drift**2)
 
     def port_stiffness(self, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]) -> Tensor:
         """i omega c."""

@@ -8,12 +8,12 @@ import torch
 
 from femupdate.arrays import Floats
 from femupdate.building import FrameBuilding
-from femupdate.discrepancy.diagnose import NAMED, PARTLY, Diagnosis, DiagnosisSettings
-from femupdate.discrepancy.finder_model import FinderModel
+from femupdate.discrepancy.findings import NAMED, PARTLY, Diagnosis
 from femupdate.discrepancy.fit import Fit, extended, fit, settle
 from femupdate.discrepancy.repair import mend
 from femupdate.discrepancy.score import score, starts
-from femupdate.discrepancy.search import refined
+from femupdate.discrepancy.search import FinderModel, refined
+from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.dynamics import transformed_sensors
 from femupdate.effects import Effect
 from femupdate.errors import ReportError
@@ -240,7 +240,7 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
         beside=_beside(found, effects),
         ranking=tuple(one.placed.label for one in diagnosis.findings[:5]),
         twins=diagnosis.twins,
-        log_evidence=leading.evidence.log_evidence if leading else -np.inf,
+        log_evidence=leading.log_evidence if leading else -np.inf,
         p_value=diagnosis.p_value,
         size_true=effects[0][1][0] if effects and effects[0][1] else np.nan,
         size=size,
@@ -267,9 +267,10 @@ def _find(
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)
     data = seen.data(model.system, models.settings.use_phase)
-    problem, base, diagnosis = search(finder, data, chosen, SILENT)
+    problem, diagnosis = search(finder, data, chosen, SILENT)
+    base = diagnosis.base
     if trial.kind == TWO:
-        done = mend(finder, problem, base, diagnosis, chosen, SILENT)[1]
+        done = mend(finder, problem, diagnosis, chosen, SILENT)[1]
         added = tuple(one.finding.placed.label for one in done.rounds)
         return _Found(problem, base, done.after, added, diagnosis, time.monotonic() - started)
     after = base

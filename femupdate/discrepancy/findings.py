@@ -1,0 +1,383 @@
+"""Candidates after fitting: what leads them, what is said of them, and the verdict."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.discrepancy.evidence import Consequence, Tested, laplace
+from femupdate.discrepancy.fit import Cell, Fit, Remains, with_more
+from femupdate.discrepancy.further_measurements import MeasurementValue
+from femupdate.discrepancy.score import Score
+from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
+from femupdate.dynamics.reduced import ReducedModel
+from femupdate.effects.effect import Effect, Placed, Sway
+from femupdate.effects.structure import Structure
+from femupdate.units import percent
+
+LITTLE = 0.005  # share of the misfit beyond the noise that rounds to none
+NONE, NAMED, PARTLY, AMBIGUOUS = "none", "named", "partly", "ambiguous"
+INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
+STANDS_IN = "Most of the misfit stays: what is named may stand in for what else is missing."
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """One candidate after fitting, the last effect of a fit.
+
+    Attributes:
+        score: its score test.
+        fitted: the model with it.
+        log_evidence: over the model without it.
+        changes: what it does to frequencies and responses.
+        tested: on data to which it was not fitted; None where it was not.
+        size, size_sd: of its first parameter.
+    """
+
+    score: Score
+    fitted: Fit
+    log_evidence: float
+    changes: Consequence
+    tested: Tested | None
+    size: float
+    size_sd: float
+
+    @property
+    def placed(self) -> Placed:
+        """Effect and place."""
+        return self.fitted.placed[-1]
+
+    def matters(self, settings: DiagnosisSettings) -> bool:
+        """Whether an engineer would notice what it changes."""
+        return self.changes.matters(settings.least_frequency, settings.least_response)
+
+    @property
+    def large_enough(self) -> bool:
+        """Whether anybody would look for an effect of this size."""
+        return all(
+            abs(self.size - first.neutral) >= first.least
+            for first in self.placed.effect.parameters[:1]
+        )
+
+    def needed(self, settings: DiagnosisSettings) -> float:
+        """Log evidence that a name needs.
+
+        An instrument's effect that the halves of the data certify needs little more: where the
+        model itself errs, its error may take the place of a delay or a gain.
+        """
+        certified = self.tested is not None and self.tested.certified
+        easier = self.placed.effect.instrument and certified
+        return VERDICT.positive if easier else settings.over_none
+
+    def carried(self, settings: DiagnosisSettings) -> bool:
+        """Whether the evidence carries it, on data to which it was not fitted too."""
+        enough = self.log_evidence >= self.needed(settings)
+        return enough and (self.tested is None or self.tested.certified)
+
+    def names(self, base: Fit, settings: DiagnosisSettings) -> bool:
+        """Whether evidence and consequence carry a name, and it removes more than noise."""
+        sure = self.carried(settings) and self.matters(settings)
+        return sure and removed(base, self.fitted) >= LITTLE
+
+    def contains(self, other: "Finding") -> bool:
+        """Whether it is another effect with a parameter more."""
+        same_place = self.placed.place == other.placed.place
+        return same_place and other.placed.effect.name in self.placed.effect.contains
+
+    def far_behind(self, other: "Finding", settings: DiagnosisSettings) -> bool:
+        """Whether other data hold it far less likely, where what both are fitted to does not."""
+        if self.tested is None or other.tested is None:
+            return False
+        value = other.tested.log_e_value
+        return self.tested.log_e_value < value - settings.margin(value)
+
+    @property
+    def in_words(self) -> str:
+        """Effect, place and size: "3F carries 9.8 % more mass than modelled (± 0.3 %; 2.1 t)"."""
+        effect, (size, sd) = self.placed.effect, self.told
+        said = effect.said(self.placed.place, size)
+        if not effect.parameters:
+            return said
+        mass = "" if self.mass is None else f"; {mass_in_words(self.mass)}"
+        return f"{said} ({effect.scatter(size, sd)}{mass})"
+
+    @property
+    def told(self) -> tuple[float, float]:
+        """Size and standard deviation as a reader is told them: shares at the fitted factors."""
+        effect, of = self.placed.effect, self.fitted.likelihood
+        if type(effect).unit is Effect.unit:
+            return self.size, self.size_sd
+        model, theta = of.reduced.model, self.fitted.theta()[0]
+        floor = self.placed.place.partition("/")[0]
+        place = model.floors.index(floor) if floor in model.floors else 0
+        units = (effect.unit(_sway(model, factors), place) for factors in (theta**0.0, theta))
+        share = next(units) / next(units)
+        return share * self.size, share * self.size_sd
+
+    @property
+    def mass(self) -> float | None:
+        """What it adds, kg; None where it adds none, or the model's masses are nominal."""
+        added = self.fitted.system.terms[-1].mass
+        if added is None or self.fitted.likelihood.building.forces_are_relative:
+            return None
+        return self.size * float(added.rigid[0, 0])
+
+
+def _sway(model: ReducedModel, theta: Floats) -> Sway:
+    """As `Structure.static` and `Structure.fundamental` have it."""
+    stiffness = model.stiffness(theta)
+    static = shape = np.linalg.solve(stiffness, model.excitation)
+    for _ in range(2):
+        shape = np.linalg.solve(stiffness, shape)
+    shape = shape / np.linalg.norm(shape)
+    omega = float(np.sqrt(shape @ stiffness @ shape))
+    return Sway(float(model.floor_shapes[-1] @ static), omega, model.floor_shapes @ shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Where the model fails and what could be missing.
+
+        >>> import femupdate
+        >>> found = femupdate.diagnose("house", "run.csv", building="shear_3dof").diagnosis
+        >>> found.verdict
+        'none'
+
+    Attributes:
+        base: the model as it is, at its most probable parameters.
+        verdict: "none", "named" (certain, and nothing of note is left), "partly" (certain, and
+            something else is missing), "ambiguous", "indistinguishable" or "unknown".
+        findings: fitted candidates, the most probable first.
+        scores: all score tests, the strongest first.
+        unobservable: labels of effects that these sensors could not show.
+        twins: labels that the leading finding cannot be told from.
+        left: what the model misses, with the effect where one is named, or with both of a pair.
+        worth: of further measurements, the best first, where the first is not told from its twins.
+        sentence: the verdict for an engineer.
+        pair: two that explain together what the best alone does not, the stronger first, with the
+            sizes that they have together; empty where none was sought or found.
+    """
+
+    base: Fit
+    verdict: str
+    findings: tuple[Finding, ...]
+    scores: tuple[Score, ...]
+    unobservable: tuple[str, ...]
+    twins: tuple[str, ...]
+    left: Remains
+    worth: tuple[MeasurementValue, ...]
+    sentence: str
+    pair: tuple[Finding, ...] = ()
+
+    @property
+    def p_value(self) -> float:
+        """Of noise alone leaving the residuals of the model as it is."""
+        return self.base.p_value
+
+    @property
+    def residuals(self) -> tuple[Cell, ...]:
+        """Of the model as it is, by floor and band."""
+        return self.base.cells()
+
+    @property
+    def leading(self) -> Finding | None:
+        """The most probable finding."""
+        return self.findings[0] if self.findings else None
+
+    def close(self, settings: DiagnosisSettings) -> tuple[Finding, ...]:
+        """The leading findings between which the error of a basis for all effects may decide."""
+        if self.leading is None or self.verdict in (NONE, UNKNOWN):
+            return ()
+        value = self.leading.log_evidence
+        least = value - max(settings.close * value, settings.over_none)
+        return tuple(finding for finding in self.findings if finding.log_evidence > least)[:4]
+
+    def would_decide(self, settings: DiagnosisSettings) -> tuple[str, ...]:
+        """Sentences on what would decide, where the first is not told from its twins."""
+        if not self.twins or self.leading is None:
+            return ()
+        told, needed = [], settings.margin(self.leading.log_evidence)
+        enough = [further for further in self.worth if further.log_evidence >= needed]
+        if enough:
+            best = "; ".join(f"{one.what} ({one.log_evidence:.0f})" for one in enough[:3])
+            told.append(f"Measured as well, it would decide (log evidence to expect): {best}.")
+        elif self.worth:
+            told.append(
+                "No further floor would decide, measured as well as these: the most to expect is a "
+                f"log evidence of {self.worth[0].log_evidence:.1f}, from {self.worth[0].what}."
+            )
+        twins = [finding.placed for finding in self.findings if finding.placed.label in self.twins]
+        for placed in [self.leading.placed, *twins[: VERDICT.compared]]:
+            told.append(
+                f"Without the model, {placed.label} is settled by {placed.effect.settled_by}."
+            )
+        return tuple(told)
+
+
+Beside = Callable[[Finding, Finding], bool]
+"""Whether the second of two explains beside the first most of what it explains alone."""
+
+
+def keeps_beside(first: Finding, other: Finding, settings: DiagnosisSettings) -> bool:
+    """Whether an effect explains beside the first most of what it explains without it."""
+    both = with_more(first.fitted, other.placed, other.fitted.known_of(-1))
+    of = both.likelihood
+    gain = laplace(of, both) - laplace(of, first.fitted)
+    return gain >= max(other.needed(settings), VERDICT.beside * other.log_evidence)
+
+
+def in_order(
+    findings: Sequence[Finding], settings: DiagnosisSettings, beside: Beside
+) -> tuple[Finding, ...]:
+    """The findings by their evidence, but for what goes first.
+
+    What says less than the first goes before it, where that is not clearly better: the same effect
+    in all places says not where; one that the first contains has a parameter less. Then comes an
+    instrument's effect that is missing beside the first and close to it, for an instrument is
+    mended before the structure is judged by it. One that the other half of the data holds far
+    likelier than the first need not be close.
+    """
+
+    def least(first: Finding) -> float:
+        return first.log_evidence - settings.margin(first.log_evidence)
+
+    def led_by(finding: Finding) -> tuple[Finding, ...]:
+        return (finding, *(other for other in findings if other is not finding))
+
+    for finding in findings[1:]:
+        first = findings[0]
+        wider = finding.placed.effect is first.placed.effect and finding.placed.place == "all"
+        simpler = wider or first.contains(finding)
+        if simpler and finding.log_evidence > least(first) and finding.carried(settings):
+            findings = led_by(finding)
+            break
+    for finding in findings[1:]:
+        first = findings[0]
+        if first.placed.effect.instrument:
+            break
+        close = finding.log_evidence > least(first) or first.far_behind(finding, settings)
+        sure = finding.carried(settings) and finding.matters(settings)
+        if finding.placed.effect.instrument and close and sure and beside(first, finding):
+            return led_by(finding)
+    return tuple(findings)
+
+
+def others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:
+    """Others than the same effect at one place, where it leads in all: that does not say where."""
+    if first.placed.place != "all":
+        return list(others)
+    return [other for other in others if other.placed.effect is not first.placed.effect]
+
+
+def rivals(
+    findings: Sequence[Finding], settings: DiagnosisSettings, beside: Beside
+) -> list[Finding]:
+    """What the first finding cannot be told from by its evidence.
+
+    What other data refuse is no rival, nor what they hold far less likely, nor the same thing with
+    a parameter more, nor what is missing as well.
+    """
+    first = findings[0]
+    least = first.log_evidence - settings.margin(first.log_evidence)
+    near = [other for other in findings[1:] if other.log_evidence > least]
+    return [
+        other
+        for other in others_than(first, near)
+        if other.carried(settings)
+        and not other.far_behind(first, settings)
+        and not other.contains(first)
+        and not beside(first, other)
+    ]
+
+
+def unseen(
+    unobservable: tuple[str, ...],
+    verdict: str,
+    findings: Sequence[Finding],
+    twins: tuple[str, ...],
+) -> tuple[str, ...]:
+    """Labels of what cannot be seen, but for what the verdict names: that was seen.
+
+    At the size of its prior an effect may be too faint to show; what is there may be larger.
+    """
+    if verdict in (NONE, UNKNOWN):
+        return unobservable
+    named = {findings[0].placed.label, *twins}
+    return tuple(label for label in unobservable if label not in named)
+
+
+def grouped(labels: Sequence[str], structure: Structure) -> str:
+    """Labels by their effect, neighbouring floors and stories as one: "added_mass@2F to 9F"."""
+    orders = structure.floors, structure.building.story_names
+    groups: dict[str, list[list[str]]] = {}
+    for order in orders:
+        # Floor by floor, whatever the order in which they were found.
+        labels = sorted(labels, key=lambda label: _rank(label.partition("@")[2], order))
+    for label in labels:
+        name, _, place = label.partition("@")
+        runs = groups.setdefault(name, [])
+        follows = runs and any(
+            0 <= _rank(runs[-1][-1], order) == _rank(place, order) - 1 for order in orders
+        )
+        if follows:
+            runs[-1].append(place)
+        else:
+            runs.append([place])
+    parts = []
+    for name, runs in groups.items():
+        places = [run if len(run) < 3 else [f"{run[0]} to {run[-1]}"] for run in runs]
+        parts.append(f"{name}@{', '.join(place for run in places for place in run)}")
+    return "; ".join(parts)
+
+
+def _rank(place: str, order: Sequence[str]) -> int:
+    return order.index(place) if place in order else -1
+
+
+def removed(base: Fit, best: Fit) -> float:
+    """Share of the squared residuals beyond the noise that a better fit does without."""
+    return (base.chi2 - best.chi2) / max(base.chi2 - base.likelihood.effective, 1.0)
+
+
+def mass_in_words(mass: float) -> str:
+    """A mass (kg) in a unit of its size."""
+    return f"{mass:.3g} kg" if abs(mass) < 100.0 else f"{1e-3 * mass:.3g} t"
+
+
+def share_in_words(share: float) -> str:
+    """A share in per cent, or "none" and "all" where it is no less."""
+    return "none" if share < LITTLE else percent(share) if share < 1.0 else "all"
+
+
+def sentence_of(
+    verdict: str,
+    findings: Sequence[Finding],
+    twins: tuple[str, ...],
+    left: Remains,
+    share: float,
+) -> str:
+    """The verdict for an engineer; the share is that which the first removes of the misfit."""
+    if verdict == NONE:
+        text = "The model explains the data; nothing needs to be added."
+        if findings and findings[0].tested is not None and findings[0].tested.certified:
+            text += f" {findings[0].in_words}, but that is of no consequence."
+        return f"{text} {left.sentence}".rstrip()
+    if verdict == UNKNOWN:
+        text = (
+            "The model misses the data by more than their noise, and no effect of the catalogue is "
+            "certain to explain it."
+        )
+        return f"{text} {left.sentence}".rstrip()
+    first = findings[0]
+    if verdict == NAMED:
+        return f"{first.in_words}. {first.placed.effect.sentence} {left.sentence}".rstrip()
+    if verdict == PARTLY:
+        told = f"It removes {share_in_words(share)} of the misfit beyond the noise;"
+        doubt = "" if share >= VERDICT.most else f" {STANDS_IN}"
+        return (
+            f"{first.in_words}. {first.placed.effect.sentence} {told} something else is missing "
+            f"as well.{doubt} {left.sentence}"
+        )
+    how = "cannot be told from" if verdict == INDISTINGUISHABLE else "competes with"
+    return f"{first.in_words}. It {how} {', '.join(twins)}."
