@@ -34,7 +34,7 @@ from femupdate.inference.smc import SmcSettings
 from femupdate.inference.tempering import SamplerRun
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import Observation
-from femupdate.seeds import Seed
+from femupdate.seeds import Seed, torch_generator
 from femupdate.units import percent
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
@@ -144,6 +144,7 @@ def unserved(building: Building) -> str:
 
 _FAR_BETTER = 10.0  # nats by which parameters outside the prior are likelier than all inside
 
+_TRIED = 512  # points of the prior that must all be unlike an observation for it to be refused
 LEAST_EXPLAINED = 0.25
 """Share of the measured variation below which a model explains nothing."""
 
@@ -345,6 +346,10 @@ def require_own_building(
         return
     explained = likelihood.explained(points)
     assert explained is not None
+    if not explained >= LEAST_EXPLAINED:
+        # Where an error of the model explains more than the response, others may look more like it.
+        likely = likelihood.prior.sample(_TRIED, torch_generator(0))
+        explained = max(likelihood.explained(likely) or 0.0, explained)
     if not explained >= LEAST_EXPLAINED:  # which no number is not
         best = 0.0 if explained != explained else max(explained, 0.0)
         raise MeasurementError(
