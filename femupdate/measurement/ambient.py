@@ -51,15 +51,6 @@ class Pole:
     shape: Complexes
 
 
-@dataclass(frozen=True, eq=False)
-class Spread:
-    """Standard deviations of a pole: frequency, Hz, damping ratio and real shape (c,)."""
-
-    frequency_hz: float
-    damping: float
-    shape: Floats
-
-
 class Subspace:
     """Identified models of every order of one record.
 
@@ -82,8 +73,8 @@ class Subspace:
         orders = range(2, len(self._a))
         return tuple(pole for order in orders for pole in self._of_order(order, self._a, self._c))
 
-    def spreads(self, poles: Sequence[Pole]) -> tuple[Spread, ...]:
-        """Standard deviations of some poles."""
+    def spreads(self, poles: Sequence[Pole]) -> list[Floats]:
+        """Standard deviations (2 + c,) of some poles: frequency, Hz, damping ratio, real shape."""
         largest = max(pole.order for pole in poles)
         squares = [np.zeros(2 + pole.shape.size) for pole in poles]
         for block in self._blocks.T:
@@ -96,8 +87,7 @@ class Subspace:
         # A variance from so few blocks is uncertain itself: that of Student's t is larger by this.
         blocks = self._blocks.shape[1]
         wider = (blocks - 1.0) / (blocks - 3.0)
-        roots = [np.sqrt(wider * each) for each in squares]
-        return tuple(Spread(float(sd[0]), float(sd[1]), sd[2:]) for sd in roots)
+        return [np.sqrt(wider * each) for each in squares]
 
     def _of_order(self, order: int, a: list[Any], c: list[Any]) -> tuple[Pole, ...]:
         with _library() as ssi:
@@ -349,13 +339,6 @@ def _middle(poles: Sequence[Pole]) -> tuple[Pole, ...]:
     return tuple(near[round(k)] for k in spaced)
 
 
-def _best(subspace: Subspace, candidates: Sequence[Sequence[Pole]]) -> list[tuple[Pole, Spread]]:
-    """The pole of each group that is known best: a pole of noise beside it spoils some orders."""
-    spreads = iter(subspace.spreads([pole for group in candidates for pole in group]))
-    pairs = [[(pole, next(spreads)) for pole in group] for group in candidates]
-    return [min(group, key=lambda pair: pair[1].frequency_hz) for group in pairs]
-
-
 def _modes(
     subspace: Subspace,
     poles: Sequence[Pole],
@@ -368,17 +351,23 @@ def _modes(
         return {}, ()
     modes: dict[int, RecordedMode] = {}
     notes = []
-    best = _best(subspace, list(chosen.values()))
-    for number, (pole, spread) in zip(chosen, best, strict=True):
+    spreads = iter(
+        subspace.spreads([pole for candidates in chosen.values() for pole in candidates])
+    )
+    for number, candidates in chosen.items():
+        # That known best is taken: a pole of noise beside it spoils some orders.
+        pairs = [(pole, next(spreads)) for pole in candidates]
+        pole, spread = min(pairs, key=lambda pair: float(pair[1][0]))
+        frequency_sd, damping_sd = float(spread[0]), float(spread[1])
         # A mode's frequency is known to 2 %.
-        if not spread.frequency_hz <= 0.02 * pole.frequency_hz:
+        if not frequency_sd <= 0.02 * pole.frequency_hz:
             notes.append(f"Left out: {pole.frequency_hz:.4g} Hz, which is hardly known.")
         # A machine looks undamped: within two standard deviations of no damping,
         # or below a tenth of the least damping that buildings have.
-        elif pole.damping < max(5e-4, 2.0 * spread.damping):
+        elif pole.damping < max(5e-4, 2.0 * damping_sd):
             notes.append(
                 f"Left out: {pole.frequency_hz:.4g} Hz, whose damping ratio {pole.damping:.2g} ±"
-                f" {spread.damping:.1g} may be none, as of a machine that runs at one frequency."
+                f" {damping_sd:.1g} may be none, as of a machine that runs at one frequency."
             )
         else:
             members = [poles[k] for k in np.flatnonzero(group == number).tolist()]
@@ -407,7 +396,7 @@ def _once(modes: dict[int, RecordedMode]) -> tuple[dict[int, RecordedMode], tupl
 
 
 def _mode(
-    pole: Pole, spread: Spread, members: Sequence[Pole], channels: tuple[str, ...]
+    pole: Pole, spread: Floats, members: Sequence[Pole], channels: tuple[str, ...]
 ) -> RecordedMode:
     """A mode, whose standard deviations hold the scatter over the orders too."""
     shape = in_phase(pole.shape)
@@ -417,11 +406,11 @@ def _mode(
     return RecordedMode(
         frequency_hz=pole.frequency_hz,
         sensors=channels,
-        frequency_sd_hz=float(np.hypot(spread.frequency_hz, _scatter(members, "frequency_hz"))),
+        frequency_sd_hz=float(np.hypot(spread[0], _scatter(members, "frequency_hz"))),
         damping=pole.damping,
-        damping_sd=float(np.hypot(spread.damping, _scatter(members, "damping"))),
+        damping_sd=float(np.hypot(spread[1], _scatter(members, "damping"))),
         shape=shape / largest,
-        shape_sd=np.maximum(spread.shape / abs(largest), 1e-4) if several else None,
+        shape_sd=np.maximum(spread[2:] / abs(largest), 1e-4) if several else None,
     )
 
 

@@ -6,7 +6,6 @@ displacement blocks are passed over.
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 from femupdate.measurement.header import NumberBlock, block_values, positive
@@ -41,17 +40,6 @@ _HEADER_LINES = 200
 _PER_LINE = "8"  # values in a line of files that do not state their format
 
 
-@dataclass(frozen=True)
-class _Head:
-    """What a channel's header says; lines further down amend it."""
-
-    name: str = ""
-    direction: str = ""
-    location: str = ""
-    peak: float | None = None
-    unit: str | None = None
-
-
 def _recognises(head: str, suffix: str) -> bool:
     lines = head.split("\n")[:_HEADER_LINES]
     told = any(_MENTIONED.search(line) for line in lines if not line.startswith("#"))
@@ -78,58 +66,50 @@ def _read(path: Path) -> Recording:
 
 
 def _channels(file: TextFile) -> Iterator[RecordedChannel]:
-    head = _Head()
+    """What every header says; lines further down amend it."""
+    name, direction, location, peak, unit = "", "", "", None, None
     count = 0
-    for index, line in enumerate(file.lines):
+    for at, line in enumerate(file.lines):
         if channel := _CHANNEL.match(line):
-            head = _head(channel)
-        elif peak := _PEAK.match(line):
-            unit = "cm/s2" if peak["cm"] else "g"
-            head = replace(head, peak=abs(float(peak["cm"] or peak["g"])), unit=unit)
+            direction, location = (" ".join((text or "").split()) for text in channel.group(2, 3))
+            name = direction or f"channel {channel.group(1)}"
+            name = f"{name}, {location}" if location else name
+            peak, unit = None, None
+        elif stated := _PEAK.match(line):
+            unit = "cm/s2" if stated["cm"] else "g"
+            peak = abs(float(stated["cm"] or stated["g"]))
         elif announced := next((m for p in _ANNOUNCED if (m := p.match(line))), None):
             count += 1
-            yield _channel(file, index, announced, head if head.name else _Head(f"channel {count}"))
+            block, step = _block(file, at, announced, name or f"channel {count}")
+            written = _UNIT.search(announced["rest"])
+            yield RecordedChannel(
+                name=block.channel,
+                values=block_values(file, block),
+                time_step=step,
+                unit=written["unit"].strip() if written else unit if name else None,
+                location=location,
+                direction=direction,
+                azimuth_deg=azimuth_of(direction),
+                stated_peak=peak if name else None,
+            )
 
 
-def _head(match: re.Match[str]) -> _Head:
-    """`90 Deg`, with the sensor's place behind it where the file gives one."""
-    direction, location = (" ".join((text or "").split()) for text in match.group(2, 3))
-    name = direction or f"channel {match.group(1)}"
-    return _Head(f"{name}, {location}" if location else name, direction, location)
-
-
-def _channel(file: TextFile, at: int, announced: re.Match[str], head: _Head) -> RecordedChannel:
-    found = announced.groupdict()
+def _block(
+    file: TextFile, at: int, announced: re.Match[str], name: str
+) -> tuple[NumberBlock, float]:
+    """Where the values stand, and their time step, s."""
+    found, layout = announced.groupdict(), _FORMAT.search(announced["rest"])
     if found.get("rate"):
         step = 1.0 / positive(file, found["rate"], "the sampling rate", at)
     else:
         step = positive(file, found["step"], "the time step", at)
-    layout, unit = _FORMAT.search(found["rest"]), _UNIT.search(found["rest"])
-    per_line = layout["per"] if layout else _PER_LINE
-    width = layout["width"] if layout else _width(file, at)
-    block = NumberBlock(
-        at,
-        int(found["n"]),
-        int(positive(file, per_line, "the number of values in a line", at)),
-        int(positive(file, width, "the column width", at)),
-        head.name,
-    )
-    return RecordedChannel(
-        name=head.name,
-        values=block_values(file, block),
-        time_step=step,
-        unit=unit["unit"].strip() if unit else head.unit,
-        location=head.location,
-        direction=head.direction,
-        azimuth_deg=azimuth_of(head.direction),
-        stated_peak=head.peak,
-    )
-
-
-def _width(file: TextFile, at: int) -> str:
-    """Of a column, from the first line of values, which is full."""
+    # Files that do not state it have a first line of values that is full.
     first = file.lines[at + 1].rstrip() if at + 1 < len(file.lines) else ""
-    return str(round(len(first) / int(_PER_LINE)))
+    per_line = layout["per"] if layout else _PER_LINE
+    width = layout["width"] if layout else str(round(len(first) / int(_PER_LINE)))
+    per = int(positive(file, per_line, "the number of values in a line", at))
+    wide = int(positive(file, width, "the column width", at))
+    return NumberBlock(at, int(found["n"]), per, wide, name), step
 
 
 READER = Reader("csmip", "CSMIP/CESMD Volumes 1 and 2", _recognises, _read)
