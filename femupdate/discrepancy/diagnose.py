@@ -395,7 +395,7 @@ def with_pair(
     as it is.
     """
     first = found.leading
-    if first is None or found.verdict != PARTLY:
+    if first is None or found.verdict not in (PARTLY, AMBIGUOUS):
         return found
     alone = removed(found.base, first.fitted)
     if alone >= VERDICT.most:
@@ -420,6 +420,9 @@ def with_pair(
     doubt = "" if together >= VERDICT.most else STANDS_IN
     return replace(
         found,
+        verdict=PARTLY,
+        twins=(),
+        worth=(),
         findings=(*best, *(finding for finding in found.findings if finding not in best)),
         pair=pair,
         left=left,
