@@ -48,7 +48,7 @@ def test_build_model(femupdate, tmp_path, cabin_file, name):
     assert answer["reduction_error"] <= (0.1 if name == "cabin" else 0.0)
     assert len(answer["pictures"]) == (3 if name == "cabin" else 1)
     assert all(not_blank(Path(picture)) for picture in answer["pictures"])
-    assert done.err.splitlines() == done.progress
+    assert done.err.startswith("Building ")
 
 
 def test_simulate(femupdate, tmp_path, tower_file):
