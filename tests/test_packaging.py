@@ -57,7 +57,7 @@ def test_the_record_of_a_study_needs_nothing_heavy():
 
 
 def test_the_steps_of_the_work_draw_nothing():
-    steps = ("build", "calibrate", "predict", "diagnose", "repair", "train", "render")
+    steps = ("build", "calibrate", "predict", "diagnose", "repair", "train")
     steps = (*(f"workflow.{name}" for name in steps), "simulation.simulate")
     loaded = loaded_after("\n".join(f"import femupdate.{name}" for name in steps))
     assert "torch" in loaded
