@@ -9,13 +9,23 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import building_option, study_options
+from .common import building_option, check_free, study_options
 from .group import GroupedCommand
 from .parameters import BuildingName
 
 
 @click.command("build-model", cls=GroupedCommand)
 @click.argument("building", type=BuildingName(), required=False)
+@click.option(
+    "--units",
+    metavar="FORCE,LENGTH",
+    help="Units of a model of Nastran, such as N,mm, where its materials do not tell them.",
+)
+@click.option(
+    "--draft",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write a building file for a model of Nastran, to add sensors and priors to; build that.",
+)
 @click.option(
     "--export",
     type=click.Choice(["opensees"]),
@@ -31,6 +41,8 @@ from .parameters import BuildingName
 @study_options(shares=True)
 def build_model(
     building: str | None,
+    units: str | None,
+    draft: Path | None,
     export: str | None,
     shell: Any,
     study: Study,
@@ -40,20 +52,29 @@ def build_model(
 ) -> Answer:
     """Build the model of BUILDING: mesh, checks, modes, pictures, reduced model.
 
-    BUILDING is a TOML file or the name of a shipped building. The default is the building of the
-    study, or six_story_wall_frame in a new study.
+    BUILDING is a TOML file, a model of Nastran (.bdf, .nas) or the name of a shipped building. The
+    default is the building of the study, or six_story_wall_frame in a new study.
 
     \b
     Examples:
       femupdate build-model six_story_wall_frame
       femupdate build-model my_building.toml --study mine
+      femupdate build-model tower.bdf --units N,mm --draft tower.toml --study tower
     """
+    from femupdate.building.deck_draft import write_draft
     from femupdate.workflow.build import build_study, export_opensees
     from femupdate.workflow.render import draw_model
 
-    report = build_study(study, building, bars)
+    if draft is not None:
+        if building is None:
+            raise click.UsageError("--draft needs a model of Nastran: name its file")
+        check_free(draft, replace=False)
+        building = str(write_draft(building, units, draft))
+    report = build_study(study, building, bars, units)
     drawn = draw_model(study, report.model, report.modes, bars) if pictures else ()
-    files = [export_opensees(study, report.model.building, shell=shell)] if export else []
+    files = [draft] if draft is not None else []
+    if export:
+        files.append(export_opensees(study, report.model.building, shell=shell))
     return Answer(report, drawn, {"exported": files, "study": study.folder}, files)
 
 

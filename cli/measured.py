@@ -45,7 +45,8 @@ def inspect(
     """Say what is in the measured files FILES, what looks wrong, and what to run next.
 
     Reads tables (CSV), MATLAB and numpy files, universal files, and the records of CESMD, USGS,
-    COSMOS, ESM, K-NET, JMA and PEER, also in zip and tar archives. Changes nothing.
+    COSMOS, ESM, K-NET, JMA and PEER, also in zip and tar archives. Says as well what a model of
+    Nastran (.bdf, .nas) holds; --unit N,mm gives its units. Changes nothing.
 
     \b
     Example:
@@ -74,7 +75,7 @@ def inspect(
         written.append(propose_mapping(report.files[0], write_mapping, unit))
     answer = Answer(report, pictures, files=written)
     if problems:
-        if report.files:
+        if report.files or report.decks:
             answer.show(click.get_current_context().params["as_json"])
         raise Failure("\n".join(problems))
     return answer

@@ -109,6 +109,9 @@ class BuildingMesh:
     # of a mesh that was read: which of the file's `parts` each element belongs to, one array a
     # block of the model's elements
     parts: tuple[Integers, ...] | None = None
+    # of a deck: names of its walls, whose numbers `parts` holds, and what became of its cards
+    walls: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def finished(

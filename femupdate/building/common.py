@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from pathlib import Path
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -204,7 +203,7 @@ class Building(Entry):
     """
 
     # A building of any kind by its file or its shipped name: put here by what knows all kinds.
-    load: ClassVar[Callable[[str | Path], "Building"]]
+    load: ClassVar[Callable[..., "Building"]]
 
     name: Label
     title: str = ""

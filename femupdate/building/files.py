@@ -11,6 +11,7 @@ from typing import Any, TypeGuard
 import tomlkit
 
 from femupdate.building.common import Building as AnyBuilding
+from femupdate.building.deck_draft import load_text
 from femupdate.building.document import Building, from_document, to_document
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import check_mesh
@@ -28,14 +29,20 @@ _FOREIGN = {
 _log = logging.getLogger(__name__)
 
 
-def load_building(path_or_name: str | Path) -> Building:
+def load_building(path_or_name: str | Path, units: str | None = None) -> Building:
     """Return the building of a file, or a shipped one by its name.
+
+    Args:
+        path_or_name: a path to a TOML file or to a deck of Nastran (.bdf, .nas), or a name such
+            as "six_story_wall_frame".
+        units: force and length of a deck, such as "N,mm", where its materials do not tell them.
 
     Raises:
         BuildingError: no such file, not TOML, or an entry that cannot be; the message names the
             file, the key and the mend.
     """
-    where, text = building_text(path_or_name)
+    deck = load_text(path_or_name, units)
+    where, text = deck or building_text(path_or_name)
     try:
         document = toml_content(text)
     except ValueError as error:
@@ -56,6 +63,8 @@ def load_building(path_or_name: str | Path) -> Building:
         if isinstance(building, FrameBuilding | MeshBuilding):
             check_mesh(building)
     except BuildingError as error:
+        if deck:
+            raise
         raise BuildingError(f"{where}: {error}") from None
     _log.info("loaded the building %s from %s", building.name, where)
     return building

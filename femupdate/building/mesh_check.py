@@ -7,7 +7,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from femupdate.arrays import Floats, Integers
+from femupdate.arrays import Floats, Integers, Strings
 from femupdate.building.entry import Complaint
 from femupdate.fe.element import area_vectors
 
@@ -46,6 +46,7 @@ def place(point: Floats) -> str:
     return f"({', '.join(f'{value:.4g}' for value in point)}) m"
 
 
+UPRIGHT = 0.9  # vertical component of the axis of what is a column, of the normal of a slab
 _SAME = 1e-6  # of the structure's size: nodes nearer than this are in the same place
 _KEY = "mesh.file"
 
@@ -61,17 +62,39 @@ def merge_nodes(nodes: Floats, distance: float) -> Integers:
     return first[piece]
 
 
-def check_elements(nodes: Floats, cells: Mapping[str, Integers], *, doubles_allowed: bool) -> None:
+def cell_kinds(points: Floats) -> Strings:
+    """What cells (n, k, 3) are by their direction: "column", "beam", "slab" or "wall"."""
+    if points.shape[1] == 2:
+        axis = points[:, 1] - points[:, 0]
+        steep = np.abs(axis[:, 2]) > UPRIGHT * np.linalg.norm(axis, axis=1)
+        return np.where(steep, "column", "beam").astype("<U24")
+    normal = area_vectors(points)
+    level = np.abs(normal[:, 2]) > UPRIGHT * np.linalg.norm(normal, axis=1)
+    return np.where(level, "slab", "wall").astype("<U24")
+
+
+def check_elements(
+    nodes: Floats,
+    cells: Mapping[str, Integers],
+    *,
+    doubles_allowed: bool,
+    names: Integers | None = None,
+) -> None:
     """Refuse a mesh with elements that cannot be.
 
     Args:
         cells: node indices of "line", "triangle" and "quad" cells.
         doubles_allowed: whether unmerged nodes in one place are meant.
+        names: (N,) numbers of the nodes in the file; from 0 on where None.
+
+    Raises:
+        Complaint: flat, crossed or double elements, double nodes, or a node on another's side.
     """
+    names = np.arange(len(nodes)) if names is None else names
     for kind, corners in cells.items():
-        _refuse_degenerate(nodes, kind, corners)
+        _refuse_degenerate(nodes, kind, corners, names)
         if corners.shape[1] > 3:
-            _refuse_crossed(nodes, kind, corners)
+            _refuse_crossed(nodes, kind, corners, names)
         double = first_double(corners)
         if double is not None:
             later, earlier = double
@@ -90,7 +113,7 @@ def check_elements(nodes: Floats, cells: Mapping[str, Integers], *, doubles_allo
                 f"{second} at {place(nodes[first])}: the elements there are not connected; write "
                 'mesh.merge = "1 mm" to merge them, or "0 m" where the gap is meant',
             )
-    _refuse_hanging(nodes, cells, used)
+    _refuse_hanging(nodes, cells, used, names)
 
 
 def check_connected(nodes: Floats, cells: Sequence[Integers], base: Integers) -> None:
@@ -112,11 +135,11 @@ def check_connected(nodes: Floats, cells: Sequence[Integers], base: Integers) ->
         )
 
 
-def _name(kind: str, number: int, corners: Integers) -> str:
-    return f"{kind} {number} (nodes {', '.join(map(str, corners[number].tolist()))})"
+def _name(kind: str, number: int, corners: Integers, names: Integers) -> str:
+    return f"{kind} {number} (nodes {', '.join(map(str, names[corners[number]].tolist()))})"
 
 
-def _refuse_degenerate(nodes: Floats, kind: str, corners: Integers) -> None:
+def _refuse_degenerate(nodes: Floats, kind: str, corners: Integers, names: Integers) -> None:
     points = nodes[corners]
     if corners.shape[1] == 2:
         size = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
@@ -134,11 +157,13 @@ def _refuse_degenerate(nodes: Floats, kind: str, corners: Integers) -> None:
         where = place(points[first].mean(axis=0))
         others = f" (and {int(bad.sum()) - 1} more)" if bad.sum() > 1 else ""
         raise Complaint(
-            _KEY, f"{_name(kind, first, corners)} at {where} {what}{others}; correct the mesh there"
+            _KEY,
+            f"{_name(kind, first, corners, names)} at {where} {what}{others}; "
+            "correct the mesh there",
         )
 
 
-def _refuse_crossed(nodes: Floats, kind: str, corners: Integers) -> None:
+def _refuse_crossed(nodes: Floats, kind: str, corners: Integers, names: Integers) -> None:
     points = nodes[corners]
     mean = area_vectors(points)
     ahead, back = np.roll(points, -1, axis=1) - points, np.roll(points, 1, axis=1) - points
@@ -149,12 +174,14 @@ def _refuse_crossed(nodes: Floats, kind: str, corners: Integers) -> None:
         where = place(points[first].mean(axis=0))
         raise Complaint(
             _KEY,
-            f"{_name(kind, first, corners)} at {where} is inverted: its sides cross or a corner "
-            "points inwards; list its nodes in order around a convex quadrilateral",
+            f"{_name(kind, first, corners, names)} at {where} is inverted: its sides cross or a "
+            "corner points inwards; list its nodes in order around a convex quadrilateral",
         )
 
 
-def _refuse_hanging(nodes: Floats, cells: Mapping[str, Integers], used: Integers) -> None:
+def _refuse_hanging(
+    nodes: Floats, cells: Mapping[str, Integers], used: Integers, names: Integers
+) -> None:
     """Refuse nodes that lie inside a side of an element without being its corner."""
     sides = []
     for corners in cells.values():
@@ -179,7 +206,7 @@ def _refuse_hanging(nodes: Floats, cells: Mapping[str, Integers], used: Integers
         a, b = side[which[first]]
         raise Complaint(
             _KEY,
-            f"node {node[first]} at {place(nodes[node[first]])} lies on the side between nodes {a} "
-            f"and {b} but is no corner there ({int(bad.sum())} such places): the elements are not "
-            "connected; let both sides of a line have the same nodes",
+            f"node {names[node[first]]} at {place(nodes[node[first]])} lies on the side between "
+            f"nodes {names[a]} and {names[b]} but is no corner there ({int(bad.sum())} such "
+            "places): the elements are not connected; let both sides of a line have the same nodes",
         )

@@ -8,16 +8,26 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from femupdate.arrays import Flags, Floats, Integers, Strings
+from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.blocks import ElementBlock, by_element, joined
 from femupdate.building.building_mesh import BuildingMesh, finished
+from femupdate.building.deck import read_deck
+from femupdate.building.deck_model import deck_model
 from femupdate.building.entry import Complaint, unknown
-from femupdate.building.mesh_check import check_connected, check_elements, merge_nodes, place
+from femupdate.building.mesh_check import (
+    UPRIGHT,
+    cell_kinds,
+    check_connected,
+    check_elements,
+    merge_nodes,
+    place,
+)
 from femupdate.building.mesh_reader import RawMesh, read_mesh
 from femupdate.building.own_mesh import MeshBuilding, Part
+from femupdate.building.parameters import stiffness_factors
 from femupdate.building.quantities import ALL
 from femupdate.errors import BuildingError, StructureError
-from femupdate.fe.element import Elements, area_vectors
+from femupdate.fe.element import Elements
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 from femupdate.fe.registry import element_for
 from femupdate.units import factor
@@ -107,7 +117,6 @@ def beam_releases(part: Part, spans: SpanEnds) -> Flags:
 
 
 _LEVEL = 1e-3  # m; nodes nearer than this to a floor's level are on it
-_UPRIGHT = 0.9  # vertical component of the axis of what is a column, of the normal of a slab
 
 
 def import_mesh(building: MeshBuilding) -> BuildingMesh:
@@ -124,6 +133,8 @@ def import_mesh(building: MeshBuilding) -> BuildingMesh:
 
 
 def _import(building: MeshBuilding) -> BuildingMesh:
+    if building.from_deck:
+        return _of_deck(building)
     raw = read_mesh(Path(building.mesh.file).expanduser(), building.mesh.tags)
     nodes = raw.nodes * factor(building.mesh.unit, "length") - [0.0, 0.0, building.mesh.base]
     if building.mesh.merge:
@@ -159,6 +170,32 @@ def _import(building: MeshBuilding) -> BuildingMesh:
             np.concatenate([np.full(len(block.nodes), block.part) for block in alike])
             for alike in by_element(blocks).values()
         ),
+    )
+
+
+def _of_deck(building: MeshBuilding) -> BuildingMesh:
+    mesh = building.mesh
+    assert mesh.force is not None
+    read = deck_model(
+        read_deck(Path(mesh.file).expanduser()),
+        factor(mesh.unit, "length"),
+        factor(mesh.force, "force"),
+        base=mesh.base,
+        levels=building.floor_levels,
+        ignored=mesh.ignore or (),
+    )
+    return BuildingMesh(
+        model=read.model,
+        floors=building.floors,
+        floor_nodes=_floor_nodes(building, read.model.nodes),
+        floor_level=building.floor_levels,
+        base_nodes=read.held,
+        direction="xy".index(building.sensors.direction),
+        story_names=building.story_names,
+        factors=stiffness_factors(building),
+        parts=read.wall_of,
+        walls=read.walls,
+        notes=read.notes,
     )
 
 
@@ -235,7 +272,7 @@ def _block(
         element=_element_of(part, kind, f"parts[{number}]"),
         nodes=cells,
         group=group.astype(np.int64),
-        kind=part.kind if part.kind is not None else _kinds(nodes[cells]),
+        kind=part.kind if part.kind is not None else cell_kinds(nodes[cells]),
         material=building.material(material),
         thickness=part.thickness,
         section=None if section is None else section.figures(),
@@ -255,23 +292,12 @@ def _element_of(part: Part, cell_type: str, key: str) -> type[Elements]:
     return element
 
 
-def _kinds(points: Floats) -> Strings:
-    """What cells are by their direction."""
-    if points.shape[1] == 2:
-        axis = points[:, 1] - points[:, 0]
-        steep = np.abs(axis[:, 2]) > _UPRIGHT * np.linalg.norm(axis, axis=1)
-        return np.where(steep, "column", "beam").astype("<U24")
-    normal = area_vectors(points)
-    level = np.abs(normal[:, 2]) > _UPRIGHT * np.linalg.norm(normal, axis=1)
-    return np.where(level, "slab", "wall").astype("<U24")
-
-
 def _up(part: Part, ends: Floats) -> Floats:
     """Direction (n, 3) of the depth of lines (n, 2, 3): along y in upright ones, else upwards."""
     if part.up is not None:
         return np.tile(part.up, (len(ends), 1))
     axis = ends[:, 1] - ends[:, 0]
-    steep = np.abs(axis[:, 2]) > _UPRIGHT * np.linalg.norm(axis, axis=1)
+    steep = np.abs(axis[:, 2]) > UPRIGHT * np.linalg.norm(axis, axis=1)
     return np.where(steep[:, None], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
 
 

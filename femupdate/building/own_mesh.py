@@ -4,10 +4,12 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from femupdate.building.common import MeshedBuilding
+from femupdate.building.common import Building, MeshedBuilding
 from femupdate.building.entry import Complaint, Entry
+from femupdate.building.members import Material
 from femupdate.building.quantities import Coordinate, Label, Length, LengthOrZero, Names, Number
 from femupdate.building.references import require
+from femupdate.building.shipped import is_deck
 
 
 class MeshFile(Entry):
@@ -15,12 +17,15 @@ class MeshFile(Entry):
 
     file: Label  # path, relative to the building file
     unit: Literal["m", "cm", "mm", "in", "ft"]  # unit of its coordinates
+    # of a deck of Nastran: unit of force, from which those of modulus and mass follow
+    force: Literal["N", "kN", "MN", "kgf", "tf", "lbf", "kip"] | None = None
     base: Coordinate = 0.0  # level of the base in the mesh (z is up)
     # cell data that holds the groups' numbers, where the format has no named groups (VTU)
     tags: Label | None = None
     # nodes nearer to each other than this become one; "0 m" leaves double nodes alone
     merge: LengthOrZero | None = None
-    ignore: Names | None = None  # groups whose cells are left out
+    # groups whose cells are left out, or cards of a deck
+    ignore: Names | None = None
 
 
 class Part(Entry):
@@ -101,11 +106,29 @@ class MeshBuilding(MeshedBuilding):
 
     kind: Literal["mesh"]
     mesh: MeshFile
-    parts: tuple[Part, ...]
+    materials: dict[str, Material] = Field(default_factory=dict)
+    parts: tuple[Part, ...] = ()
     sensors: MeshSensors
+
+    @property
+    def from_deck(self) -> bool:
+        """Whether the file is a deck of Nastran that has members, masses and supports itself."""
+        return is_deck(self.mesh.file) and not self.parts
 
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
+        if self.from_deck:
+            Building.check(self)
+            if self.mesh.force is None:
+                text = 'the key is missing; write the unit of force of the deck, such as "N"'
+                raise Complaint("mesh.force", text)
+            for key in ("materials", "sections", "floor_mass"):
+                if getattr(self, key):
+                    raise Complaint(key, "the deck has them; change them there, or give parts")
+            if self.supports.base in ("pinned", "springs"):
+                text = "the deck says what holds the base; change it there"
+                raise Complaint("supports.base", text)
+            return
         super().check()
         if not self.parts:
             raise Complaint("parts", "no group of the mesh has a meaning; add a [[parts]] table")

@@ -11,6 +11,7 @@ from femupdate.errors import BuildingError, close
 from femupdate.storage import check_regular
 
 _SUFFIX = ".toml"
+_DECKS = (".bdf", ".nas")
 
 
 def shipped_buildings() -> tuple[str, ...]:
@@ -19,8 +20,13 @@ def shipped_buildings() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX)))
 
 
+def is_deck(path: str | Path) -> bool:
+    """Whether a file is bulk data of Nastran, by its ending."""
+    return Path(path).suffix.lower() in _DECKS
+
+
 def building_text(path_or_name: str | Path) -> tuple[str, str]:
-    """Return what to call a building file, and its text.
+    """Return what to call a building file, and its text; that of a deck is not read here.
 
     Raises:
         BuildingError: there is no such file, or it is not UTF-8 text.
@@ -33,6 +39,8 @@ def building_text(path_or_name: str | Path) -> tuple[str, str]:
         return name, files("femupdate.models").joinpath(name).read_text(encoding="utf-8")
     try:
         check_regular(path, BuildingError)
+        if is_deck(path):
+            return text, ""
         # Drawings of towers take some hundred thousand bytes.
         if path.stat().st_size > 20_000_000:
             raise BuildingError(f"{text}: this is too large for a building file; check the path")

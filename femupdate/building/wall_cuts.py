@@ -147,12 +147,13 @@ def _mesh_walls(building: MeshBuilding, mesh: BuildingMesh) -> Iterator[tuple[st
     """Yield the walls of a read mesh, each part in each story under each of its groups' names."""
     if mesh.parts is None:
         raise ValueError("a mesh that was read has parts")
-    for number, part in enumerate(building.parts):
+    groups = [part.group for part in building.parts] or [(wall,) for wall in mesh.walls]
+    for number, names in enumerate(groups):
         for story, name in enumerate(building.story_names):
             surfaces = [
                 block.nodes[(owner == number) & (block.group == story) & (block.kind == "wall")]
                 for block, owner in zip(mesh.model.elements, mesh.parts, strict=True)
             ]
             nodes_of_wall = np.unique(np.concatenate([nodes.ravel() for nodes in surfaces]))
-            for group in part.group if len(nodes_of_wall) else ():
+            for group in names if len(nodes_of_wall) else ():
                 yield f"{group}:{name}", _Wall(story, nodes_of_wall)

@@ -101,16 +101,22 @@ class BuildReport(Result):
 
 
 def build_study(
-    study: Study, building: str | None = None, progress: Progress = SILENT
+    study: Study,
+    building: str | None = None,
+    progress: Progress = SILENT,
+    units: str | None = None,
 ) -> BuildReport:
     """Build the model of a building into a study.
+
+    Args:
+        units: force and length of a deck of Nastran, where its materials do not tell them.
 
     Raises:
         BuildingError, StructureError: the building cannot be read or cannot stand.
         StudyError: the study holds a posterior of another building, or cannot be written.
     """
     # Without a name a study keeps its own building: the default never replaces it.
-    chosen = load_building(building) if building else choose_building(study, None)
+    chosen = load_building(building, units) if building else choose_building(study, None)
     say_building(study, building, chosen, progress)
     _refuse_other(study, chosen)
     structure = structure_of(chosen)
@@ -142,6 +148,7 @@ def build_study(
         f"Reduced model: {reduction.worst_error:.2g} rms at the worst of them, so no more than "
         f"that in at least {percent(reduction.share)} of the prior "
         f"(confidence {percent(CONFIDENCE)}).",
+        *mesh.notes,
     )
     return BuildReport(
         model=model,

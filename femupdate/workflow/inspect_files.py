@@ -4,7 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from femupdate.errors import MeasurementError
+from femupdate.building.deck_draft import deck_words
+from femupdate.building.shipped import is_deck
+from femupdate.errors import BuildingError, MeasurementError
 from femupdate.measurement.inspection import Inspection, inspect_file
 from femupdate.measurement.write import write_mapping
 from femupdate.result import Item, Note, Notes, Result
@@ -18,15 +20,23 @@ class InspectedFiles(Result):
     Attributes:
         files: those that could be read.
         refused: a sentence on each of the others.
+        decks: what is in models of Nastran among them.
     """
 
     files: tuple[Inspection, ...]
     refused: tuple[str, ...] = ()
+    decks: tuple[tuple[Path, tuple[str, ...]], ...] = ()
 
     def items(self) -> Iterator[Item]:
         """Every file in words, then the command to run next on it."""
         files = [one.as_dict() for one in self.files]
-        yield Note(content={"files": files, "refused": self.refused})
+        decks = [{"path": path, "notes": notes} for path, notes in self.decks]
+        more = {"decks": decks} if decks else {}
+        yield Note(content={"files": files, "refused": self.refused} | more)
+        for path, notes in self.decks:
+            yield Note(f"{path}: a model of Nastran")
+            yield Notes(notes)
+            yield Note(f"Next: femupdate build-model {path}")
         for one in self.files:
             yield from _items(one)
 
@@ -38,16 +48,19 @@ def inspect_files(
 
     Args:
         paths: of the files; one that cannot be read does not keep the others back.
-        unit: of accelerations, where a file does not say it.
+        unit: of accelerations, or of force and length of a deck, where a file does not say it.
         columns: our column name to the file's column or channel, where the user says it.
     """
-    files, refused = [], []
+    files, refused, decks = [], [], []
     for path in paths:
         try:
-            files.append(inspect_file(path, unit, columns))
-        except MeasurementError as error:
+            if is_deck(path):
+                decks.append((path, deck_words(path, unit)))
+            else:
+                files.append(inspect_file(path, unit, columns))
+        except (BuildingError, MeasurementError) as error:
             refused.append(str(error))
-    return InspectedFiles(tuple(files), tuple(refused))
+    return InspectedFiles(tuple(files), tuple(refused), tuple(decks))
 
 
 def propose_mapping(one: Inspection, path: Path, unit: str | None = None) -> Path:

@@ -1,0 +1,301 @@
+"""Reads Nastran bulk data: cards in free, small and large fields, and where their nodes lie."""
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.building.quantities import ALL
+from femupdate.errors import BuildingError
+
+_LARGEST_BYTES = 500_000_000
+# A real of Nastran may leave the E of its exponent out: 1.2+3.
+_REAL = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+))(?:[eEdD]([-+]?\d+)|([-+]\d+))?")
+_ENTRIES = {8: 8, 16: 4}  # data on a line, by the width of its fields
+
+# What becomes part of the model.
+TAKEN = (
+    *("GRID", "CORD2R", "CQUAD4", "CQUADR", "CTRIA3", "CTRIAR", "CBAR", "CBEAM", "CROD"),
+    *("PSHELL", "PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "MAT1"),
+    *("SPC", "SPC1", "SPCADD", "CONM2", "RBE2", "CELAS2", "PARAM"),
+)
+# What modes do not depend on: loads, requests, and the choice of a method.
+LEFT_OUT = (
+    *("FORCE", "MOMENT", "PLOAD", "PLOAD1", "PLOAD2", "PLOAD4", "GRAV", "LOAD", "TEMP", "TEMPD"),
+    *("RFORCE", "ACCEL", "ACCEL1", "SPCD", "DAREA", "DLOAD", "RLOAD1", "RLOAD2", "TLOAD1"),
+    *("TLOAD2", "TABLED1", "TABLED2", "TABDMP1", "FREQ", "FREQ1", "TSTEP", "EIGR", "EIGRL"),
+    *("PLOTEL", "SET1", "SET3", "ASET", "ASET1", "TSTEPNL", "NLPARM", "DTI"),
+)
+_MEND = {
+    "RBE3": "write RBE2 where the nodes move as one body, or CONM2 at the nodes themselves",
+    "RBAR": "write it as RBE2",
+    "MPC": "write RBE2 where the nodes move as one body",
+    "CELAS1": "write it as CELAS2",
+    "CONROD": "write CROD and PROD",
+    "CQUAD8": "mesh with CQUAD4",
+    "CTRIA6": "mesh with CTRIA3",
+    "CORD2C": "write the nodes in a rectangular system (CORD2R)",
+    "CORD2S": "write the nodes in a rectangular system (CORD2R)",
+    "CORD1R": "write it as CORD2R",
+    "MAT8": "write MAT1 with the moduli of the whole section",
+    "PCOMP": "write PSHELL with the stiffness of the whole section",
+    "INCLUDE": "other files are not read; put the content of that file here",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """One entry; its first datum has the number 0."""
+
+    file: str
+    name: str
+    line: int
+    data: tuple[str, ...]
+
+    def text(self, number: int) -> str:
+        """A datum as it is written; empty where there is none."""
+        return self.data[number] if number < len(self.data) else ""
+
+    def whole(self, number: int, usual: int | None = None) -> int:
+        """A whole number.
+
+        Raises:
+            BuildingError: it is none, or missing where nothing is usual.
+        """
+        text = self.text(number)
+        if not text and usual is not None:
+            return usual
+        if not re.fullmatch(r"[-+]?\d{1,18}", text):
+            raise self.error(
+                f"field {number + 2} is {text!r}; write a whole number"
+                if text
+                else f"field {number + 2} is empty; write a whole number"
+            )
+        return int(text)
+
+    def real(self, number: int, usual: float | None = None) -> float:
+        """A number, with the short exponents of Nastran.
+
+        Raises:
+            BuildingError: it is none, or missing where nothing is usual.
+        """
+        text = self.text(number)
+        if not text and usual is not None:
+            return usual
+        match = _REAL.fullmatch(text)
+        value = np.inf
+        if match:
+            value = float(f"{match[1]}e{match[2] or match[3] or 0}")
+        if not np.isfinite(value):
+            said = f"is {text!r}" if text else "is empty"
+            raise self.error(f"field {number + 2} {said}; write a number, such as 2.1+11")
+        return value
+
+    def error(self, text: str) -> BuildingError:
+        """A complaint about this card, with its file and line."""
+        named = f"{self.name} {self.text(0)}".strip()
+        return BuildingError(f"{self.file}, line {self.line}: {named}: {text}")
+
+    def components(self, number: int) -> tuple[int, ...]:
+        """Directions 0 to 5 of components written as digits 1 to 6."""
+        text = self.text(number)
+        if not set(text) <= set("123456"):
+            raise self.error(f"components {text!r} are no digits from 1 to 6; correct them")
+        return tuple(sorted({int(digit) - 1 for digit in text}))
+
+    def numbers(self, start: int) -> Iterator[int]:
+        """Whole numbers from a datum on, in which "THRU" stands for all between two."""
+        previous, through = 0, False
+        for place in (k for k in range(start, len(self.data)) if self.data[k]):
+            if self.data[place].upper() == "THRU":
+                through = True
+                continue
+            value = self.whole(place)
+            if through and not 0 < previous < value < previous + 10_000_000:
+                raise self.error(f"THRU runs from {previous} to {value}; correct the two")
+            yield from range(previous + 1 if through else value, value + 1)
+            previous, through = value, False
+
+
+@dataclass(frozen=True)
+class Deck:
+    """All cards of a file, in its own units."""
+
+    file: Path
+    cards: Mapping[str, tuple[Card, ...]]
+    chosen: int | None  # the set of SPC that case control chooses
+
+    def of(self, *names: str) -> list[Card]:
+        """All cards of these names."""
+        return [card for name in names for card in self.cards.get(name, ())]
+
+    def by_number(self, *names: str) -> dict[int, Card]:
+        """Cards by their identification, which no two may share."""
+        known: dict[int, Card] = {}
+        for card in self.of(*names):
+            number = card.whole(0)
+            if number in known:
+                earlier = known[number].line
+                raise card.error(f"line {earlier} has this number already; renumber or remove one")
+            known[number] = card
+        return known
+
+    @property
+    def mass_factor(self) -> float:
+        """PARAM WTMASS: what densities and masses are multiplied by."""
+        values = [c.real(1) for c in self.of("PARAM") if c.text(0).upper() == "WTMASS"]
+        return values[-1] if values else 1.0
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """How many cards of each name modes do not depend on."""
+        counts = {name: len(cards) for name, cards in self.cards.items() if name in LEFT_OUT}
+        other = [card for card in self.of("PARAM") if card.text(0).upper() != "WTMASS"]
+        return counts | ({"PARAM": len(other)} if other else {})
+
+    def refuse_unknown(self, ignored: tuple[str, ...]) -> None:
+        """Refuse a card that is neither taken nor known to change nothing, nor to be ignored."""
+        for name, cards in self.cards.items():
+            if name in TAKEN or name in LEFT_OUT or name in ignored or ignored == ALL:
+                continue
+            mend = _MEND.get(name, "remove it where modes do not depend on it")
+            text = (
+                f"{len(cards)} cards {name} have no counterpart here"
+                if len(cards) > 1
+                else ("this card has no counterpart here")
+            )
+            raise cards[0].error(f'{text}; {mend}, or leave it out by mesh.ignore = ["{name}"]')
+
+    @cached_property
+    def systems(self) -> dict[int, tuple[Floats, Floats]]:
+        """Origin (3,) and axes as rows (3, 3) of every system, in the basic one."""
+        cards = self.by_number("CORD2R")
+        known = {0: (np.zeros(3), np.eye(3))}
+
+        def place(number: int, user: Card, way: tuple[int, ...]) -> tuple[Floats, Floats]:
+            if number in known:
+                return known[number]
+            if number not in cards:
+                raise user.error(f"there is no system {number}; add CORD2R {number} or correct it")
+            card = cards[number]
+            if number in way:
+                ring = " to ".join(map(str, (*way[way.index(number) :], number)))
+                raise card.error(f"systems refer to each other in a circle ({ring}); correct one")
+            origin, axes = place(card.whole(1, 0), card, (*way, number))
+            a, b, c = (np.array([card.real(k + i, 0.0) for i in range(3)]) for k in (2, 5, 8))
+            across = np.cross(b - a, c - a)
+            if np.linalg.norm(across) <= 1e-9 * np.linalg.norm(b - a) * np.linalg.norm(c - a):
+                raise card.error("its three points lie on one line; correct one of them")
+            z, y = (v / np.linalg.norm(v) for v in (b - a, across))
+            known[number] = origin + a @ axes, np.stack([np.cross(y, z), y, z]) @ axes
+            return known[number]
+
+        for number, card in cards.items():
+            place(number, card, ())
+        return known
+
+    def system(self, number: int, user: Card) -> tuple[Floats, Floats]:
+        """Origin and axes of a system that a card names."""
+        if number not in self.systems:
+            raise user.error(f"there is no system {number}; add CORD2R {number} or correct it")
+        return self.systems[number]
+
+
+def read_deck(file: Path) -> Deck:
+    """Read a file of bulk data; what is before BEGIN BULK may choose the set of SPC.
+
+    Raises:
+        BuildingError: there is no such file, it is not plain text, or a line is no card.
+    """
+    if not os.path.isfile(file):
+        raise BuildingError(f"{file}: there is no such file; correct the path")
+    status = file.stat()
+    if status.st_size > _LARGEST_BYTES:
+        raise BuildingError(f"{file.name}: {status.st_size / 1e6:.0f} MB are too many; coarsen it")
+    return _read(file, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=2)
+def _read(file: Path, changed: int, size: int) -> Deck:
+    content = file.read_bytes()
+    if b"\x00" in content:
+        line = content[: content.index(b"\x00")].count(b"\n") + 1
+        raise BuildingError(
+            f"{file.name}, line {line}: this is no plain text (UTF-16, or a binary file); save "
+            "it as ASCII or UTF-8"
+        )
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")  # comments in another language
+    lines = text.splitlines()
+    begins = (n for n, line in enumerate(lines) if re.match(r"\s*BEGIN\s*BULK", line, re.I))
+    begin = next(begins, -1)
+    control = "\n".join(lines[: max(begin, 0)])
+    chosen = re.findall(r"^\s*SPC\s*=\s*(\d+)", control, re.I | re.M)
+    cards: dict[str, list[Card]] = {}
+    for card in _cards(file.name, lines, begin + 1):
+        cards.setdefault(card.name, []).append(card)
+    if "GRID" not in cards:
+        raise BuildingError(
+            f"{file.name}: it has no GRID between BEGIN BULK and ENDDATA; check that this is bulk "
+            "data of Nastran"
+        )
+    whole = {name: tuple(some) for name, some in cards.items()}
+    return Deck(file, whole, int(chosen[-1]) if chosen else None)
+
+
+def _cards(file: str, lines: list[str], start: int) -> Iterator[Card]:
+    """Yield the cards of bulk data, continued lines joined."""
+    name, first, data, mark = "", 0, [""], ""
+    for number, line in enumerate(lines[start:], start + 1):
+        line = line.split("$", 1)[0].rstrip().expandtabs(8)
+        if not line.strip():
+            continue
+        if line.strip().upper().startswith("ENDDATA"):
+            break
+        if line.lstrip().upper().startswith("INCLUDE"):
+            raise Card(file, "INCLUDE", number, ()).error(f"{_MEND['INCLUDE']}")
+        head, fields, after = _fields(file, number, line)
+        if head[:1] not in ("", "+", "*"):
+            if name:
+                yield Card(file, name, first, tuple(data))
+            name, first, data = head.rstrip("* ").upper(), number, []
+            if not re.fullmatch(r"[A-Z][A-Z0-9]*", name):
+                raise Card(file, name, number, ()).error(
+                    "this is no name of a card; begin the line with one, or with $ for a comment"
+                )
+        elif not name:
+            raise Card(file, head, number, ()).error("it continues no card; remove the line")
+        elif mark and head.strip("+* ") and head.strip("+* ") != mark:
+            raise Card(file, name, number, tuple(data[:1])).error(
+                f"the line {head} does not continue the one before, which asks for {mark}; put "
+                "lines below the ones that they continue"
+            )
+        data += fields
+        mark = after.strip("+* ")
+    if name:
+        yield Card(file, name, first, tuple(data))
+
+
+def _fields(file: str, number: int, line: str) -> tuple[str, list[str], str]:
+    """Name or mark, data and mark of the continuation of one line."""
+    if "," in line:
+        parts = [part.strip() for part in line.split(",")]
+        count = _ENTRIES[16 if "*" in parts[0] else 8]
+        if len(parts) > count + 2 and any(parts[count + 2 :]):
+            raise BuildingError(
+                f"{file}, line {number}: {len(parts)} fields are more than a line of {parts[0]} "
+                "has; write the rest on a line that begins with +"
+            )
+        data = parts[1 : count + 1]
+        return parts[0], data + [""] * (count - len(data)), "".join(parts[count + 1 : count + 2])
+    head = line[:8].strip()
+    width = 16 if "*" in head else 8
+    data = [line[8 + k * width : 8 + (k + 1) * width].strip() for k in range(_ENTRIES[width])]
+    return head, data, line[72:80].strip()

@@ -1,0 +1,283 @@
+"""Decks of Nastran as buildings: read back exactly, and spoiled ones told in words."""
+
+import re
+
+import numpy as np
+import pytest
+
+from femupdate.building import load_building, mesh_building, save_building
+from femupdate.building.deck_draft import draft_text
+from femupdate.errors import BuildingError
+from femupdate.fe import assemble, lowest_modes
+
+
+def frequencies(mesh, count=6):
+    return lowest_modes(assemble(mesh.model), np.ones(mesh.model.groups), count).frequency_hz
+
+
+def mass(mesh):
+    operators = assemble(mesh.model)
+    everything = operators.rigid_translation(0)
+    return everything @ (operators.mass_full @ everything)
+
+
+def wide(name, *values):
+    """A card in large fields."""
+    words = [f"{v:.9E}" if isinstance(v, float) else "" if v is None else str(v) for v in values]
+    lines = [words[k : k + 4] for k in range(0, len(words), 4)]
+    heads = [f"{name}*", *["*"] * (len(lines) - 1)]
+    return "\n".join(
+        f"{head:<8}" + "".join(f"{word:<16}" for word in line).ljust(64)
+        for head, line in zip(heads, lines, strict=True)
+    )
+
+
+def bulk_data(model):
+    """A finite-element model as a deck in N and m."""
+    cards = ["SOL 103", "CEND", "SPC = 1", "BEGIN BULK"]
+    cards += [wide("GRID", n, None, *map(float, p)) for n, p in enumerate(model.nodes, 1)]
+    element, numbers = 0, {}
+
+    def number(name, *values):
+        key = (name, *values)
+        if key not in numbers:
+            numbers[key] = len(numbers) + 1
+            cards.append(wide(name, numbers[key], *values))
+        return numbers[key]
+
+    for block in model.elements:
+        for k, nodes in enumerate((block.nodes + 1).tolist()):
+            element += 1
+            young, density, ratio = (
+                float(getattr(block, name)[k])
+                for name in ("youngs_modulus", "density", "poisson_ratio")
+            )
+            material = number("MAT1", young, None, ratio, density)
+            if block.dimension() == 2:
+                plate = number("PSHELL", material, float(block.thickness[k]), material, 1.0)
+                name = "CQUAD4" if len(nodes) == 4 else "CTRIA3"
+                cards.append(wide(name, element, plate, *nodes))
+                continue
+            area = float(block.area[k])
+            inertia = float(block.inertia_y[k]), float(block.inertia_z[k])
+            shear = float(block.shear_area_z[k] / area), float(block.shear_area_y[k] / area)
+            torsion = float(block.torsion_constant[k])
+            bar = number("PBAR", material, area, *inertia, torsion, 0.0, *[None] * 9, *shear, 0.0)
+            arms = np.zeros(6) if block.offset is None else block.offset[k].ravel()
+            pins = ["", ""]
+            if block.released is not None:
+                ours = np.array([0, 2, 1, 3, 5, 4])
+                flags = block.released[k].reshape(2, 6)[:, ours]
+                pins = ["".join(str(c + 1) for c in np.flatnonzero(end)) for end in flags]
+            up = map(float, block.up[k])
+            cards.append(wide("CBAR", element, bar, *nodes, *up, None, *pins, *map(float, arms)))
+    for node, kg, inertia in zip(
+        model.masses.node + 1, model.masses.mass, model.masses.inertia, strict=True
+    ):
+        element += 1
+        x, y, z = map(float, inertia)
+        figures = (x, 0.0, y, 0.0, 0.0, z)
+        cards.append(wide("CONM2", element, node, None, float(kg), *[None] * 4, *figures))
+    links = model.links
+    for master, slave, tied in zip(links.master, links.slave, links.tied, strict=True):
+        element += 1
+        digits = "".join(str(c + 1) for c in np.flatnonzero(tied))
+        cards.append(wide("RBE2", element, master + 1, digits, slave + 1))
+    for node in np.flatnonzero(model.fixed.any(axis=1)):
+        digits = "".join(str(c + 1) for c in np.flatnonzero(model.fixed[node]))
+        cards.append(wide("SPC1", 1, digits, node + 1))
+    return "\n".join([*cards, "ENDDATA", ""])
+
+
+@pytest.mark.parametrize("name", ["six_story_wall_frame", "two_story_openings"])
+def test_a_shipped_building_comes_back(name, tmp_path):
+    mesh = mesh_building(load_building(name), 1.2)
+    path = tmp_path / "model.bdf"
+    path.write_text(bulk_data(mesh.model))
+    building = load_building(path)
+    read = mesh_building(building)
+    np.testing.assert_allclose(building.floor_levels, mesh.floor_level)
+    np.testing.assert_allclose(frequencies(read), frequencies(mesh), rtol=1e-6)
+    np.testing.assert_allclose(mass(read), mass(mesh), rtol=1e-8)
+    theta = np.linspace(0.5, 2.0, mesh.model.groups)
+    expected, found = (lowest_modes(assemble(m.model), theta, 3).frequency_hz for m in (mesh, read))
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    kept = load_building(save_building(building, tmp_path / "study" / "building.toml"))
+    np.testing.assert_allclose(frequencies(mesh_building(kept)), frequencies(read), rtol=1e-12)
+
+
+# Two stories of 3 m on four columns, in N and mm, with small and free fields.
+FRAME = """\
+SOL 103
+CEND
+SPC = 7
+BEGIN BULK
+$ columns, slabs and a wall in N, mm and t
+GRID           1              0.      0.      0.
+GRID           2           4000.      0.      0.
+GRID,3,,4.+3,3000.,0.
+GRID,4,,0.,3.E3,0.
+GRID    5               0.      0.      3000.
+GRID    6               4000.   0.      3000.
+GRID    7               4000.   3000.   3000.
+GRID    8               0.      3000.   3000.
+CORD2R  9               0.      0.      3000.   0.      0.      4000.
++       1000.   0.      3000.
+GRID*                  9               9              0.              0.*
+*                 3000.0
+GRID    10      9       4000.   0.      3000.
+GRID    11      9       4000.   3000.   3000.
+GRID    12      9       0.      3000.   3000.
+GRID,99,,1.,1.,1.
+CBAR    1       1       1       5       0.      1.      0.
+CBAR    2       1       2       6       0.      1.      0.
+CBAR    3       1       3       7       0.      1.      0.
+CBAR    4       1       4       8       0.      1.      0.
+CBEAM   5       2       5       9       0.      1.      0.
+CBEAM   6       2       6       10      0.      1.      0.
+CBEAM   7       2       7       11      0.      1.      0.
+CBEAM   8       2       8       12      5
+CQUAD4  11      3       5       6       7       8
+CTRIA3  12      3       9       10      11
+CTRIA3  13      3       9       11      12
+CQUAD4,14,3,1,2,6,5
+CROD    15      5       4       7
+PBARL   1       1               BAR                                     +
++       300.    400.
+PBEAM   2       1       1.2+5   1.6+9   .9+9            2.+9
+PSHELL  3       1       200.    1       1.      1
+PROD    5       2       2000.
+MAT1    1       3.+4            .2      2.5-9
+MAT1    2       2.1+5           .3      7.85-9
+CONM2   21      9               12.5
+CONM2   22      11              2.5             500.    0.      0.
+SPC1    7       123456  1       THRU    4
+SPC1    8       123     5
+GRAV    1               9810.   0.      0.      -1.
+EIGRL   1                       10
+PARAM   POST    -1
+ENDDATA
+"""
+
+
+def write(tmp_path, text):
+    path = tmp_path / "frame.bdf"
+    path.write_text(text, encoding="latin-1")
+    return path
+
+
+def test_a_deck_by_hand_is_read_with_its_units_floors_and_kinds(tmp_path):
+    building = load_building(write(tmp_path, FRAME))
+    assert (building.mesh.unit, building.mesh.force) == ("mm", "N")
+    np.testing.assert_allclose(building.floor_levels, [3.0, 6.0])
+    mesh = mesh_building(building)
+    kinds = [kind for block in mesh.model.elements for kind in block.kind.tolist()]
+    assert sorted(set(kinds)) == ["brace", "column", "slab", "wall"]
+    assert [kinds.count(kind) for kind in ("column", "brace", "slab", "wall")] == [8, 1, 3, 1]
+    shells = 2500.0 * 0.2 * (12.0 + 12.0 + 12.0)
+    lines = 2500.0 * 3.0 * 4 * (0.12 + 0.12) + 7850.0 * 0.002 * np.sqrt(
+        34.0 - 9.0 + 9.0 - 18.0 + 9.0
+    )
+    np.testing.assert_allclose(mass(mesh), shells + lines + 15e3, rtol=1e-6)
+    told = " ".join(mesh.notes)
+    for text in ("13 GRID", "1 CROD", "2 CONM2", "1 EIGRL", "1 GRAV", "1 PARAM", "not chosen"):
+        assert text in told, text
+    assert "1 GRID that nothing uses" in told
+    assert mesh.walls == ("W1",)
+    assert frequencies(mesh, 1)[0] > 1.0
+
+
+def test_units_scale_everything_alike(tmp_path):
+    path = write(tmp_path, FRAME.replace("2.5-9", "0.").replace("7.85-9", "0."))
+    with pytest.raises(BuildingError, match=r"no units.*say force and length by --units"):
+        load_building(path)
+    light = frequencies(mesh_building(load_building(path, "N,mm")))
+    heavy = frequencies(mesh_building(load_building(path, "kN,mm")))
+    np.testing.assert_allclose(heavy, light, rtol=1e-6)  # stiffness and mass a thousandfold
+
+
+def test_a_weight_density_is_told_by_wtmass(tmp_path):
+    text = FRAME.replace("2.5-9", "2.452-5").replace("7.85-9", "7.698-5")
+    text = text.replace("12.5\n", "1.226+5\n").replace(
+        "11              2.5 ", "11              2.452+4 "
+    )
+    text = text.replace("PARAM   POST    -1", "PARAM,WTMASS,1.0197-4")
+    plain, weighed = (mesh_building(load_building(write(tmp_path, t))) for t in (FRAME, text))
+    np.testing.assert_allclose(frequencies(weighed), frequencies(plain), rtol=1e-3)
+
+
+# What is written in place of what, and the complaint (None: it is read all the same).
+SPOILED = {
+    "unknown element": ("CROD    15", "CTETRA  15", r"line 34: CTETRA 15: .*mesh\.ignore"),
+    "missing property": ("CBAR    4       1 ", "CBAR    4       6 ", "no property 6; add"),
+    "another property": (
+        "CBAR    4       1 ",
+        "CBAR    4       3 ",
+        "property 3 is a PSHELL; name",
+    ),
+    "missing material": ("200.    1       1.", "200.    4       1.", "no MAT1 4; add it"),
+    "missing node": ("14,3,1,2,6,5", "14,3,1,2,6,55", "no GRID 55; add it"),
+    "double node": ("GRID,99", "GRID,12", "line 20 has this number already"),
+    "double property": ("PROD    5 ", "PROD    2 ", "has this number already; renumber"),
+    "ring of systems": ("CORD2R  9       ", "CORD2R  9       9", "in a circle .9 to 9.; correct"),
+    "missing system": ("GRID    12      9", "GRID    12      8", "no system 8; add CORD2R 8"),
+    "flat system": ("+       1000.", "+       0.   ", "lie on one line"),
+    "no number": (
+        "GRID    6               4000.",
+        "GRID    6               4o00.",
+        "'4o00.'; write",
+    ),
+    "no whole number": ("CBAR    1       1 ", "CBAR    1       1.", "write a whole number"),
+    "no support": ("SPC1    7 ", "$PC1    7 ", "no node is held; add an SPC1"),
+    "two sets": ("SPC = 7\n", "", "sets 7, 8.*write SPC ="),
+    "negative area": ("1.2+5", "-1.2+5", "area must be positive"),
+    "wrong orientation": ("1       5       0.      1.", "1       5       0.      0.", "give X1"),
+    "hanging part": ("CBEAM   ", "$BEAM   ", "hang free"),
+    "hanging node": (
+        "CROD    15",
+        "GRID,13,,2.+3,0.,3.+3\nGRID,14,,2.+3,0.,5.+3\nCTRIA3,31,3,5,13,14\nCROD    15",
+        "node 13 .* lies on the side between nodes 5 and 6",
+    ),
+    "crossed shell": ("6       7       8\n", "7       6       8\n", "do not go around it"),
+    "unknown section": ("BAR      ", "HAT      ", "'HAT' are not known"),
+    "membrane": ("200.    1       1.", "200.            1.", "give MID1 and MID2"),
+    "mass in the air": ("CONM2   21      9 ", "CONM2   21      99", "carries nothing; join it"),
+    "no name": ("GRID,99", "-RID,99", "begin the line with"),
+    "another continuation": ("+       300.", "+B      300.", None),
+    "far too many fields": ("1.,1.,1.", "1.,1.,1.,,,,,,,5", "fields are more"),
+    "include": ("PARAM   POST    -1", "INCLUDE 'x.bdf'", "put the content of that file here"),
+    "not plain": ("$ columns", "\x00", "no plain text"),
+    "bad ratio": (".2      2.5-9", ".6      2.5-9", "NU from 0"),
+    "comment in latin-1": ("$ columns", "$ Stützen", None),
+    "no ENDDATA": ("ENDDATA", "", None),
+    "nothing": (FRAME, "BEGIN BULK\nENDDATA\n", "it has no GRID"),
+}
+
+
+@pytest.mark.parametrize("case", SPOILED)
+def test_a_spoiled_deck_is_told_in_one_sentence(case, tmp_path):
+    old, new, message = SPOILED[case]
+    assert old in FRAME
+    path = write(tmp_path, FRAME.replace(old, new))
+    if message is None:
+        load_building(path, "N,mm")
+        return
+    with pytest.raises(BuildingError, match=message) as caught:
+        load_building(path, "N,mm")
+    text = str(caught.value)
+    assert text.startswith("frame.bdf")
+    assert "\n" not in text
+    assert re.search(r"; \w", text), text  # the cure
+
+
+def test_a_card_may_be_left_out_on_the_users_word(tmp_path):
+    write(tmp_path, FRAME.replace("CROD    15", "CTETRA  15"))
+    draft = draft_text(write(tmp_path, FRAME), "N,mm", tmp_path)
+    write(tmp_path, FRAME.replace("CROD    15", "CTETRA  15"))
+    own = tmp_path / "frame.toml"
+    own.write_text(draft.replace('# ignore = ["RBE3"]', 'ignore = ["CTETRA"]'))
+    mesh = mesh_building(load_building(own))
+    assert "1 CTETRA" in " ".join(mesh.notes)
+    own.write_text(draft.replace('force = "N"\n', ""))
+    with pytest.raises(BuildingError, match=r"mesh\.force: the key is missing"):
+        load_building(own)
