@@ -68,7 +68,7 @@ def build_model(
     if draft is not None:
         if building is None:
             raise click.UsageError("--draft needs a model of Nastran: name its file")
-        check_free(draft, replace=False)
+        check_free(draft, overwrite=False)
         building = str(write_draft(building, units, draft))
     report = build_study(study, building, bars, units)
     drawn = draw_model(study, report.model, report.modes, bars) if pictures else ()

@@ -104,7 +104,7 @@ def deck_model(
     blocks = [_told(block, points, tops) for block in blocks]
     model = FiniteElementModel(points, fixed, len(tops), tuple(blocks), masses, springs, links)
     model, names = _used(model, deck)
-    unused = len(reading.number) - int((names > 0).sum())
+    reading.skipped["GRID that nothing uses"] = len(reading.number) - int((names > 0).sum())
     loose = ~_stiff(model) & ~model.fixed
     held = np.flatnonzero(model.fixed[:, :3].any(axis=1))
     ground = model.springs.nodes[model.springs.nodes[:, 1] < 0, 0]
@@ -113,8 +113,6 @@ def deck_model(
     model = replace(model, fixed=model.fixed | loose)
     walls, wall_of = _walls(model)
     notes = reading.notes(model, levels)
-    if unused:
-        notes.append(f"Left out: {unused} GRID that nothing uses.")
     if loose.any():
         count = int(loose.any(axis=1).sum())
         notes.append(f"Changed: at {count} nodes what nothing stiffens is held.")
@@ -141,6 +139,7 @@ class _Reading:
         self.properties = deck.by_number("PSHELL", *_LINES)
         self.materials = deck.by_number("MAT1")
         self.changes: Counter[str] = Counter()
+        self.skipped: Counter[str] = Counter()  # whose first word is the card's name
         self.own_mass = 0.0
         self.plate, self.section = cache(self._plate), cache(self._section)
         self.material = cache(self._material)
@@ -502,7 +501,7 @@ class _Reading:
 
         for card in cards:
             if card.whole(0) not in used:
-                self.changes[f"{card.name} of a set that is not chosen, left out"] += 1
+                self.skipped[f"{card.name} of another set"] += 1
             elif card.name == "SPC1":
                 through = any(text.upper() == "THRU" for text in card.data)
                 for grid in card.numbers(2):
@@ -520,11 +519,15 @@ class _Reading:
 
     def notes(self, model: FiniteElementModel, levels: Floats | None) -> list[str]:
         """What was taken, changed and left out."""
-        counts = {name: len(cards) for name, cards in self.deck.cards.items()}
-        left = self.deck.left_out
-        known = {name: count - left.get(name, 0) for name, count in counts.items()}
-        taken = [f"{known[n]} {n}" for n in _ORDER if known.get(n)]
-        other = {name: c for name, c in counts.items() if name not in _ORDER and name not in left}
+        gone = {n: c for n, c in (self.deck.left_out | self.skipped).items() if c}
+        for name, cards in self.deck.cards.items():
+            if name not in _ORDER and name not in gone:
+                gone[name] = len(cards)
+        missing: Counter[str] = Counter()
+        for text, count in gone.items():
+            missing[text.split()[0]] += count
+        counts = {name: len(self.deck.cards.get(name, ())) - missing[name] for name in _ORDER}
+        taken = [f"{count} {name}" for name, count in counts.items() if count]
         total = sum(float(b.mass(model.nodes).sum()) for b in model.elements)
         total += float(model.masses.mass.sum())
         kinds = Counter(str(kind) for block in model.elements for kind in block.kind.tolist())
@@ -534,7 +537,6 @@ class _Reading:
             f"Mass of the file {self.own_mass / 1e3:.6g} t, of the model {total / 1e3:.6g} t.",
             *(f"Changed: {count} {what}." for what, count in self.changes.items()),
         ]
-        gone = left | other
         if gone:
             listed = ", ".join(f"{count} {name}" for name, count in sorted(gone.items()))
             notes.append(f"Left out: {listed}.")

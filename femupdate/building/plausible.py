@@ -9,6 +9,7 @@ import numpy as np
 from femupdate.building.document import Building
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.members import Slab
+from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.references import resolve
 from femupdate.building.shear import ShearBuilding
 from femupdate.errors import BuildingError
@@ -48,7 +49,8 @@ def doubts(building: Building) -> Iterator[str]:
             yield f"{key}: youngs_modulus is {modulus:.3g} GPa, and {text}: is the unit wrong?"
         if not material.density:
             yield f"{key}: density is zero: the members made of it weigh nothing"
-    if "supports" not in building.model_fields_set:
+    deck = isinstance(building, MeshBuilding) and building.from_deck
+    if "supports" not in building.model_fields_set and not deck:
         yield "supports: the table is left out, so the base is fixed in all six directions"
     if isinstance(building, FrameBuilding):
         yield from _wide_sections(building)
