@@ -53,7 +53,9 @@ def deck_units(deck: Deck, units: str | None) -> tuple[str, str, str]:
     known = np.array([pair for pair in materials if min(pair) > 0.0]).reshape(-1, 2)
     fitting = []
     for system in _SYSTEMS:
-        newton, metre = (factor(u, k) for u, k in zip(system.split(","), _KINDS, strict=True))
+        newton, metre = (
+            factor(u, k) for u, k in zip(system.split(","), ("force", "length"), strict=True)
+        )
         scale = np.array([newton / metre**2 * 1e-9, newton / metre**4 * deck.mass_factor])
         figures = (known * scale)[:, None, :]
         inside = (figures >= _MATERIALS[..., 0]) & (figures <= _MATERIALS[..., 1])
@@ -71,36 +73,26 @@ def deck_units(deck: Deck, units: str | None) -> tuple[str, str, str]:
     )
 
 
-_KINDS = ("force", "length")
-
-
 def floor_levels(read: DeckModel) -> tuple[Floats, list[str]]:
     """Levels (stories,) of the floors above the base, m, and what is not one of them.
 
-    A floor is where slabs lie; without slabs where beams do, else where masses are, else where
-    columns end.
+    A floor is where slabs lie; without slabs where beams do, else where columns end.
 
     Raises:
         BuildingError: nothing of this lies above the base.
     """
     model, base = read.model, float(read.model.nodes[read.held, 2].min())
     z, weight = np.zeros(0), np.zeros(0)
-    for kind in ("slab", "beam"):
+    for kind in ("slab", "beam", "column"):  # which ends at a floor
         blocks = [block.taken(np.flatnonzero(block.kind == kind)) for block in model.elements]
-        blocks = [block for block in blocks if len(block)]
-        if blocks and not len(z):
-            z = np.concatenate([model.nodes[b.nodes][:, :, 2].mean(axis=1) for b in blocks])
+        if not len(z) and any(map(len, blocks)):
+            z = np.concatenate([model.nodes[b.nodes][:, :, 2].max(axis=1) for b in blocks])
             weight = np.concatenate([block.measure(model.nodes) for block in blocks])
             z, weight = z[z > base + _LOW], weight[z > base + _LOW]
     if not len(z):
-        z, weight = model.nodes[model.masses.node, 2], model.masses.mass
-        z, weight = z[z > base + _LOW], weight[z > base + _LOW]
-    if not len(z):
-        ends = model.nodes[model.lines.ravel(), 2]
-        z = ends[ends > base + _LOW]
-        weight = np.ones(len(z))
-    if not len(z):
-        raise BuildingError("nothing lies above the nodes that are held; check SPC and CORD2R")
+        raise BuildingError(
+            "no slab, beam or column lies above the nodes that are held; check SPC and CORD2R"
+        )
     heights, which = np.unique(z.round(3), return_inverse=True)
     area = np.bincount(which.ravel(), weights=weight)
     levels, area = heights[area >= _GREAT * area.max()], area[area >= _GREAT * area.max()]
@@ -130,7 +122,7 @@ def draft_text(file: Path, units: str | None, beside: Path) -> str:
     """
     deck = read_deck(file)
     force, length, why = deck_units(deck, units)
-    read = deck_model(deck, factor(length, "length"), factor(force, "force"), ignored=())
+    read = deck_model(deck, factor(length, "length"), factor(force, "force"))
     base = float(read.model.nodes[read.held, 2].min())
     levels, other = floor_levels(read)
     top, step = next((g for g in _GRIDS if g[0] >= 8 * 46.0 / levels[-1]), _GRIDS[-1])

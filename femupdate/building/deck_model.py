@@ -1,12 +1,11 @@
 """What a deck of Nastran says as a finite-element model: nothing is dropped without a word."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from pydantic import ValidationError
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -45,9 +44,9 @@ from femupdate.fe.surface import Surface
 
 LEVEL = 1e-3  # m; what is nearer than this to a floor's level is on it
 _SAME_PLANE = 0.985  # cosine of the angle between shells of one wall
-_LITTLE = 1e-4  # of what a section has, where a deck gives it none
+# Of sections that a deck gives none: bending over the area squared, torsion over bending.
+_LITTLE, _TWIST = 1e-4, 1e-2
 _LINES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD")
-_DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4, "I": 6, "T": 4}
 # A direction of Nastran's element axes in those of our beams: its y is our z, its z our -y.
 _OURS = np.array([0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10])
 
@@ -245,43 +244,18 @@ class _Reading:
     def _shape(self, card: Card) -> tuple[SectionFigures, float]:
         """Figures of PBARL and PBEAML, and their mass per length beside the material's."""
         shape = card.text(3).upper()
-        if shape not in _DIMENSIONS:
-            known = ", ".join(_DIMENSIONS)
-            raise card.error(f"sections {shape!r} are not known ({known}); write PBAR")
-        count = _DIMENSIONS[shape]
-        d = [self.length * card.real(8 + k) for k in range(count)]
-        second = [k for k in range(9 + count, len(card.data)) if card.text(k)]
-        if second and card.text(second[0]).upper() in ("YES", "YESA", "NO"):
-            start = second[0] + 2
-            if any(
-                self.length * card.real(start + k, d[k] / self.length) != d[k] for k in range(count)
-            ):
+        if shape not in _SHAPES:
+            raise card.error(f"{shape!r} is none of {', '.join(_SHAPES)}; write PBAR")
+        count, figures = _SHAPES[shape]
+        sides = [self.length * card.real(8 + k) for k in range(count)]
+        second = 9 + count  # where the other end of a beam begins
+        for k in range(count if card.text(second) else 0):
+            if self.length * card.real(second + 2 + k, card.real(8 + k)) != sides[k]:
                 raise card.error("a tapered beam is not modelled; give it a mean section")
         try:
-            match shape:
-                case "ROD":
-                    figures = CircleSection(shape="circle", diameter=2 * d[0]).figures()
-                case "TUBE":
-                    pipe = PipeSection(shape="pipe", diameter=2 * d[0], thickness=d[0] - d[1])
-                    figures = pipe.figures()
-                case "BAR":
-                    bar = RectangleSection(shape="rectangle", width=d[0], depth=d[1])
-                    figures = bar.figures()
-                case "T":
-                    figures = TSection(
-                        shape="T", width=d[3], depth=d[1], flange_width=d[0], flange_thickness=d[2]
-                    ).figures()
-                case "I":
-                    if d[1] != d[2] or d[4] != d[5]:
-                        raise card.error("an I of unequal flanges is not known; write PBAR")
-                    figures = ISection(
-                        shape="I", width=d[1], depth=d[0], web_thickness=d[3], flange_thickness=d[4]
-                    ).figures()
-                case _:
-                    figures = _box(*d)
-        except (ValidationError, ValueError):
+            return figures(*sides), card.real(8 + count, 0.0)
+        except ValueError:
             raise card.error(f"its dimensions make no {shape}; correct them") from None
-        return figures, card.real(8 + count, 0.0)
 
     def _section(self, card: Card) -> tuple[SectionFigures, float, float, float, float, bool]:
         """Figures, product of inertia (m4), modulus, ratio, density; whether the axes turn."""
@@ -307,7 +281,7 @@ class _Reading:
             if card.name != "PROD" and not (first and second and torsion):
                 self.changes["sections without bending or torsion: a little of it"] += 1
             first, second = first or _LITTLE * area**2, second or _LITTLE * area**2
-            torsion = torsion or _LITTLE * (first + second)
+            torsion = torsion or _TWIST * (first + second)
             square = self.length**2
             figures = SectionFigures(
                 area=area * square,
@@ -557,17 +531,43 @@ def _box(width: float, depth: float, flange: float, web: float) -> SectionFigure
     if min(inner, clear, flange, web) <= 0.0:
         raise ValueError
     between = (width - web) ** 2 * (depth - flange) ** 2
+    around = width * web + depth * flange - web**2 - flange**2
     return SectionFigures(
         area=width * depth - inner * clear,
         shear_area_y=5.0 / 3.0 * width * flange,
         shear_area_z=5.0 / 3.0 * depth * web,
         inertia_y=(width * depth**3 - inner * clear**3) / 12.0,
         inertia_z=(depth * width**3 - clear * inner**3) / 12.0,
-        torsion_constant=2.0
-        * (flange * web * between)
-        / (width * web + depth * flange - web**2 - flange**2),
+        torsion_constant=2.0 * flange * web * between / around,
         extent=(width, depth),
     )
+
+
+def _i(h: float, low: float, high: float, web: float, below: float, above: float) -> SectionFigures:
+    if low != high or below != above:
+        raise ValueError
+    return ISection(
+        shape="I", width=low, depth=h, web_thickness=web, flange_thickness=below
+    ).figures()
+
+
+# Sections of PBARL and PBEAML: how many sides they have, and their figures.
+_SHAPES: dict[str, tuple[int, Callable[..., SectionFigures]]] = {
+    "ROD": (1, lambda r: CircleSection(shape="circle", diameter=2.0 * r).figures()),
+    "TUBE": (
+        2,
+        lambda r, inner: PipeSection(shape="pipe", diameter=2.0 * r, thickness=r - inner).figures(),
+    ),
+    "BAR": (2, lambda b, h: RectangleSection(shape="rectangle", width=b, depth=h).figures()),
+    "T": (
+        4,
+        lambda b, h, flange, web: TSection(
+            shape="T", width=web, depth=h, flange_width=b, flange_thickness=flange
+        ).figures(),
+    ),
+    "I": (6, _i),
+    "BOX": (4, _box),
+}
 
 
 def _uniform(card: Card) -> list[float]:
@@ -638,13 +638,20 @@ def _used(model: FiniteElementModel, deck: Deck) -> tuple[FiniteElementModel, In
 
 
 def _stiff(model: FiniteElementModel) -> Flags:
-    """Directions of nodes (N, 6) in which something is stiff: rods alone do not hold rotations."""
+    """Directions of nodes (N, 6) in which something is stiff: pins alone hold no rotation."""
     stiff = np.zeros((len(model.nodes), DOF_PER_NODE), dtype=np.bool_)
     for block in model.elements:
         stiff[block.nodes.ravel(), :3] = True
-        pins = getattr(block, "released", None)
-        rods = np.zeros(len(block), bool) if pins is None else pins[:, [4, 5, 10, 11]].all(axis=1)
-        stiff[block.nodes[~rods].ravel()] = True
+        pins = block.released if isinstance(block, Beams) else None
+        for end, nodes in enumerate(block.nodes.T):
+            free = np.zeros(len(block), dtype=np.bool_)
+            if pins is not None:  # both bending moments; the torsion is about the axis
+                free = pins[:, [6 * end + 4, 6 * end + 5]].all(axis=1)
+                points = model.nodes[block.nodes]
+                axis = np.abs(points[:, 1] - points[:, 0])
+                turned = axis > 0.9 * np.linalg.norm(axis, axis=1, keepdims=True)
+                np.logical_or.at(stiff[:, 3:], nodes, turned & ~pins[:, [6 * end + 3]])
+            stiff[nodes[~free]] = True
     for end in range(2):
         there = model.springs.nodes[:, end] >= 0
         stiff[model.springs.nodes[there, end], model.springs.direction[there]] = True

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building, mesh_building, save_building
-from femupdate.building.deck_draft import draft_text
+from femupdate.building.deck_draft import draft_text, write_draft
+from femupdate.dynamics.members import choose_members
 from femupdate.errors import BuildingError
 from femupdate.fe import assemble, lowest_modes
+from femupdate.interface import inspect
 
 
 def frequencies(mesh, count=6):
@@ -175,12 +177,10 @@ def test_a_deck_by_hand_is_read_with_its_units_floors_and_kinds(tmp_path):
     assert sorted(set(kinds)) == ["brace", "column", "slab", "wall"]
     assert [kinds.count(kind) for kind in ("column", "brace", "slab", "wall")] == [8, 1, 3, 1]
     shells = 2500.0 * 0.2 * (12.0 + 12.0 + 12.0)
-    lines = 2500.0 * 3.0 * 4 * (0.12 + 0.12) + 7850.0 * 0.002 * np.sqrt(
-        34.0 - 9.0 + 9.0 - 18.0 + 9.0
-    )
+    lines = 2500.0 * 3.0 * 4 * (0.12 + 0.12) + 7850.0 * 0.002 * 5.0
     np.testing.assert_allclose(mass(mesh), shells + lines + 15e3, rtol=1e-6)
     told = " ".join(mesh.notes)
-    for text in ("13 GRID", "1 CROD", "2 CONM2", "1 EIGRL", "1 GRAV", "1 PARAM", "not chosen"):
+    for text in ("12 GRID", "1 CROD", "2 CONM2", "1 EIGRL", "1 GRAV", "1 PARAM", "another set"):
         assert text in told, text
     assert "1 GRID that nothing uses" in told
     assert mesh.walls == ("W1",)
@@ -239,7 +239,7 @@ SPOILED = {
         "node 13 .* lies on the side between nodes 5 and 6",
     ),
     "crossed shell": ("6       7       8\n", "7       6       8\n", "do not go around it"),
-    "unknown section": ("BAR      ", "HAT      ", "'HAT' are not known"),
+    "unknown section": ("BAR      ", "HAT      ", "'HAT' is none of"),
     "membrane": ("200.    1       1.", "200.            1.", "give MID1 and MID2"),
     "mass in the air": ("CONM2   21      9 ", "CONM2   21      99", "carries nothing; join it"),
     "no name": ("GRID,99", "-RID,99", "begin the line with"),
@@ -281,3 +281,129 @@ def test_a_card_may_be_left_out_on_the_users_word(tmp_path):
     own.write_text(draft.replace('force = "N"\n', ""))
     with pytest.raises(BuildingError, match=r"mesh\.force: the key is missing"):
         load_building(own)
+
+
+def column(*cards, up=(1.0, 0.0, 0.0), ends=""):
+    """A cantilever of 6 m with a mass on top, in N and m; its bars have the property 1."""
+    nodes = [f"GRID,{k},,0.,0.,{1.5 * k}" for k in range(5)]
+    nodes[0] = "GRID,5,,0.,0.,0."
+    numbers = [5, 1, 2, 3, 4]
+    way = ",".join(map(str, up))
+    bars = [
+        f"CBAR,{k},1,{numbers[k]},{numbers[k + 1]},{way},{ends if k == 3 else ''}" for k in range(4)
+    ]
+    fixed = () if any("SPC" in card for card in cards) else ("SPC1,1,123456,5",)
+    usual = ("MAT1,1,3.+10,,.2,2500.", "CONM2,90,4,,4000.", *fixed)
+    return "\n".join(["BEGIN BULK", *nodes, *bars, *usual, *cards])
+
+
+BAR = "PBARL,1,1,,BAR,,,,,\n+,.3,.5"
+TURN = np.deg2rad(30.0)
+STRONG, WEAK = 0.3 * 0.5**3 / 12.0, 0.5 * 0.3**3 / 12.0
+AREA, TORSION = 0.15, 0.0028
+TURNED = (
+    STRONG * np.cos(TURN) ** 2 + WEAK * np.sin(TURN) ** 2,
+    STRONG * np.sin(TURN) ** 2 + WEAK * np.cos(TURN) ** 2,
+    (STRONG - WEAK) * np.sin(TURN) * np.cos(TURN),
+)
+PLAIN = f"PBAR,1,1,{AREA},{STRONG:.9E},{WEAK:.9E},{TORSION}\n+\n+"
+SKEW = f"PBAR,1,1,{AREA},{TURNED[0]:.9E},{TURNED[1]:.9E},{TORSION}\n+\n+,,,{TURNED[2]:.9E}"
+ROUND = np.pi / 64.0 * (0.4**4 - 0.3**4), np.pi / 4.0 * (0.4**2 - 0.3**2)
+# Two decks of one column, whose frequencies agree.
+ALIKE = {
+    "a product of inertia": (
+        column(SKEW),
+        column(PLAIN, up=(float(np.cos(TURN)), float(np.sin(TURN)), 0.0)),
+    ),
+    "PBEAM": (
+        column(PLAIN + ",10.,10."),
+        column(PLAIN + ",10.,10.")
+        .replace("CBAR", "CBEAM")
+        .replace(PLAIN, f"PBEAM,1,1,{AREA},{STRONG:.9E},{WEAK:.9E},0.,{TORSION}\n+\n+"),
+    ),
+    "PBEAML": (column(BAR), column(BAR.replace("BARL", "BEAML")).replace("CBAR", "CBEAM")),
+    "a reference node": (
+        column(BAR, "GRID,9,,5.,0.,0."),
+        re.sub(r"1.0,0.0,0.0,", "9,,,", column(BAR, "GRID,9,,5.,0.,0.")),
+    ),
+    "mass per length": (
+        column(PLAIN).replace("2500.", "0.").replace(f"{TORSION}", f"{TORSION},375."),
+        column(PLAIN),
+    ),
+    "G in place of nu": (column(BAR), column(BAR).replace("3.+10,,.2", "3.+10,1.25+10,")),
+    "another system": (
+        column(BAR, "CORD2R,3,,0.,0.,0.,0.,0.,1.\n+,0.,1.,0."),
+        column(BAR, "CORD2R,3,,0.,0.,0.,0.,0.,1.\n+,0.,1.,0.")
+        .replace("GRID,5,,0.,0.,0.", "GRID,5,3,0.,0.,0.,3")
+        .replace("5,1,1.0,0.0,0.0", "5,1,0.0,-1.0,0.0"),
+    ),
+    "sets that are added": (
+        column(BAR),
+        column(BAR, "SPC1,2,123,5", "SPC,3,5,456,0.", "SPCADD,9,2,3"),
+    ),
+    "constraints of a node": (
+        column(BAR),
+        column(BAR, "SPCX").replace("\nSPCX", "").replace("5,,0.,0.,0.", "5,,0.,0.,0.,,123456"),
+    ),
+    "springs": (
+        column(BAR),
+        column(BAR, "$SPC", *(f"CELAS2,{60 + k},1.+15,5,{k}" for k in range(1, 7))),
+    ),
+    "a rigid link to the mass": (
+        column(BAR).replace("90,4,,4000.", "90,4,,4000.,0.,0.,.5"),
+        column(BAR, "GRID,7,,0.,0.,6.5", "RBE2,80,4,123456,7").replace("90,4,", "90,7,"),
+    ),
+    "offsets of both ends": (
+        column(BAR),
+        column(BAR, "GRID,7,,1.,0.,0.", "RBE2,80,5,123456,7", "SPC1,1,123456,5").replace(
+            "CBAR,0,1,5,1,1.0,0.0,0.0,",
+            "CBAR,0,1,7,1,1.0,0.0,0.0,,\n+,,,-1.,0.,0.",
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ALIKE)
+def test_two_ways_of_saying_the_same_agree(case, tmp_path):
+    expected, found = (
+        frequencies(mesh_building(load_building(write(tmp_path, text), "N,m")), 5)
+        for text in ALIKE[case]
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_a_pin_and_a_soft_plate_do_what_they_say(tmp_path):
+    # A bar that turns freely under the mass holds it like the three below it alone.
+    stiff, pinned = (
+        mesh_building(load_building(write(tmp_path, column(BAR, ends=pins)), "N,m"))
+        for pins in ("", ",\n+,,456")
+    )
+    assert not any(block.released is not None for block in stiff.model.elements)
+    np.testing.assert_allclose(frequencies(pinned, 2), frequencies(stiff, 2), rtol=1e-2)
+    plate = ["BEGIN BULK", "MAT1,1,3.+10,,.2,2500.", "PSHELL,1,1,.2,1,1.0", "SPC1,1,123456,1,2"]
+    plate += [f"GRID,{2 * k + s},,{s - 1}.,0.,{0.5 * k}" for k in range(9) for s in (1, 2)]
+    plate += [f"CQUAD4,{k},1,{2 * k - 1},{2 * k},{2 * k + 2},{2 * k + 1}" for k in range(1, 9)]
+    plate += ["CBAR,99,2,17,18,0.,0.,1.", "PBARL,2,1,,ROD,,,,,\n+,.01"]
+    text = "\n".join(plate)
+    whole, soft = (
+        frequencies(mesh_building(load_building(write(tmp_path, t), "N,m")), 1)[0]
+        for t in (text, text.replace("1,1.0", "1,.25"))
+    )
+    assert soft == pytest.approx(0.5 * whole, rel=0.01)
+
+
+def test_a_deck_is_inspected_drafted_and_cut(tmp_path):
+    path = write(tmp_path, FRAME)
+    broken = tmp_path / "broken.nas"
+    broken.write_text("BEGIN BULK\n")
+    report = inspect(path, broken)
+    assert [deck for deck, _ in report.decks] == [path]
+    assert "Units N and mm" in " ".join(report.lines())
+    assert report.refused[0].startswith("broken.nas: it has no GRID")
+    draft = write_draft(path, None, tmp_path / "own" / "mine.toml")
+    building = load_building(draft)
+    np.testing.assert_allclose(building.floor_levels, [3.0, 6.0])
+    chosen = choose_members(building, ["W1:S1", (0.0, 0.0, 1.5)])
+    assert [member.kind for member in chosen.members] == ["wall", "column"]
+    rows = chosen.rows(np.ones(2))
+    assert all(np.abs(row).max() > 0.0 for row in rows)
