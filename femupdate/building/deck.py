@@ -158,18 +158,20 @@ class Deck:
         other = [card for card in self.of("PARAM") if card.text(0).upper() != "WTMASS"]
         return counts | ({"PARAM": len(other)} if other else {})
 
+    @property
+    def unknown(self) -> list[str]:
+        """Names of cards that are neither taken nor known to change nothing."""
+        return [name for name in self.cards if name not in TAKEN and name not in LEFT_OUT]
+
     def refuse_unknown(self, ignored: tuple[str, ...]) -> None:
-        """Refuse a card that is neither taken nor known to change nothing, nor to be ignored."""
-        for name, cards in self.cards.items():
-            if name in TAKEN or name in LEFT_OUT or name in ignored or ignored == ALL:
-                continue
-            mend = _MEND.get(name, "remove it where modes do not depend on it")
-            text = (
-                f"{len(cards)} cards {name} have no counterpart here"
-                if len(cards) > 1
-                else ("this card has no counterpart here")
-            )
-            raise cards[0].error(f'{text}; {mend}, or leave it out by mesh.ignore = ["{name}"]')
+        """Refuse a card that is neither known nor to be ignored."""
+        for name in self.unknown:
+            if name not in ignored and ignored != ALL:
+                mend = _MEND.get(name, "remove it where modes do not depend on it")
+                raise self.cards[name][0].error(
+                    f"{len(self.cards[name])} cards {name} have no counterpart here; {mend}, or "
+                    f'leave them out by mesh.ignore = ["{name}"] in a building file (--draft)'
+                )
 
     @cached_property
     def systems(self) -> dict[int, tuple[Floats, Floats]]:

@@ -1,5 +1,6 @@
 """A building file for a deck: its units and floors, and what a deck lacks, with comments."""
 
+import json
 import os
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.deck import Deck, read_deck
 from femupdate.building.deck_model import DeckModel, deck_model
+from femupdate.building.quantities import ALL
 from femupdate.building.shipped import building_text, is_deck
 from femupdate.errors import BuildingError, UnitError
 from femupdate.storage import atomic_path
@@ -122,7 +124,7 @@ def draft_text(file: Path, units: str | None, beside: Path) -> str:
     """
     deck = read_deck(file)
     force, length, why = deck_units(deck, units)
-    read = deck_model(deck, factor(length, "length"), factor(force, "force"))
+    read = deck_model(deck, factor(length, "length"), factor(force, "force"), ignored=ALL)
     base = float(read.model.nodes[read.held, 2].min())
     levels, other = floor_levels(read)
     top, step = next((g for g in _GRIDS if g[0] >= 8 * 46.0 / levels[-1]), _GRIDS[-1])
@@ -134,6 +136,7 @@ def draft_text(file: Path, units: str | None, beside: Path) -> str:
     more = f"# Levels that are no floor of their own: {', '.join(other)} m.\n" if other else ""
     return _DRAFT.format(
         name=file.stem,
+        unknown=json.dumps(deck.unknown or ["RBE3"]),
         file=os.path.relpath(file, beside).replace(os.sep, "/"),
         force=force,
         length=length,
@@ -159,7 +162,7 @@ file = "{file}"
 unit = "{length}"      # of length in the deck, {why}
 force = "{force}"
 base = "{base} m"      # level of the lowest node that is held
-# ignore = ["RBE3"]  # cards to be left out, which are named and counted
+# ignore = {unknown}  # cards to be left out, which are named and counted
 
 # Floors lie at the sums of these heights above the base.
 # Members belong to the story between whose floors they are.
@@ -229,13 +232,15 @@ def deck_words(path: Path, units: str | None) -> tuple[str, ...]:
     except BuildingError as error:
         listed = ", ".join(f"{len(cards)} {name}" for name, cards in deck.cards.items())
         return f"Cards: {listed}.", f"Units: {error}."
-    read = deck_model(deck, factor(length, "length"), factor(force, "force"))
+    read = deck_model(deck, factor(length, "length"), factor(force, "force"), ignored=ALL)
     levels, other = floor_levels(read)
     size = np.ptp(read.model.nodes, axis=0)
+    refused = [f"Refused unless ignored: {', '.join(deck.unknown)}."] if deck.unknown else []
     no_floor = f" No floor of their own: {', '.join(other)} m." if other else ""
     return (
         f"Units {force} and {length}: {why}.",
         f"{size[0]:.4g} m by {size[1]:.4g} m in plan, {size[2]:.4g} m high.",
         f"Floors at {', '.join(f'{z:.4g}' for z in levels)} m above the base.{no_floor}",
         *read.notes,
+        *refused,
     )

@@ -644,9 +644,9 @@ def _stiff(model: FiniteElementModel) -> Flags:
         stiff[block.nodes.ravel(), :3] = True
         pins = block.released if isinstance(block, Beams) else None
         for end, nodes in enumerate(block.nodes.T):
-            free = np.zeros(len(block), dtype=np.bool_)
+            free: Flags = np.zeros(len(block), dtype=np.bool_)
             if pins is not None:  # both bending moments; the torsion is about the axis
-                free = pins[:, [6 * end + 4, 6 * end + 5]].all(axis=1)
+                free = pins[:, 6 * end + 4] & pins[:, 6 * end + 5]
                 points = model.nodes[block.nodes]
                 axis = np.abs(points[:, 1] - points[:, 0])
                 turned = axis > 0.9 * np.linalg.norm(axis, axis=1, keepdims=True)
