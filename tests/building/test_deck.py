@@ -289,7 +289,8 @@ def column(*cards, up=(1.0, 0.0, 0.0), ends=""):
     numbers = [5, 1, 2, 3, 4]
     way = ",".join(map(str, up))
     bars = [
-        f"CBAR,{k},1,{numbers[k]},{numbers[k + 1]},{way},{ends if k == 3 else ''}" for k in range(4)
+        f"CBAR,{k + 1},1,{numbers[k]},{numbers[k + 1]},{way},{ends if k == 3 else ''}"
+        for k in range(4)
     ]
     fixed = () if any("SPC" in card for card in cards) else ("SPC1,1,123456,5",)
     usual = ("MAT1,1,3.+10,,.2,2500.", "CONM2,90,4,,4000.", *fixed)
@@ -355,8 +356,8 @@ ALIKE = {
     "offsets of both ends": (
         column(BAR),
         column(BAR, "GRID,7,,1.,0.,0.", "RBE2,80,5,123456,7", "SPC1,1,123456,5").replace(
-            "CBAR,0,1,5,1,1.0,0.0,0.0,",
-            "CBAR,0,1,7,1,1.0,0.0,0.0,,\n+,,,-1.,0.,0.",
+            "CBAR,1,1,5,1,1.0,0.0,0.0,",
+            "CBAR,1,1,7,1,1.0,0.0,0.0,,\n+,,,-1.,0.,0.",
         ),
     ),
 }
