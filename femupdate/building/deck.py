@@ -20,9 +20,9 @@ _ENTRIES = {8: 8, 16: 4}  # data on a line, by the width of its fields
 
 # What becomes part of the model.
 TAKEN = (
-    *("GRID", "CORD2R", "CQUAD4", "CQUADR", "CTRIA3", "CTRIAR", "CBAR", "CBEAM", "CROD"),
-    *("PSHELL", "PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "MAT1"),
-    *("SPC", "SPC1", "SPCADD", "CONM2", "RBE2", "CELAS2", "PARAM"),
+    *("GRID", "CQUAD4", "CQUADR", "CTRIA3", "CTRIAR", "CBAR", "CBEAM", "CROD", "CONM2", "CELAS2"),
+    *("RBE2", "SPC", "SPC1", "SPCADD", "PSHELL", "PBAR", "PBARL", "PBEAM", "PBEAML", "PROD"),
+    *("MAT1", "CORD2R", "PARAM"),
 )
 # What modes do not depend on: loads, requests, and the choice of a method.
 LEFT_OUT = (
@@ -33,16 +33,8 @@ LEFT_OUT = (
 )
 _MEND = {
     "RBE3": "write RBE2 where the nodes move as one body, or CONM2 at the nodes themselves",
-    "RBAR": "write it as RBE2",
-    "MPC": "write RBE2 where the nodes move as one body",
     "CELAS1": "write it as CELAS2",
-    "CONROD": "write CROD and PROD",
-    "CQUAD8": "mesh with CQUAD4",
-    "CTRIA6": "mesh with CTRIA3",
     "CORD2C": "write the nodes in a rectangular system (CORD2R)",
-    "CORD2S": "write the nodes in a rectangular system (CORD2R)",
-    "CORD1R": "write it as CORD2R",
-    "MAT8": "write MAT1 with the moduli of the whole section",
     "PCOMP": "write PSHELL with the stiffness of the whole section",
     "INCLUDE": "other files are not read; put the content of that file here",
 }

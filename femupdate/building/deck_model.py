@@ -10,14 +10,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from femupdate.arrays import Flags, Floats, Integers
-from femupdate.building.deck import Card, Deck
+from femupdate.building.deck import TAKEN, Card, Deck
 from femupdate.building.entry import Complaint
-from femupdate.building.mesh_check import (
-    cell_kinds,
-    check_elements,
-    loose_pieces,
-    place,
-)
+from femupdate.building.mesh_check import cell_kinds, check_elements, loose_pieces, place
 from femupdate.building.sections import (
     CircleSection,
     ISection,
@@ -495,12 +490,12 @@ class _Reading:
         """What was taken, changed and left out."""
         gone = {n: c for n, c in (self.deck.left_out | self.skipped).items() if c}
         for name, cards in self.deck.cards.items():
-            if name not in _ORDER and name not in gone:
+            if name not in TAKEN and name not in gone:
                 gone[name] = len(cards)
         missing: Counter[str] = Counter()
         for text, count in gone.items():
             missing[text.split()[0]] += count
-        counts = {name: len(self.deck.cards.get(name, ())) - missing[name] for name in _ORDER}
+        counts = {name: len(self.deck.cards.get(name, ())) - missing[name] for name in TAKEN}
         taken = [f"{count} {name}" for name, count in counts.items() if count]
         total = sum(float(b.mass(model.nodes).sum()) for b in model.elements)
         total += float(model.masses.mass.sum())
@@ -518,12 +513,6 @@ class _Reading:
             heights = ", ".join(f"{level:.4g}" for level in levels)
             notes.append(f"Floors at {heights} m above the base.")
         return notes
-
-
-_ORDER = (
-    *("GRID", "CQUAD4", "CQUADR", "CTRIA3", "CTRIAR", "CBAR", "CBEAM", "CROD", "CONM2", "CELAS2"),
-    *("RBE2", "SPC", "SPC1", "SPCADD", "PSHELL", *_LINES, "MAT1", "CORD2R", "PARAM"),
-)
 
 
 def _box(width: float, depth: float, flange: float, web: float) -> SectionFigures:
