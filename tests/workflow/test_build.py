@@ -79,10 +79,6 @@ def test_the_mesh_can_be_read_by_others(cabin):
     assert set(mesh.cell_data["thickness_m"][quads]) == {0.15, 0.06}
 
 
-# The lowest mode goes across the base motion; the next ones have what follows from the plan.
-DRIVEN = (2, 3, 5)
-
-
 def test_modes_say_what_they_move(cabin):
     """A wall on one side of the plan couples the motion along x with torsion."""
     modes = cabin[0].modes
@@ -98,7 +94,9 @@ def test_pictures_show_something(cabin, recorder):
     report, study, _ = cabin
     log = recorder()
     pictures = draw_model(study, report.model, report.modes, log)
-    assert [path.name for path in pictures] == [f"model_mode_{k}.png" for k in DRIVEN]
+    moved = report.modes.effective_mass[:, 0]
+    most = sorted(np.argsort(-moved)[:3] + 1)
+    assert [path.name for path in pictures] == [f"model_mode_{k}.png" for k in most]
     assert log.started == [("Drawing mode shapes", 3)]
     assert sum(log.counts) == 3
     seen = [imread(path)[..., :3] for path in pictures]
