@@ -149,6 +149,8 @@ def without_needless(base: Fit, current: Fit, rounds: list[Round]) -> tuple[Fit,
         squares = one.chi2_after
     if len(kept) == len(rounds):
         return current, rounds
+    if not kept:
+        return base, kept
     problem, placed = current.likelihood, (*base.placed, *(one.finding.placed for one in kept))
     start = extended(problem, current, placed, np.array(sizes))
     return settle(problem, fit(problem, placed, start)), kept
