@@ -62,15 +62,13 @@ class EventErrors:
     def _share(self) -> tuple[float, float]:
         """By which the mean error is multiplied, and the sd of what else is left of it."""
         errors, scatter = self.posterior.model_error, self.posterior.scatter
-        if errors is None or scatter is None:
-            return _STAYS, np.sqrt(1.0 - _STAYS**2)
-        observation, count = self.posterior.observation, scatter.runs
-        apart = between_runs(observation, count, observation.floors, observation.frequency_hz)
-        size = errors.amplitude.size
-        share = 1.0 - float(np.square(apart).mean()) / count / max(size, 1e-12) ** 2
-        share = max(share, 0.0)
-        # The runs' own errors are drawn by how the runs differ.
-        return share, np.sqrt(share * (1.0 - share))
+        share = _STAYS
+        if errors is not None and scatter is not None:
+            observation, count = self.posterior.observation, scatter.runs
+            apart = between_runs(observation, count, observation.floors, observation.frequency_hz)
+            size = max(errors.amplitude.size, 1e-12)
+            share = max(0.0, 1.0 - float(np.square(apart).mean()) / count / size**2)
+        return share, np.sqrt(1.0 - share**2)
 
     def corrected(self, floors: tuple[str, ...], values: Floats, time_step: float) -> Floats:
         """Floor histories (..., f, n) with what stays of the model's error, nothing else drawn."""
