@@ -7,7 +7,7 @@ import pytest
 
 from femupdate.building import load_building, mesh_building, save_building
 from femupdate.building.deck_draft import draft_text, write_draft
-from femupdate.dynamics.members import choose_members
+from femupdate.dynamics import choose_members
 from femupdate.errors import BuildingError
 from femupdate.fe import assemble, lowest_modes
 from femupdate.interface import inspect
