@@ -35,8 +35,8 @@ class Report:
         """What the command prints with --json."""
         return {"machine": self.machine.sentence(), **self.answer, "results": (self.json,)}
 
-    def lines(self) -> list[str]:
-        """What the command prints without it."""
+    def lines(self, details: bool = False) -> list[str]:
+        """What the command prints without it; there are no further details."""
         return [self.text]
 
     def content(self) -> dict[str, Any]:
