@@ -70,6 +70,13 @@ class EventErrors:
             share = max(0.0, 1.0 - float(np.square(apart).mean()) / count / size**2)
         return share, np.sqrt(1.0 - share**2)
 
+    @cached_property
+    def _measured(self) -> frozenset[str]:
+        """Floors with at least one valid point."""
+        observation = self.posterior.observation
+        both = zip(observation.floors, observation.valid, strict=True)
+        return frozenset(floor for floor, valid in both if valid.any())
+
     def corrected(self, floors: tuple[str, ...], values: Floats, time_step: float) -> Floats:
         """Floor histories (..., f, n) with what stays of the model's error, nothing else drawn."""
         frequency = _frequencies(values, time_step)
@@ -104,8 +111,7 @@ class EventErrors:
         """exp(error) (n, f, k) of samples from the first on."""
         parts = np.zeros((2, count, len(floors), len(frequency)))
         errors = self.posterior.model_error
-        seen = set(self.posterior.observation.floors)
-        left = np.array([[self._share[1] if floor in seen else 1.0] for floor in floors])
+        left = np.array([[self._share[1] if floor in self._measured else 1.0] for floor in floors])
         for sample in range(count):
             row = self.rows[first + sample]
             amplitude, phase, apart, alone = (
@@ -136,10 +142,9 @@ class EventErrors:
                 for row, valid in zip(sizes.mean, observation.valid, strict=True)
             ]
             common, own, length, _ = np.square(sizes.levels.reshape(-1, 4)).mean(axis=0) ** 0.5
-            count = sum(row is not None for row in rows)
-            of_all = common**2 / max(common**2 + own**2 / count, 1e-24)
+            of_all = common**2 / max(common**2 + own**2 / len(self._measured), 1e-24)
             values = _on_floors(observation, rows, floors, frequency)
-            lone = [[1.0 if floor in observation.floors else of_all] for floor in floors]
+            lone = [[1.0 if floor in self._measured else of_all] for floor in floors]
             seen = observation.frequency_hz[observation.valid.any(axis=0)]
             beyond = np.maximum(np.maximum(seen[0] - frequency, frequency - seen[-1]), 0.0)
             fading = np.exp(-beyond / max(length, 1e-12))

@@ -83,17 +83,18 @@ def test_runs_that_differ_over_a_part_of_the_band_differ_there_alone():
     np.testing.assert_allclose(found[0, 160:], 0.0, atol=1e-6)
 
 
-def learned(runs=0, deviations=None):
+def learned(runs=0, deviations=None, floors=("RF",)):
     """RF was measured and the model 20 % low there, half of it (in variance) at all floors."""
     measured = Observation(
         frequency_hz=GRID,
-        floors=("RF",),
-        log_frf=np.zeros((1, 10)),
-        noise_sd=np.full((1, 10), 0.1),
-        valid=np.ones((1, 10), dtype=bool),
+        floors=floors,
+        log_frf=np.zeros((len(floors), 10)),
+        noise_sd=np.full((len(floors), 10), 0.1),
+        valid=np.array([[floor == "RF"] * 10 for floor in floors]),
         scatter=deviations,
     )
-    sizes = SizeDraws(np.full((1, 1, 4), 0.1) * [1.0, 1.0, 10.0, 10.0], np.full((1, 10), 0.2))
+    mean = np.full((len(floors), 10), 0.2)
+    sizes = SizeDraws(np.full((1, 1, 4), 0.1) * [1.0, 1.0, 10.0, 10.0], mean)
     errors = ErrorDraws(sizes, None, 1.0, 9.0)
     scatter = SimpleNamespace(runs=runs) if runs else None
     posterior = SimpleNamespace(model_error=errors, scatter=scatter, observation=measured)
@@ -111,6 +112,8 @@ def gain(errors, hertz):
 
 def test_a_share_of_the_error_of_one_event_stays_in_the_next():
     np.testing.assert_allclose(gain(learned(), 5.0), [0.06, 0.12], rtol=0.01)
+    # A floor whose points are all left out is no measured one.
+    np.testing.assert_allclose(gain(learned(floors=("2F", "RF")), 5.0), [0.06, 0.12], rtol=0.01)
     # Outside of the band it was learned in it fades over its length of 1 Hz.
     assert gain(learned(), 14.0)[1] == pytest.approx(0.12 * np.exp(-4.0), rel=0.1)
 
