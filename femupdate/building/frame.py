@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator
 
 from femupdate.building.common import MeshedBuilding, ParameterGrouping
 from femupdate.building.entry import Complaint
@@ -27,6 +29,19 @@ from femupdate.building.references import (
     wall_stretch,
 )
 
+
+def _each_line(members: object) -> object:
+    """Braces or walls with a list of lines, as one entry for each line."""
+    if not isinstance(members, list):
+        return members
+    return [
+        {**member, "along": line} if isinstance(line, str) else member
+        for member in members
+        for along in (member.get("along") if isinstance(member, dict) else None,)
+        for line in (along if isinstance(along, list) and along else [along])
+    ]
+
+
 CLOSEST_LINES = 1e-3  # m; nearer lines would make needle-thin elements
 
 
@@ -37,8 +52,8 @@ class FrameBuilding(MeshedBuilding):
     grid: Grid
     columns: tuple[ColumnGroup, ...] = ()
     beams: tuple[BeamLines, ...] = ()
-    braces: tuple[Braces, ...] = ()
-    walls: tuple[Wall, ...] = ()
+    braces: Annotated[tuple[Braces, ...], BeforeValidator(_each_line)] = ()
+    walls: Annotated[tuple[Wall, ...], BeforeValidator(_each_line)] = ()
     slabs: tuple[Slab, ...] = ()
     mesh: Mesh
     sensors: Sensors

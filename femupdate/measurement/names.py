@@ -10,7 +10,7 @@ from dataclasses import dataclass
 BASE = "base"
 TIME = "time_s"
 FREQUENCY = "frequency_hz"
-# What else files call them, and what they call times in seconds.
+# What else files call them, and what they call times whose unit is known.
 TIME_NAME = re.compile(
     r"^(t|time)([_ .].*)?$|^sec(ond)?s?$|^time_?stamp$|^date_?time$|^時[刻間]", re.IGNORECASE
 )
@@ -18,7 +18,9 @@ TIME_NAME = re.compile(
 DIRECTION_END = re.compile(
     r"[ _.-](x|y|z|ns|ew|ud|n-s|e-w|u-d|up|north|east|vert(?:ical)?)$", re.IGNORECASE
 )
-SECONDS_NAME = re.compile(r"^(t|time)([_ .]s(ec(ond)?s?)?)?$|^sec(ond)?s?$", re.IGNORECASE)
+SECONDS_NAME = re.compile(
+    r"^(t|time)([_ .]s(ec(ond)?s?)?)?$|^sec(ond)?s?$|^time_?stamp$", re.IGNORECASE
+)
 FREQUENCY_NAME = re.compile(r"^(f|freq|frequency)([_ ]?hz)?$|^周波数", re.IGNORECASE)
 
 _FLOOR = r"RF|(?:[2-9]|[1-9]\d+)F"

@@ -224,7 +224,7 @@ def layout_of(table: ColumnTable, columns: Mapping[str, str] | None) -> Layout:
         first = names[0]
         raise file.error(
             f"one column must be {TIME} or {FREQUENCY}, the first is {first!r}; rename it or map"
-            f" it: columns={{{TIME!r}: {first!r}}}"
+            f" it by --columns {TIME}={first}"
         )
     ((at, axis),) = axes.items()
     if axis == FREQUENCY and table.values[0, at] == 0.0:
@@ -313,7 +313,7 @@ def _known(
         elif parsed is None:
             raise file.error(
                 f"unknown column {name!r}{closest(name, _COMMON_NAMES)}; columns are {columns}:"
-                " rename it or map it by the columns option"
+                " rename it or map it by --columns"
             )
         elif parsed in known.values():
             raise file.error(f"column {name!r} is there twice; rename or remove one")

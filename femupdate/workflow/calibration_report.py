@@ -22,6 +22,7 @@ from femupdate.result import Item, Note, Notes, Picture, Result, plain, took
 from femupdate.seeds import spawn
 from femupdate.study import Study, as_written, write_text
 from femupdate.tables import Table
+from femupdate.units import percent
 from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import StudyModel
@@ -89,9 +90,14 @@ class CalibrationReport(Result):
         """The verdict, the posterior in a table, what to do, what it is worth, and notes."""
         posterior, seen = self.posterior, self.posterior.observation
         drawn, zeta, draws = posterior.drawn, posterior.zeta_samples, posterior.samples
+        shares = seen.valid.mean(axis=1) if seen.valid.any() else np.ones(len(seen.floors))
+        told = [
+            floor if share >= 0.5 else f"{floor} ({percent(share)} of its points)"
+            for floor, share in zip(seen.floors, shares, strict=True)
+        ]
         yield Note(
             f"{drawn.likelihood.capitalize()} posterior of {self.model.building.name} "
-            f"from {', '.join(seen.floors) or 'frequencies'} of {seen.source}: "
+            f"from {', '.join(told) or 'frequencies'} of {seen.source}: "
             f"{len(draws)} draws{took(self.seconds)}",
             {"likelihood": drawn.likelihood, "floors": seen.floors, "seconds": self.seconds},
         )
@@ -118,8 +124,8 @@ class CalibrationReport(Result):
             yield Note(f"  {self.check.sentence()}", detail=True)
         yield Note(content={"notes": self.notes})
         yield Notes(posterior.warnings, f"{SUMMARY} in the study", warning=True)
-        told = {*posterior.warnings, *self.details}
-        others = tuple(note for note in self.notes if note not in told)
+        shown = {*posterior.warnings, *self.details}
+        others = tuple(note for note in self.notes if note not in shown)
         yield Notes(others, f"{SUMMARY} in the study")
         yield Notes(self.details, detail=True)
         yield Note(f"  {self.path}", {"posterior": self.path, "files": self.files}, page=False)

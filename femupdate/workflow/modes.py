@@ -166,10 +166,10 @@ def modes_of_model(model: StudyModel, full: FullModes, count: int) -> tuple[Stud
     return _named(model, full, found, found, chosen, np.arange(model.reduced.size))
 
 
-def _heaviest(model: StudyModel, at_one: ReducedModes, count: int) -> list[int]:
+def _heaviest(model: StudyModel, at: ReducedModes, count: int) -> list[int]:
     """So many modes that the base motion drives: those of the largest effective mass."""
-    driven = driven_modes(model.reduced, at_one, model.reduced.size)
-    mass = (model.reduced.excitation @ at_one.vectors[0]) ** 2
+    driven = driven_modes(model.reduced, at, model.reduced.size)
+    mass = (model.reduced.excitation @ at.vectors[0]) ** 2
     return sorted(sorted(driven, key=lambda k: -mass[k])[:count])
 
 
@@ -183,10 +183,10 @@ def posterior_modes(
     samples: int = 60,
     seed: int = 0,
 ) -> tuple[StudyMode, ...]:
-    """Modes followed through draws of the posterior: where none is wanted, those of the model.
+    """Modes followed through draws of the posterior.
 
     Args:
-        count: how many, as `modes_of_model` chooses them, where none is wanted.
+        count: how many of those that move most of the mass at the posterior, where none is wanted.
         wanted: numbers of modes; those that the reduced model does not have are left out.
     """
     # These shapes do not show parameters of effects.
@@ -198,9 +198,7 @@ def posterior_modes(
     reference = ReducedModes(found.frequency_hz[[nearest]], found.vectors[[nearest]])
     origin = modes_at_one(model.reduced, theta[nearest])
     influence = _influence(model, posterior, reference)
-    at_one = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters)))
-    heaviest = _heaviest(model, at_one, count)
-    chosen = [k for k, first in enumerate(origin) if first in heaviest]
+    chosen = _heaviest(model, reference, count)
     if wanted:
         numbers = _numbers(model, full, origin)
         chosen = [numbers.index(one) for one in wanted if one in numbers]

@@ -86,6 +86,12 @@ def test_braces_run_where_the_file_says(make_document, changes, ends):
     assert own.released[:, [4, 5, 10, 11]].all()
 
 
+def test_a_list_of_lines_is_one_entry_for_each(make_document):
+    listed = document_with(make_document, [brace(along=["Y0", "Y1"])], slender=False)
+    single = document_with(make_document, [brace(), brace(along="Y1")], slender=False)
+    assert from_document(listed).braces == from_document(single).braces
+
+
 def test_a_brace_that_ends_in_the_air_is_named(make_document):
     document = document_with(make_document, [brace()], slender=False)
     document["columns"] = [{"section": "column", "at": ["X0-Y0", "X0-Y1"]}]

@@ -10,6 +10,7 @@ from femupdate.measurement.text import TextFile, read_head
 _SPECTRA = "the spectra of a record, not its history; take the .V2 file beside it"
 _CONVERT = "export the channels as CSV, MATLAB -v7 or numpy .npz"
 _ARRAYS = "save its arrays with numpy.savez (of pyOMA2's modes Fn, Xi and Phi)"
+_MODEL = "describe the building in a building file; measured data are read here"
 # What the file begins with, what it is, and what to do.
 _KNOWN = (
     (r"MS\x03", "miniSEED 3", "convert it to miniSEED 2 or CSV"),
@@ -30,6 +31,8 @@ _KNOWN = (
     (r"\* VOL1DS FILE", "a BHRC accelerogram", "write its values with their times to CSV"),
     (r"LabVIEW Measurement", "a LabVIEW measurement file", "export it as TDMS or CSV"),
     (r"(.{0,4000}\n)?(WID[12] |CMP6|DAT2)", "a GSE file", "convert it by ObsPy to miniSEED"),
+    (r"\$ (File|PROGRAM|STORIES)|PROGRAM\s+\"ETABS\"", "a model of ETABS", _MODEL),
+    (r"(.{0,4000}\n)?\s*(wipe|model\s+basic)", "a model of OpenSees", _MODEL),
     (r"<\?xml|<!DOCTYPE|<html", "a web page or XML", "download the data file itself"),
 )
 _SUFFIXES = {
