@@ -13,8 +13,7 @@ from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import predict_study
-from femupdate.workflow.prediction_inputs import RecordSource
+from femupdate.workflow.predict import RecordSource, predict_study
 
 EXAMPLES = files("femupdate.examples")
 

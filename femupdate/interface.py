@@ -153,8 +153,7 @@ def predict(
         StudyError: there is no posterior, or it is of another building.
     """
     from femupdate.workflow.model import open_calibrated
-    from femupdate.workflow.predict import predict_study
-    from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+    from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 
     opened = _study(study)
     return predict_study(

@@ -20,8 +20,7 @@ from femupdate.workflow.calibrate import CalibrationReport, calibrate_study
 from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import DEFAULT_BUILDING
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import predict_study
-from femupdate.workflow.prediction_inputs import RecordSource
+from femupdate.workflow.predict import RecordSource, predict_study
 from femupdate.workflow.render import RenderReport, draw_model, render_study
 from femupdate.workflow.summary import short_name
 

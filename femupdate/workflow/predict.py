@@ -1,47 +1,103 @@
 """predict: what the calibrated building does in another earthquake."""
 
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 
+from femupdate.arrays import Floats, Integers
 from femupdate.building.shear import require_heights
-from femupdate.dynamics.history import OwnLevel, ResponseHistories, history_batches
+from femupdate.dynamics.history import OwnLevel, history_batches
 from femupdate.dynamics.members import (
     BaseRecord,
     MemberForces,
+    Place,
     choose_members,
     member_forces,
     write_member_forces,
 )
 from femupdate.dynamics.spectra import floor_spectra
-from femupdate.dynamics.summary import summarise
+from femupdate.dynamics.summary import HistorySummary, summarise
+from femupdate.errors import BuildingError, MeasurementError
+from femupdate.inference.event_scatter import DEFAULT, EventScatter
 from femupdate.inference.next_event import EventErrors
+from femupdate.inference.parameters import Values
 from femupdate.inference.posterior import Posterior
-from femupdate.measurement.record import GroundMotion
+from femupdate.measurement.histories import Histories
+from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.progress import SILENT, Progress
 from femupdate.report.prediction import Prediction, read_prediction, save_prediction
 from femupdate.report.quantities import ALONE, PEAKS, quantities
+from femupdate.report.scale import plus_minus
 from femupdate.seeds import spawn
 from femupdate.study import Study, file_hash
 from femupdate.units import percent
-from femupdate.workflow.amplitude import UNFOLLOWED, changing_note, mean_level
+from femupdate.workflow.amplitude import (
+    UNFOLLOWED,
+    at_own_level,
+    changes_with_level,
+    changing_note,
+    mean_level,
+)
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import StudyModel, on_kept_finer
-from femupdate.workflow.predict_draws import (
-    PredictionDraws,
-    PredictionTask,
-    at_reached_level,
-    chosen_scatter,
-    in_another_event,
-    prediction_draws,
-)
-from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource, measured_floors
+from femupdate.workflow.observed import direction_of
 from femupdate.workflow.summary import kept_posterior
 
 _EXAMPLES = 100
+
+
+@dataclass(frozen=True)
+class RecordSource:
+    """Which ground motion, and what of it.
+
+    Attributes:
+        unit: where the file does not say.
+        channel: name or number, where the file has several.
+        scale: factor on the acceleration.
+    """
+
+    path: Path
+    unit: str | None = None
+    channel: str | int | None = None
+    scale: float = 1.0
+
+    def motion(self, columns: Mapping[str, str] | None = None) -> GroundMotion:
+        """The motion of the base; `columns` are our names of its channels to the file's."""
+        found = read_record(self.path, self.unit, self.channel, columns=columns)
+        return found.scaled(self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionSettings:
+    """How to predict.
+
+    Attributes:
+        samples: posterior draws used.
+        damping: one ratio for all of them; None takes each draw's own where the posterior has it,
+            else the building's.
+        seed: which draws.
+        spectrum_damping: damping ratio of the oscillators on the floors whose response spectra are
+            asked for; None for no spectra.
+        members: places in the building, m: the end forces of the beam elements nearest to them are
+            found; and names of walls, such as "X2:S1": the forces through their feet are.
+        member_draws: draws at which the full model is solved for these.
+        scatter, damping_scatter: standard deviations of ln stiffness and of ln damping between
+            events; None takes what several runs have taught, else the default.
+    """
+
+    samples: int = 300
+    damping: float | None = None
+    seed: int = 0
+    spectrum_damping: float | None = None
+    members: tuple[Place | str, ...] = ()
+    member_draws: int = 24
+    scatter: float | None = None
+    damping_scatter: float | None = None
 
 
 def kept_prediction(study: Study, model: StudyModel) -> Prediction:
@@ -84,40 +140,71 @@ def predict_study(
         require_heights(model.building)
     reference = None
     if measured is not None:
-        reference = measured_floors(model, measured, columns, record, motion)
+        reference = _measured_floors(model, measured, columns, record, motion)
     study.check_fresh("posterior", model.made_from(), "calibrate")
     posterior = kept_posterior(study, model.building)
     system = open_system(study, model)
-    task = PredictionTask(system, posterior, motion, settings, progress)
-    draws = prediction_draws(model, posterior, settings)
-    progress.start("Integrating the response", len(draws.rows))
-    histories, at_level = _histories(task, draws)
+    rows = posterior.rows(settings.samples, settings.seed)
+    values, damping = _damped(model, posterior, settings)
+
+    def summary_of(values: Values, errors: EventErrors | None) -> tuple[HistorySummary, list[str]]:
+        """Summary of the histories of draws, and what is to be said of their level."""
+        theta, zeta, told = values.of_structure, values.zeta, []
+        if changes_with_level(system.placed):
+            progress.start("Finding the level of the motion", len(zeta))
+            found = at_own_level(
+                system,
+                (values.theta.numpy(), zeta.numpy(), values.sizes.numpy()),
+                motion,
+                posterior.settings,
+                keep_damping=settings.damping is not None,
+                progress=progress,
+            )
+            values = replace(values, theta=torch.from_numpy(found.theta))
+            theta, zeta = values.of_structure, torch.from_numpy(found.zeta)
+            told.append(found.note)
+        level = None
+        if system.changes_in_run and system.complex_modes:
+            told += UNFOLLOWED
+        elif system.changes_in_run:
+            mean = mean_level(system, posterior.settings)
+            level = OwnLevel(mean, settings.damping is not None)
+            told.append(changing_note(mean is not None))
+        histories = history_batches(
+            system, theta, zeta, motion.inputs, motion.time_step, level=level, progress=progress
+        )
+        return summarise(errors.applied(histories) if errors else histories, _EXAMPLES), told
+
+    progress.start("Integrating the response", len(rows))
     # Of the parameters alone, as they were when they were measured.
-    alone = summarise(histories, _EXAMPLES)
+    alone, at_level = summary_of(values, None)
     moving, erring = spawn(settings.seed, 2)
     # Errors of the model fade below the lowest frequency.
-    lowest = system.modes(draws.values.theta[:1], draws.values.sizes[:1]).omega.min()
-    errors = EventErrors(posterior, draws.rows, 0.25 * float(lowest) / (2.0 * np.pi), erring)
-    moved = in_another_event(task, draws, moving)
-    progress.start("Integrating the response of another event", len(draws.rows))
-    histories, _ = _histories(task, moved)
-    summary = summarise(errors.applied(histories), _EXAMPLES)
+    lowest = system.modes(values.theta[:1], values.sizes[:1]).omega.min()
+    errors = EventErrors(posterior, rows, 0.25 * float(lowest) / (2.0 * np.pi), erring)
+    scatter = _chosen_scatter(posterior, settings, rows)
+    if settings.damping is not None or model.building.damping.is_rayleigh:
+        scatter = replace(scatter, damping=0.0, damped=0.0)
+    factors = posterior.parameters.of("stiffness")
+    box = factors.lower, factors.upper
+    theta, zeta = scatter.next_event(values.theta, values.zeta, box, moving)
+    progress.start("Integrating the response of another event", len(rows))
+    summary, _ = summary_of(replace(values, theta=theta, zeta=zeta), errors)
     # A stiffness is the building's own: errors of shear and drift are none of it.
     summary = replace(summary, story_stiffness=alone.story_stiffness)
     best = errors.corrected(alone.floors, alone.acceleration_mean, motion.time_step)
-    spectra, damping = None, settings.spectrum_damping
-    if damping is not None:
+    spectra, ratio = None, settings.spectrum_damping
+    if ratio is not None:
         floors = summary.examples.floor_acceleration
-        spectra = floor_spectra(floors, motion.acceleration, motion.time_step, damping)
+        spectra = floor_spectra(floors, motion.acceleration, motion.time_step, ratio)
     peaks = [getattr(summary, name) for name in PEAKS]
     mass = float(model.reduced.story_mass[0])
-    members = _members(study, model, draws, task)
     report = Prediction(
         summary=summary,
         alone=alone,
         best=best,
         path=study.result("prediction.nc"),
-        damping=draws.damping,
+        damping=damping,
         # The decisive come first.
         notes=(*posterior.warnings, *at_level, *_notes(model, posterior, motion, settings)),
         seconds=time.monotonic() - started,
@@ -125,17 +212,9 @@ def predict_study(
         motion=motion,
         measured=reference,
         floor_spectra=spectra,
-        members=members,
+        members=_members(study, model, values, motion, settings, progress),
     )
     save_prediction(report)
-    _record(study, model, record, report, measured)
-    return report
-
-
-def _record(
-    study: Study, model: StudyModel, record: RecordSource, report: Prediction, measured: Path | None
-) -> None:
-    """Note in the study what the prediction was made from, and how well it met measured floors."""
     origin = {
         **model.made_from(),
         "posterior": file_hash(study.require("posterior", "calibrate")),
@@ -147,43 +226,96 @@ def _record(
     if report.comparison is not None:
         used["against_measured"] = report.comparison.as_dict()
     study.record("prediction", "prediction.nc", "predict", origin, used)
+    return report
 
 
-def _histories(
-    task: PredictionTask, draws: PredictionDraws
-) -> tuple[Iterator[ResponseHistories], tuple[str, ...]]:
-    values, told = at_reached_level(task, draws)
-    theta, zeta = values.of_structure, values.zeta
-    record = task.motion.inputs, task.motion.time_step
-    if not task.system.changes_in_run or task.system.complex_modes:
-        batches = history_batches(task.system, theta, zeta, *record, progress=task.show)
-        return batches, (*told, *(UNFOLLOWED if task.system.changes_in_run else ()))
-    level = mean_level(task.system, task.posterior.settings)
-    keep = task.settings.damping is not None
-    own = OwnLevel(level, keep)
-    batches = history_batches(task.system, theta, zeta, *record, level=own, progress=task.show)
-    return batches, (*told, changing_note(level is not None))
+def _measured_floors(
+    model: StudyModel,
+    path: Path,
+    columns: Mapping[str, str] | None,
+    record: RecordSource,
+    motion: GroundMotion,
+) -> Floats:
+    """Measured floor accelerations (f, n), sensors averaged, NaN for floors without any."""
+    data = read_observation_file(path, record.unit, columns)
+    if not isinstance(data, Histories):
+        raise MeasurementError(f"{path}: a comparison needs histories (a column time_s)")
+    count = motion.acceleration.size
+    same = abs(data.time_step - motion.time_step) < 1e-6 * motion.time_step
+    if not same or data.acceleration.shape[1] != count:
+        raise MeasurementError(
+            f"{path}: {data.acceleration.shape[1]} samples every {data.time_step:g} s do not match "
+            f"the record's {count} every {motion.time_step:g} s; take both from one recording"
+        )
+    direction = direction_of(model.building)
+    rows = np.full((len(model.reduced.floors), count), np.nan)
+    for place, floor in enumerate(model.reduced.floors):
+        if sensors := data.rows(floor, direction):
+            rows[place] = data.acceleration[sensors].mean(axis=0) * record.scale
+    if np.isnan(rows).all():
+        raise MeasurementError(
+            f"{path}: none of its floors ({', '.join(data.floors)}) belongs to the building "
+            f"({', '.join(model.reduced.floors)})"
+        )
+    return rows
+
+
+def _damped(
+    model: StudyModel, posterior: Posterior, settings: PredictionSettings
+) -> tuple[Values, str]:
+    """Some draws with their damping ratios, and whose ratios these are, in words."""
+    values = posterior.parameters.split(posterior.thinned(settings.samples, settings.seed))
+    law, zeta = model.building.damping, values.zeta
+    if law.is_rayleigh:
+        if settings.damping is not None:
+            raise BuildingError(
+                f"{model.building.name}: damping.law is rayleigh, which gives every mode its own "
+                "ratio; leave --damping out"
+            )
+        return values, "the building's law"
+    if settings.damping is not None:
+        asked = torch.full_like(zeta, settings.damping)
+        return replace(values, zeta=asked), f"{settings.damping:g} in all modes"
+    if posterior.zeta_samples is not None:
+        drawn = zeta.numpy()
+        return values, f"{plus_minus(drawn.mean(), drawn.std())}, from the posterior"
+    return values, f"{law.ratio:g} in all modes, the building file's"
+
+
+def _chosen_scatter(
+    posterior: Posterior, settings: PredictionSettings, rows: Integers
+) -> EventScatter:
+    """What was asked for, else what several runs have taught, else the default."""
+    found = DEFAULT if posterior.scatter is None else posterior.scatter.of(rows)
+    if settings.scatter is not None:
+        found = replace(found, stiffness=settings.scatter)
+    if settings.damping_scatter is not None:
+        found = replace(found, damping=settings.damping_scatter)
+    return found
 
 
 def _members(
-    study: Study, model: StudyModel, draws: PredictionDraws, task: PredictionTask
+    study: Study,
+    model: StudyModel,
+    values: Values,
+    motion: GroundMotion,
+    settings: PredictionSettings,
+    progress: Progress,
 ) -> tuple[MemberForces, ...]:
     """Forces of the members asked for, written into the study."""
-    motion, settings, show = task.motion, task.settings, task.show
     if not settings.members:
         return ()
     chosen = choose_members(model.building, settings.members)
-    count = min(settings.member_draws, len(draws.rows))
-    few = np.linspace(0, len(draws.rows) - 1, count).astype(int)
-    theta, zeta = draws.values.of_structure[few], draws.values.zeta[few]
-    show.start("Forces of members", len(theta))
+    drawn = len(values.zeta)
+    few = np.linspace(0, drawn - 1, min(settings.member_draws, drawn)).astype(int)
+    progress.start("Forces of members", len(few))
     members = member_forces(
         chosen,
-        theta.numpy(),
-        zeta.numpy(),
+        values.of_structure[few].numpy(),
+        values.zeta[few].numpy(),
         BaseRecord(motion.acceleration, motion.time_step),
         1.3 * float(model.frequency_hz[-1]),
-        show,
+        progress,
     )
     write_member_forces(members, motion.time_step, study.result("member_forces.csv"))
     return members
@@ -193,7 +325,7 @@ def _notes(
     model: StudyModel, posterior: Posterior, motion: GroundMotion, settings: PredictionSettings
 ) -> tuple[str, ...]:
     # How much the building differs between events, and where that is from.
-    scatter = chosen_scatter(posterior, settings, np.arange(posterior.log_likelihood.size))
+    scatter = _chosen_scatter(posterior, settings, np.arange(posterior.log_likelihood.size))
     sizes = (float(np.median(sd)) for sd in (scatter.stiffness, scatter.damping))
     between = "stiffness scatters by {} and damping by {}".format(*map(percent, sizes))
     if posterior.scatter is None or settings.scatter is not None:

@@ -16,8 +16,7 @@ from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import predict_study
-from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 
 THETA, ZETA = (0.8, 1.2, 0.9), 0.02
 TURNS = "foundation_rocking and table_pitch are not looked for"

@@ -18,8 +18,7 @@ from femupdate.study import MANIFEST, file_hash, write_text
 from femupdate.workflow.effects import BASIS, finder_origin, open_structure
 from femupdate.workflow.mesh_error import MESH_ERROR, kept_mesh_error
 from femupdate.workflow.model import open_study
-from femupdate.workflow.predict import predict_study
-from femupdate.workflow.prediction_inputs import RecordSource
+from femupdate.workflow.predict import RecordSource, predict_study
 from femupdate.workflow.render import render_study
 from femupdate.workflow.report import report_study
 from femupdate.workflow.summary import kept_posterior

@@ -16,8 +16,7 @@ from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import predict_study
-from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 
 MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])
 STEP = 0.02

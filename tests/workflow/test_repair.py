@@ -19,8 +19,7 @@ from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import predict_study
-from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 from femupdate.workflow.repair import repair_study
 from tests.discrepancy.chain import Chain
 from tests.sticks import MASSES, SPRINGS, STEP, write_shaken, write_stick

@@ -18,8 +18,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 def study(tower_study, tower_observation, tmp_path_factory):
     """A study of the tower with a prediction and hostile texts."""
     from femupdate.workflow.model import open_study
-    from femupdate.workflow.predict import predict_study
-    from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+    from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 
     folder = Path(shutil.copytree(tower_study, tmp_path_factory.mktemp("page") / "study"))
     made = Study(folder)

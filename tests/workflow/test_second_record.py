@@ -14,8 +14,7 @@ from femupdate.workflow.amplitude import level_between
 from femupdate.workflow.diagnose import diagnose_study
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import predict_study
-from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 from femupdate.workflow.repair import repair_study
 from tests.discrepancy.chain import Chain
 from tests.sticks import MASSES, SPRINGS, STEP, write_shaken, write_stick

@@ -14,8 +14,7 @@ from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import predict_study
-from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 
 THETA, ZETA, SIZE, DAMPING, STEP = (0.8, 1.3), 0.03, -0.1, 0.2, 0.01
 EFFECT = f"""

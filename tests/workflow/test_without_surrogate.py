@@ -15,8 +15,7 @@ from femupdate.workflow.likelihoods import CalibrationSettings, unserved
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import open_study
 from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import predict_study
-from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 from femupdate.workflow.train import check_training
 from tests.sticks import write_stick
 

@@ -28,8 +28,7 @@ from femupdate.workflow.likelihoods import CalibrationSettings
 from femupdate.workflow.mesh_error import open_system
 from femupdate.workflow.model import StudyModel, open_study
 from femupdate.workflow.observed import ObservationSource, direction_of
-from femupdate.workflow.predict import predict_study
-from femupdate.workflow.prediction_inputs import PredictionSettings, RecordSource
+from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 
 from ..result import Job, Report, markdown_table
 from .free_fit import FreeFit, fit_free
