@@ -254,12 +254,12 @@ def columns_options(function: F) -> F:
         from femupdate.measurement.write import read_mapping
 
         try:
-            read = read_mapping(mapping)
+            columns, unit = read_mapping(mapping)
         except FemupdateError as error:
             raise Failure(str(error)) from error
         if "unit" in kwargs:
-            kwargs["unit"] = kwargs["unit"] or read.unit
-        return function(*args, columns=dict(read.columns), **kwargs)
+            kwargs["unit"] = kwargs["unit"] or unit
+        return function(*args, columns=columns, **kwargs)
 
     return wrapper  # type: ignore[return-value]
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from femupdate.arrays import Complexes, Floats, Integers
 from femupdate.errors import MeasurementError
-from femupdate.measurement.modes import alike, in_phase, phase_collinearity
+from femupdate.measurement.modes import alike, in_phase, mac, phase_collinearity
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.thresholds import AMBIENT
 
@@ -107,26 +107,18 @@ def _change(pole: Pole, moved: tuple[Pole, ...]) -> Floats:
     """Change of frequency, damping ratio and shape; infinite where the pole is there no longer."""
     if not moved:
         return np.full(2 + pole.shape.size, np.inf)
-    nearest = min(moved, key=lambda other: _distance(pole, other))
+
+    def distance(other: Pole) -> float:
+        apart = np.log(pole.frequency_hz / other.frequency_hz), pole.damping - other.damping
+        return float(np.hypot(*apart)) + 1.0 - mac(pole.shape, other.shape)
+
+    nearest = min(moved, key=distance)
     before, length = pole.shape, np.vdot(pole.shape, pole.shape).real
     shape = nearest.shape * (length / np.vdot(before, nearest.shape))
     turn = np.exp(-0.5j * np.angle((before**2).sum()))
     change = ((shape - before) * turn).real
     figures = nearest.frequency_hz - pole.frequency_hz, nearest.damping - pole.damping
     return np.array([*figures, *change])
-
-
-def _distance(first: Pole, second: Pole) -> float:
-    away = np.hypot(
-        np.log(first.frequency_hz / second.frequency_hz), first.damping - second.damping
-    )
-    return float(away) + 1.0 - mac(first.shape, second.shape)
-
-
-def mac(first: Complexes, second: Complexes) -> float:
-    """Modal assurance criterion of two shapes (c,)."""
-    length = float(np.vdot(first, first).real * np.vdot(second, second).real)
-    return float(np.abs(np.vdot(first, second)) ** 2 / length) if length > 0.0 else 0.0
 
 
 @contextlib.contextmanager
@@ -179,8 +171,12 @@ def identify_modes(
     Raises:
         MeasurementError: pyOMA2 is missing, the record is too short, or no mode is found.
     """
+    from scipy.signal import decimate, welch
+
     moving = values - values.mean(axis=1, keepdims=True)
-    frequency, spectra = _spectra(moving, time_step)
+    length = min(moving.shape[1], max(256, min(8192, moving.shape[1] // 16)))
+    frequency, power = welch(moving, 1.0 / time_step, nperseg=length, axis=1)
+    frequency, spectra = frequency[1:], power[:, 1:] / moving.var(axis=1, keepdims=True)
     first = _first_peak(frequency, spectra, band_hz)
     # Modes are looked for from 0.4 of the first frequency on.
     # They are looked for up to 12 times that: buildings have some six modes below.
@@ -189,10 +185,24 @@ def identify_modes(
         raise MeasurementError(
             f"the record shows nothing above {0.5 / time_step:g} Hz; lower the band's end"
         )
-    blocks = _blocks(values.shape[1] * time_step, first)
-    thinned, step = _thinned(moving, time_step, band[1])
-    rows = _block_rows(len(thinned), step, first, order)
-    order = min(order, (rows - 1) * len(thinned))
+    seconds = values.shape[1] * time_step
+    blocks = int(seconds * first) // _PERIODS
+    if blocks < _FEWEST_BLOCKS:
+        raise MeasurementError(
+            f"the record lasts {seconds * first:.0f} periods of its first mode, at"
+            f" {first:.3g} Hz; modes need {_FEWEST_BLOCKS * _PERIODS} at least, and better a"
+            " thousand: give a longer record"
+        )
+    blocks = min(blocks, 50)  # more tell nothing more
+    # 2.5 samples in a period of the highest frequency.
+    factor = max(1, int(1.0 / (2.5 * band[1] * time_step)))
+    thinned = decimate(moving, factor, ftype="fir", axis=1) if factor > 1 else moving
+    step, channel_count = time_step * factor, len(thinned)
+    # Time lags: half a period of the first mode, and enough for the order; at most 240 rows of
+    # blocks times channels.
+    lags = max(0.5 / (first * step), 1.5 * order / channel_count)
+    rows = max(3, min(int(np.ceil(lags)), 240 // channel_count))
+    order = min(order, (rows - 1) * channel_count)
     subspace = Subspace(thinned, step, rows, order, blocks)
     poles = tuple(p for p in subspace.poles() if band[0] <= p.frequency_hz <= band[1])
     group = _groups(poles)
@@ -204,35 +214,24 @@ def identify_modes(
             f"no mode comes back from order to order between {band[0]:.3g} and {band[1]:.3g} Hz;"
             " give a longer record, or the band of the modes by the band option"
         )
-    numbers = {mode_number: k for k, mode_number in enumerate(modes)}
+    numbers = {number: k for k, number in enumerate(modes)}
     return AmbientModes(
         modes=tuple(modes.values()),
         poles=poles,
-        group=np.array(
-            [numbers.get(int(mode_number), -1) for mode_number in group], dtype=np.int64
-        ),
+        group=np.array([numbers.get(number, -1) for number in group.tolist()], dtype=np.int64),
         band_hz=band,
         frequency_hz=frequency,
         spectra=spectra,
         channels=tuple(channels),
         notes=(
             f"Covariance-driven subspace identification (pyOMA2) of {len(values)} channels over"
-            f" {values.shape[1] * time_step:.4g} s, models up to order {order}, {band[0]:.3g} to"
+            f" {seconds:.4g} s, models up to order {order}, {band[0]:.3g} to"
             f" {band[1]:.3g} Hz; standard deviations from {blocks} blocks of the record.",
             *doubtful,
             *unclear,
             *twice,
         ),
     )
-
-
-def _spectra(moving: Floats, time_step: float) -> tuple[Floats, Floats]:
-    """Frequencies (b,) and power (c, b) over the variance of each channel."""
-    from scipy.signal import welch
-
-    length = min(moving.shape[1], max(256, min(8192, moving.shape[1] // 16)))
-    frequency, power = welch(moving, 1.0 / time_step, nperseg=length, axis=1)
-    return frequency[1:], power[:, 1:] / moving.var(axis=1, keepdims=True)
 
 
 def _first_peak(frequency: Floats, spectra: Floats, band_hz: tuple[float, float] | None) -> float:
@@ -249,38 +248,6 @@ def _first_peak(frequency: Floats, spectra: Floats, band_hz: tuple[float, float]
         if peak and power[k] > 8.0 * np.median(around):
             return float(frequency[k])
     return float(frequency[inside][np.argmax(power[inside])])
-
-
-def _blocks(seconds: float, first_hz: float) -> int:
-    """How many parts of the record are told apart."""
-    blocks = int(seconds * first_hz) // _PERIODS
-    if blocks < _FEWEST_BLOCKS:
-        raise MeasurementError(
-            f"the record lasts {seconds * first_hz:.0f} periods of its first mode, at"
-            f" {first_hz:.3g} Hz; modes need"
-            f" {_FEWEST_BLOCKS * _PERIODS} at least, and better a thousand:"
-            " give a longer record"
-        )
-    # More than 50 blocks tell nothing more.
-    return min(blocks, 50)
-
-
-def _thinned(moving: Floats, time_step: float, top_hz: float) -> tuple[Floats, float]:
-    """The record (c, m) at a lower rate, and its time step."""
-    from scipy.signal import decimate
-
-    # 2.5 samples in a period of the highest frequency.
-    factor = int(1.0 / (2.5 * top_hz * time_step))
-    if factor < 2:
-        return moving, time_step
-    return decimate(moving, factor, ftype="fir", axis=1), time_step * factor
-
-
-def _block_rows(channels: int, time_step: float, first_hz: float, order: int) -> int:
-    """Time lags: half a period of the first mode, and enough for the order."""
-    wanted = max(0.5 / (first_hz * time_step), 1.5 * order / channels)
-    # At most 240 rows of blocks times channels.
-    return max(3, min(int(np.ceil(wanted)), 240 // channels))
 
 
 def _groups(poles: Sequence[Pole]) -> Integers:
@@ -316,7 +283,14 @@ def _chosen(
         # Its shape moves in one phase by 0.7 at least.
         aligned = np.median([phase_collinearity(pole.shape) for pole in members]) >= 0.7
         if enough and steady and aligned:
-            chosen[int(number)] = _middle(members)
+            # Some poles of the half nearest to the group's middle, over their orders.
+            places = np.array([[np.log(pole.frequency_hz), pole.damping] for pole in members])
+            away = np.hypot(*(places - np.median(places, axis=0)).T)
+            near = [members[k] for k in np.flatnonzero(away <= np.median(away))]
+            near.sort(key=lambda pole: pole.order)
+            # Standard deviations are looked at in four orders.
+            spaced = np.linspace(0, len(near) - 1, min(4, len(near)))
+            chosen[int(number)] = tuple(near[round(k)] for k in spaced)
         # A doubtful group is worth a word from 0.15 of all orders on.
         elif len(orders) >= 0.15 * order:
             doubtful.append(float(np.median([pole.frequency_hz for pole in members])))
@@ -326,17 +300,6 @@ def _chosen(
         f" {listed} Hz."
     )
     return chosen, (note,) if doubtful else ()
-
-
-def _middle(poles: Sequence[Pole]) -> tuple[Pole, ...]:
-    """Some poles of the half nearest to the group's middle, over their orders."""
-    places = np.array([[np.log(pole.frequency_hz), pole.damping] for pole in poles])
-    away = np.hypot(*(places - np.median(places, axis=0)).T)
-    near = [pole for pole, distance in zip(poles, away, strict=True) if distance <= np.median(away)]
-    near.sort(key=lambda pole: pole.order)
-    # Standard deviations are looked at in four orders.
-    spaced = np.linspace(0, len(near) - 1, min(4, len(near)))
-    return tuple(near[round(k)] for k in spaced)
 
 
 def _modes(
@@ -351,9 +314,7 @@ def _modes(
         return {}, ()
     modes: dict[int, RecordedMode] = {}
     notes = []
-    spreads = iter(
-        subspace.spreads([pole for candidates in chosen.values() for pole in candidates])
-    )
+    spreads = iter(subspace.spreads([pole for poles in chosen.values() for pole in poles]))
     for number, candidates in chosen.items():
         # That known best is taken: a pole of noise beside it spoils some orders.
         pairs = [(pole, next(spreads)) for pole in candidates]
@@ -371,7 +332,22 @@ def _modes(
             )
         else:
             members = [poles[k] for k in np.flatnonzero(group == number).tolist()]
-            modes[number] = _mode(pole, spread, members, channels)
+            shape = in_phase(pole.shape)
+            largest = shape[np.abs(shape).argmax()]
+            # Standard deviations hold the scatter over the orders too, from its median deviation;
+            # no component of a shape is known better than to 1e-4 of the largest.
+            figures = np.array([[member.frequency_hz, member.damping] for member in members])
+            scatter = 1.4826 * np.median(np.abs(figures - np.median(figures, axis=0)), axis=0)
+            sd = np.maximum(spread[2:] / abs(largest), 1e-4)
+            modes[number] = RecordedMode(
+                frequency_hz=pole.frequency_hz,
+                sensors=channels,
+                frequency_sd_hz=float(np.hypot(frequency_sd, scatter[0])),
+                damping=pole.damping,
+                damping_sd=float(np.hypot(damping_sd, scatter[1])),
+                shape=shape / largest,
+                shape_sd=sd if shape.size > 1 else None,
+            )
     return modes, tuple(notes)
 
 
@@ -388,33 +364,5 @@ def _once(modes: dict[int, RecordedMode]) -> tuple[dict[int, RecordedMode], tupl
         else:
             kept[number] = mode
     ordered = sorted(kept, key=lambda number: kept[number].frequency_hz)
-    named = {
-        number_kept: replace(kept[number_kept], name=str(k))
-        for k, number_kept in enumerate(ordered, start=1)
-    }
+    named = {key: replace(kept[key], name=str(k)) for k, key in enumerate(ordered, start=1)}
     return named, tuple(notes)
-
-
-def _mode(
-    pole: Pole, spread: Floats, members: Sequence[Pole], channels: tuple[str, ...]
-) -> RecordedMode:
-    """A mode, whose standard deviations hold the scatter over the orders too."""
-    shape = in_phase(pole.shape)
-    largest = shape[np.abs(shape).argmax()]
-    several = shape.size > 1
-    # No component of a shape is known better than to 1e-4 of the largest.
-    return RecordedMode(
-        frequency_hz=pole.frequency_hz,
-        sensors=channels,
-        frequency_sd_hz=float(np.hypot(spread[0], _scatter(members, "frequency_hz"))),
-        damping=pole.damping,
-        damping_sd=float(np.hypot(spread[1], _scatter(members, "damping"))),
-        shape=shape / largest,
-        shape_sd=np.maximum(spread[2:] / abs(largest), 1e-4) if several else None,
-    )
-
-
-def _scatter(poles: Sequence[Pole], name: str) -> float:
-    """Standard deviation of a figure over the orders, from its median deviation."""
-    values = np.array([getattr(pole, name) for pole in poles])
-    return 1.4826 * float(np.median(np.abs(values - np.median(values))))

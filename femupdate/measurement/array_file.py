@@ -5,7 +5,6 @@ Simcenter Testlab exports structures to MATLAB files: evenly spaced x, and value
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,7 +47,11 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     exported = _testlab_recording(file, arrays)
     if exported is not None:
         return exported
-    numbers = {name: np.squeeze(a) for name, a in arrays.items() if _is_numeric(a)}
+    kinds = np.ndarray | np.number | float | int
+    given = {name: np.asarray(a) for name, a in arrays.items() if isinstance(a, kinds)}
+    numbers = {
+        name: np.squeeze(a) for name, a in given.items() if a.dtype.kind in "fiuc" and a.size
+    }
     scalars = {name: float(a.real) for name, a in numbers.items() if a.ndim == 0}
     labels = _texts(arrays, _LABELS)
     columns: dict[str, _Column] = {}
@@ -60,34 +63,33 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     count = columns[axis].size
     used = {axis: columns.pop(axis)} | {k: v for k, v in columns.items() if v.size == count}
     left_out = [name for name in columns if name not in used]
-    _require_finite(file, used)
+    for name, column in used.items():
+        wrong = np.flatnonzero(~np.isfinite(column))
+        if wrong.size:
+            raise file.error(
+                f"the value is {column[wrong[0]]}; fill in the measured value or remove the array",
+                int(wrong[0]) + 1,
+                repr(name),
+            )
     stated = [unit if is_unit(unit) else None for unit in _texts(arrays, _UNIT)]
     each = dict(zip(labels, stated, strict=False)) if len(stated) == len(labels) else {}
     common = stated[0] if len(set(stated)) == 1 else None
-    plain = dict(zip(_without_structure(tuple(used)), used, strict=True))
+    # Names of columns go without that of the one structure that all of them are fields of.
+    short = [name.rpartition(".")[2] for name in used]
+    single = len({name.rpartition(".")[0] for name in used if "." in name}) == 1
+    plain = dict(
+        zip(short if single and len(set(short)) == len(short) else used, used, strict=True)
+    )
     units = {name: each.get(key, common) for name, key in plain.items() if key != axis}
     table = ColumnTable.of_arrays(file, {name: used[key] for name, key in plain.items()}, units)
     notes = (f"Arrays of another length are left out: {', '.join(left_out)}.",)
     return Recording(file, table=table, notes=notes if left_out else ())
 
 
-def _is_numeric(array: Any) -> bool:
-    return isinstance(array, np.ndarray | np.number | float | int) and (
-        np.asarray(array).dtype.kind in "fiuc" and np.asarray(array).size > 0
-    )
-
-
 def _texts(arrays: Mapping[str, Any], called: re.Pattern[str]) -> list[str]:
     """The texts of the first array of a name, one of a single text."""
     named = (a for name, a in arrays.items() if called.match(name.rpartition(".")[2]))
     return [str(text).strip() for a in named for text in np.ravel(np.asarray(a, dtype=object))]
-
-
-def _without_structure(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of columns without that of the one structure that all of them are fields of."""
-    plain = tuple(name.rpartition(".")[2] for name in names)
-    single = len({name.rpartition(".")[0] for name in names if "." in name}) == 1
-    return plain if single and len(set(plain)) == len(plain) else names
 
 
 def _columns(name: str, array: NDArray[Any], labels: Sequence[str] = ()) -> dict[str, _Column]:
@@ -108,7 +110,13 @@ def _axis(file: TextFile, columns: dict[str, _Column], scalars: Mapping[str, flo
         if key_of_axis is not None:
             columns[name] = columns.pop(key_of_axis)
             return name
-    step = _step(scalars)
+    steps = (
+        1.0 / value if _RATE.match(plain) else value
+        for name, value in scalars.items()
+        for plain in (name.rpartition(".")[2],)
+        if np.isfinite(value) and value > 0.0 and (_RATE.match(plain) or _STEP.match(plain))
+    )
+    step = next(steps, None)
     if step is None:
         raise file.error(
             f"neither times nor a sampling rate is among {', '.join([*columns, *scalars])}; add"
@@ -117,39 +125,6 @@ def _axis(file: TextFile, columns: dict[str, _Column], scalars: Mapping[str, flo
     longest = max(column.size for column in columns.values())
     columns[TIME] = np.arange(longest, dtype=np.float64) * step
     return TIME
-
-
-def _step(scalars: Mapping[str, float]) -> float | None:
-    for name, value in scalars.items():
-        plain = name.rpartition(".")[2]
-        if np.isfinite(value) and value > 0.0 and (_RATE.match(plain) or _STEP.match(plain)):
-            return 1.0 / value if _RATE.match(plain) else value
-    return None
-
-
-def _require_finite(file: TextFile, columns: Mapping[str, _Column]) -> None:
-    for name, column in columns.items():
-        wrong = np.flatnonzero(~np.isfinite(column))
-        if wrong.size:
-            raise file.error(
-                f"the value is {column[wrong[0]]}; fill in the measured value or remove the array",
-                int(wrong[0]) + 1,
-                repr(name),
-            )
-
-
-@dataclass(frozen=True)
-class _Signal:
-    """One structure of Testlab.
-
-    Attributes:
-        axis: name of our column, first value, increment and number of values.
-        columns: (n,) each by its name.
-    """
-
-    axis: tuple[str, float, float, int]
-    columns: Mapping[str, _Column]
-    unit: str
 
 
 def _testlab_recording(file: TextFile, arrays: Mapping[str, Any]) -> Recording | None:
@@ -161,7 +136,7 @@ def _testlab_recording(file: TextFile, arrays: Mapping[str, Any]) -> Recording |
     if not owners:
         return None
     signals = {name: _signal(file, name, arrays) for name in owners}
-    axes = {signal.axis for signal in signals.values()}
+    axes = {axis for axis, _, _ in signals.values()}
     if len(axes) > 1:
         raise file.error(
             f"{', '.join(owners)} are not sampled alike; export them to files of their own"
@@ -169,15 +144,18 @@ def _testlab_recording(file: TextFile, arrays: Mapping[str, Any]) -> Recording |
     ((axis, start, step, count),) = axes
     columns: dict[str, _Column] = {axis: start + step * np.arange(count, dtype=np.float64)}
     units: dict[str, str | None] = {}
-    for owner, signal in signals.items():
-        for name, column in signal.columns.items():
-            alone = sum(name in other.columns for other in signals.values()) == 1
+    for owner, (_, own_columns, unit) in signals.items():
+        for name, column in own_columns.items():
+            alone = sum(name in others for _, others, _ in signals.values()) == 1
             title = name if alone else f"{owner} {name}"
-            columns[title], units[title] = column, signal.unit
+            columns[title], units[title] = column, unit
     return Recording(file, table=ColumnTable.of_arrays(file, columns, units))
 
 
-def _signal(file: TextFile, owner: str, arrays: Mapping[str, Any]) -> _Signal:
+def _signal(
+    file: TextFile, owner: str, arrays: Mapping[str, Any]
+) -> tuple[tuple[str, float, float, int], dict[str, _Column], str]:
+    """Axis of one structure of Testlab (our name, start, step, count), its columns and unit."""
     values = np.asarray(arrays[f"{owner}.{_VALUES}"])
     count = int(arrays.get(f"{owner}.{_COUNT}", values.shape[0] if values.ndim else 0))
     values = values[:, None] if values.ndim == 1 else values
@@ -195,7 +173,7 @@ def _signal(file: TextFile, owner: str, arrays: Mapping[str, Any]) -> _Signal:
         names = [owner] if values.shape[1] == 1 else numbered
     columns = dict(zip(names, values.T, strict=True))
     axis = _AXES[label], float(arrays.get(f"{owner}.{_START}", 0.0)), step, count
-    return _Signal(axis, columns, str(arrays.get(f"{owner}.{_Y}", "")).strip())
+    return axis, columns, str(arrays.get(f"{owner}.{_Y}", "")).strip()
 
 
 _SHAPE, _SHAPE_SD, _SENSORS = "shape", "shape_sd", "sensors"
@@ -206,24 +184,19 @@ _SHAPES = {
 }
 
 
-def _of_modes(name: str) -> str | None:
-    """What of modes an array holds, by its name."""
-    plain = name.rpartition(".")[2]
-    shapes = (of for of, called in _SHAPES.items() if re.fullmatch(called, plain, re.IGNORECASE))
-    return next(shapes, None) or figure_of(plain)
-
-
 def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[RecordedMode, ...]:
     """The modes in named arrays; none where there are no frequencies (m,) with shapes (c, m).
 
     Args:
         arrays: by their names; `sensors` holds names (c,), else they count from 1.
     """
-    given = {
-        ours: np.squeeze(np.asarray(array))
-        for name, array in arrays.items()
-        if np.size(array) and (ours := _of_modes(name))
-    }
+    given: dict[str, NDArray[Any]] = {}
+    for name, array in arrays.items():
+        plain = name.rpartition(".")[2]
+        called = (of for of, names in _SHAPES.items() if re.fullmatch(names, plain, re.IGNORECASE))
+        ours = next(called, None) or figure_of(plain)
+        if ours and np.size(array):
+            given[ours] = np.squeeze(np.asarray(array))
     if not {FREQUENCY, _SHAPE} <= set(given):
         return ()
     frequency = np.atleast_1d(given[FREQUENCY])
@@ -238,15 +211,20 @@ def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[Recorded
                 f"there are {count} frequencies but {np.size(given[name])} values of"
                 f" {name}; give one for each mode"
             )
+
+    def value(name: str, k: int) -> float | None:
+        found = float(np.atleast_1d(given[name])[k]) if name in given else np.nan
+        return found if np.isfinite(found) else None
+
     names = [str(sensor) for sensor in np.atleast_1d(given.get(_SENSORS, np.array([])))]
     if len(names) != len(shape):
         names = [str(k + 1) for k in range(len(shape))]
     return tuple(
         RecordedMode(
             frequency_hz=float(frequency[k]),
-            frequency_sd_hz=_value(given.get(FREQUENCY_SD), k),
-            damping=_value(given.get(DAMPING), k),
-            damping_sd=_value(given.get(DAMPING_SD), k),
+            frequency_sd_hz=value(FREQUENCY_SD, k),
+            damping=value(DAMPING, k),
+            damping_sd=value(DAMPING_SD, k),
             sensors=tuple(names),
             shape=shape[:, k],
             shape_sd=None if spread is None else spread[:, k].astype(np.float64),
@@ -263,10 +241,3 @@ def _by_modes(array: NDArray[Any], count: int) -> NDArray[Any] | None:
     if array.ndim != 2:
         return None
     return array if array.shape[1] == count else array.T if array.shape[0] == count else None
-
-
-def _value(array: NDArray[Any] | None, k: int) -> float | None:
-    if array is None:
-        return None
-    value = float(np.atleast_1d(array)[k])
-    return value if np.isfinite(value) else None

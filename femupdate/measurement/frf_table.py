@@ -134,15 +134,16 @@ def _by_force(layout: Layout, force: str | None) -> dict[str, Layout]:
                 " out",
                 column=table.title(i),
             )
-        own, plain = found.setdefault(at, {}), replace(column, force=at)
-        if plain in own:
+        responses, plain = found.setdefault(at, {}), replace(column, force=at)
+        if plain in responses:
             raise table.file.error(
-                f"{table.title(i)} and {table.title(own[plain])} are the same response; remove one"
+                f"{table.title(i)} and {table.title(responses[plain])} are the same response;"
+                " remove one"
             )
-        own[plain] = i
+        responses[plain] = i
     return {
-        at: replace(layout, known={i: column for column, i in own.items()})
-        for at, own in found.items()
+        at: replace(layout, known={i: column for column, i in responses.items()})
+        for at, responses in found.items()
     }
 
 
@@ -193,8 +194,8 @@ def in_band(
     require_floors_of_building(forced.source, named, building_floors)
     low, high = band_hz
     slack = 1e-9  # grids are sums of rounded steps
-    own = forced.frequency_hz
-    used = (own >= low * (1.0 - slack)) & (own <= high * (1.0 + slack))
+    frequency = forced.frequency_hz
+    used = (frequency >= low * (1.0 - slack)) & (frequency <= high * (1.0 + slack))
     # Ten frequencies are the least of a test.
     if np.count_nonzero(used) < 10:
         raise MeasurementError(
@@ -246,26 +247,30 @@ def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> Colu
             1, or its points, as `point 3 +X/point 1 +X`.
     """
     file = recording.file
-    known = [one for one in recording.functions if one.kind in _RESPONSES]
+    known = [function for function in recording.functions if function.kind in _RESPONSES]
     if not known:
-        kinds = ", ".join(dict.fromkeys(one.kind for one in recording.functions))
+        kinds = ", ".join(dict.fromkeys(function.kind for function in recording.functions))
         raise file.error(f"the file holds {kinds}; a response needs histories or FRFs")
-    listing = _listing(known)
+    names = [f"{f.response or f.name}/{f.reference or 'not said'}" for f in known]
+    shown = [
+        f"{k} = {name} ({function.unit or 'no unit'})"
+        for k, (name, function) in enumerate(zip(names, known, strict=True), start=1)
+    ]
+    listing = ", ".join(shown[:_SHOWN]) + (", ..." if len(known) > _SHOWN else "")
     if not columns:
         raise file.error(
             "say which floor each response function is, by the columns option, such as 2F/RF=1"
             f" for 2F under a force at RF; its functions are {listing}"
         )
-    names = [f"{one.response or one.name}/{one.reference or 'not said'}" for one in known]
     at = positions(file, "function", names, columns, listing)
     chosen = {ours: known[k] for ours, k in at.items()}
     first = next(iter(chosen.values()))
-    for one in chosen.values():
-        if not np.array_equal(one.frequency_hz, first.frequency_hz):
+    for function in chosen.values():
+        if not np.array_equal(function.frequency_hz, first.frequency_hz):
             raise file.error("the response functions are not at the same frequencies; split them")
     # Complex whatever they are: a real one may be below zero.
-    values = {ours: one.values.astype(np.complex128) for ours, one in chosen.items()}
-    units = {ours: one.unit for ours, one in chosen.items()}
+    values = {ours: function.values.astype(np.complex128) for ours, function in chosen.items()}
+    units = {ours: function.unit for ours, function in chosen.items()}
     return ColumnTable.of_arrays(file, {FREQUENCY: first.frequency_hz, **values}, units)
 
 
@@ -302,19 +307,11 @@ def response_functions(layout: Layout) -> tuple[RecordedFunction, ...]:
             response=name,
             reference=f"a force at {force}" if force else somewhere,
         )
-        for force, own in columns.items()
-        for name, parts in in_parts(own).items()
+        for force, places in columns.items()
+        for name, parts in in_parts(places).items()
     )
 
 
 def _values(table: ColumnTable, at: int, imaginary: int | None) -> NDArray[np.inexact]:
     whole = table.values[:, at]
     return whole if imaginary is None else whole + 1j * table.values[:, imaginary]
-
-
-def _listing(functions: Sequence[RecordedFunction]) -> str:
-    told = [
-        f"{k} = {one.response or one.name}/{one.reference or 'not said'} ({one.unit or 'no unit'})"
-        for k, one in enumerate(functions[:_SHOWN], start=1)
-    ]
-    return ", ".join(told) + (", ..." if len(functions) > _SHOWN else "")

@@ -1,7 +1,6 @@
 """Headers of records that announce values, and the values that follow, in fixed columns."""
 
 import re
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -70,63 +69,48 @@ def _check_count(
 _END = re.compile(r"^/&|^End-of-data|points of (accel|veloc|displ) data", re.IGNORECASE)
 
 
-@dataclass(frozen=True)
-class NumberBlock:
-    """Where numbers stand and how they are laid out.
+def fixed_columns(
+    file: TextFile, at: int, count: int, layout: tuple[int, int], channel: str, whole: bool = False
+) -> Floats:
+    """Return numbers in columns of one width.
 
-    Attributes:
+    Args:
         at: index of the line that announces them; they begin on the next.
         count: how many it announces.
-        per_line: of them.
-        width: of a column, in characters.
+        layout: numbers in a line, and characters of each.
         channel: what messages call them.
         whole: whether they are counts, without a decimal point.
     """
+    per_line, width = layout
 
-    at: int
-    count: int
-    per_line: int
-    width: int
-    channel: str
-    whole: bool = False
+    def numbers(fields: list[str]) -> bool:
+        """Whether all are numbers: one without its point is not where the format says."""
+        return all((whole or "." in text) and finite(text) is not None for text in fields)
 
-    def fields(self, row: str) -> list[str]:
-        """Fields of a row; by its blanks where editors or mailers have moved the columns."""
-        row, words = row.rstrip(), row.split()
-        fields = [row[k : k + self.width] for k in range(0, len(row), self.width)]
-        moved = not all(map(self.holds, fields))
-        return (
-            words
-            if moved and len(words) <= self.per_line and all(map(self.holds, words))
-            else (fields)
-        )
-
-    def holds(self, field: str) -> bool:
-        """Whether a field is a number: one without its point is not where the format says."""
-        return (self.whole or "." in field) and finite(field) is not None
-
-
-def block_values(file: TextFile, block: NumberBlock) -> Floats:
-    """Return the numbers of a block."""
-    after = block.at + 1 - (-block.count // block.per_line)
+    after = at + 1 - (-count // per_line)
     values: list[str] = []
-    for index in range(block.at + 1, after):
-        row = file.lines[index] if index < len(file.lines) else ""
-        fields = [] if _END.search(row) else block.fields(row)
+    for index in range(at + 1, after):
+        row = file.lines[index].rstrip() if index < len(file.lines) else ""
+        fields = [row[k : k + width] for k in range(0, len(row), width)]
+        if _END.search(row):
+            fields = []
+        elif not numbers(fields):  # editors or mailers may have moved the columns
+            words = row.split()
+            fields = words if len(words) <= per_line and numbers(words) else fields
         for position, field in enumerate(fields, start=1):
-            if not block.holds(field):
+            if not numbers([field]):
                 raise file.error(
-                    f"{field.strip()!r} is not a number in columns of {block.width} characters, as"
+                    f"{field.strip()!r} is not a number in columns of {width} characters, as"
                     " the format says; fetch the record again",
                     index + 1,
                     str(position),
                 )
         values += fields
-        if len(fields) < block.per_line:
+        if len(fields) < per_line:
             break
-    _check_count(file, len(values), block.count, block.at, block.channel)
+    _check_count(file, len(values), count, at, channel)
     row = file.lines[after].rstrip() if after < len(file.lines) else ""
-    more = [row[k : k + block.width] for k in range(0, len(row), block.width)]
-    if more and all(map(block.holds, more)):
-        _check_count(file, block.count + 1, block.count, block.at, block.channel)
+    more = [row[k : k + width] for k in range(0, len(row), width)]
+    if more and numbers(more):
+        _check_count(file, count + 1, count, at, channel)
     return np.array(values, dtype=np.float64)

@@ -10,7 +10,7 @@ import numpy as np
 from femupdate.measurement.checks import channel_findings, pair_findings
 from femupdate.measurement.frf_table import SOMEWHERE, response_functions, unnamed_functions
 from femupdate.measurement.histories import fault_of, motions_in, said_of_rotation
-from femupdate.measurement.kinds import Reading, base_motion_in
+from femupdate.measurement.kinds import base_motion_in
 from femupdate.measurement.modes import mode_findings, modes_in_table
 from femupdate.measurement.names import (
     BASE,
@@ -256,7 +256,7 @@ def inspect_file(
     )
     return Inspection(
         path=path,
-        reads=readers()[recording.format].reads,
+        reads=readers()[recording.format].READS,
         recording=recording,
         channels=channels,
         functions=functions,
@@ -327,7 +327,7 @@ def _functions_of_table(
         return unnamed_functions(table, axis)
     layout = layout_of(table, columns)
     if not layout.under_force:
-        base_motion_in(recording, Reading(unit=unit, columns=columns))  # refuses what cannot be
+        base_motion_in(recording, unit, columns)  # refuses what cannot be
     return response_functions(layout)
 
 

@@ -1,7 +1,6 @@
 """What a file tells of a building: histories, response functions or identified modes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from femupdate.measurement.frf_table import frfs_in_table, table_of_functions
@@ -14,24 +13,6 @@ from femupdate.measurement.resolve import layout_of, placed_channels
 from femupdate.measurement.thresholds import SPECTRUM
 
 AnyKind = Histories | tuple[Observation, ...] | IdentifiedModes
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reading:
-    """How a file is read.
-
-    Attributes:
-        unit: of accelerations, or of responses to a force, where the file does not give it.
-        direction: of the motion; of identified modes other components are left out.
-        force: floor at which the force acts, where the columns' names do not say it.
-        noise: standard deviation of ln|H| where a table of FRFs gives none.
-    """
-
-    unit: str | None = None
-    columns: Mapping[str, str] | None = None
-    direction: str = "x"
-    force: str | None = None
-    noise: float = SPECTRUM.default_noise
 
 
 def read_observation_file(
@@ -51,17 +32,22 @@ def read_observation_file(
         MeasurementError: the file, a column or a cell cannot be used, or the file is of another
             kind; the message names it.
     """
-    return base_motion_in(read_measured(path), Reading(unit=unit, columns=columns))
+    return base_motion_in(read_measured(path), unit, columns)
 
 
-def base_motion_in(recording: Recording, how: Reading) -> Histories | Observation:
+def base_motion_in(
+    recording: Recording,
+    unit: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    noise: float = SPECTRUM.default_noise,
+) -> Histories | Observation:
     """What `read_observation_file` reads, in a file that was opened."""
-    found = kind_in(recording, how)
+    found = kind_in(recording, unit, columns, noise=noise)
     what = "identified modes"
     if not isinstance(found, IdentifiedModes):
-        one = found if isinstance(found, Histories) else found[0]
-        if not one.excitation.force:
-            return one
+        first = found if isinstance(found, Histories) else found[0]
+        if not first.excitation.force:
+            return first
         what = "responses to a force"
     raise recording.file.error(
         f"these are {what}, which calibrate, diagnose and repair explain; give histories or FRFs"
@@ -69,20 +55,33 @@ def base_motion_in(recording: Recording, how: Reading) -> Histories | Observatio
     )
 
 
-def kind_in(recording: Recording, how: Reading) -> AnyKind:
+def kind_in(
+    recording: Recording,
+    unit: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    direction: str = "x",
+    force: str | None = None,
+    noise: float = SPECTRUM.default_noise,
+) -> AnyKind:
     """What a file holds; of FRFs an observation for each excitation, at the file's frequencies.
+
+    Args:
+        unit: of accelerations, or of responses to a force, where the file does not give it.
+        direction: of the motion; of identified modes other components are left out.
+        force: floor at which the force acts, where the columns' names do not say it.
+        noise: standard deviation of ln|H| where a table of FRFs gives none.
 
     Raises:
         MeasurementError: the file, a column or a cell cannot be used; the message names it.
     """
     if recording.modes or recording.mode_table is not None:
-        return identified_modes(recording, how.columns, how.direction)
-    file, table, columns = recording.file, recording.table, how.columns
+        return identified_modes(recording, columns, direction)
+    file, table = recording.file, recording.table
     if table is None and recording.functions and not recording.channels:
         table, columns = table_of_functions(recording, columns or {}), None
     if table is None:
-        return histories_of(file, placed_channels(recording, columns, how.unit), how.unit)
+        return histories_of(file, placed_channels(recording, columns, unit), unit)
     layout = layout_of(table, columns)
     if layout.of_histories:
-        return histories_of(file, layout.channels(), how.unit)
-    return frfs_in_table(layout, how.force, how.unit, how.noise)
+        return histories_of(file, layout.channels(), unit)
+    return frfs_in_table(layout, force, unit, noise)

@@ -68,12 +68,17 @@ def modes_in_table(
         )
     sensors, shape, sd = _shapes(table, values)
     numbers = values.get(MODE, np.arange(1.0, len(frequency) + 1.0))
+
+    def cell(name: str, row: int) -> float | None:
+        value = float(values[name][row]) if name in values else np.nan
+        return None if np.isnan(value) else value
+
     return tuple(
         RecordedMode(
             frequency_hz=float(frequency[row]),
-            frequency_sd_hz=_cell(values, FREQUENCY_SD, row),
-            damping=_cell(values, DAMPING, row),
-            damping_sd=_cell(values, DAMPING_SD, row),
+            frequency_sd_hz=cell(FREQUENCY_SD, row),
+            damping=cell(DAMPING, row),
+            damping_sd=cell(DAMPING_SD, row),
             sensors=sensors,
             shape=shape[row],
             shape_sd=sd[row],
@@ -103,7 +108,18 @@ def _columns(table: ColumnTable, columns: Mapping[str, str], named: bool) -> dic
                 f" are {MODE_COLUMNS}: rename it or map it by the columns option"
             )
         known = known or title
-        values[known] = table.values[:, position] * _factor(table, known, position)
+        unit, factor = table.units[position], 1.0
+        if unit and known in (FREQUENCY, FREQUENCY_SD):
+            factor = si_factor(table.file, unit, "frequency")
+        elif known in (DAMPING, DAMPING_SD) and unit == "%":
+            factor = 0.01
+        elif unit and known != MODE and unit not in ("-", "1"):
+            raise table.file.error(
+                f"the column cannot be in {unit!r}; damping is a ratio or in %, a shape has no"
+                " unit",
+                column=table.title(position),
+            )
+        values[known] = table.values[:, position] * factor
     return values
 
 
@@ -114,22 +130,6 @@ def figure_of(title: str) -> str | None:
     """
     plain = re.sub(r"[\s_.\-]+", "", title).lower()
     return next((name for name, pattern in _TITLES.items() if re.fullmatch(pattern, plain)), None)
-
-
-def _factor(table: ColumnTable, name: str, position: int) -> float:
-    unit = table.units[position]
-    if not unit:
-        return 1.0
-    if name in (DAMPING, DAMPING_SD) and unit == "%":
-        return 0.01
-    if name in (FREQUENCY, FREQUENCY_SD):
-        return si_factor(table.file, unit, "frequency")
-    if name == MODE or unit in ("-", "1"):
-        return 1.0
-    raise table.file.error(
-        f"the column cannot be in {unit!r}; damping is a ratio or in %, a shape has no unit",
-        column=table.title(position),
-    )
 
 
 def _shapes(
@@ -147,12 +147,6 @@ def _shapes(
         sd[:, k] = values.get(f"{sensor}_sd", sd[:, k])
     real_only = not any(f"{sensor}_im" in values for sensor in sensors)
     return sensors, shape.real if real_only else shape, sd
-
-
-def _cell(values: Mapping[str, Floats], name: str, row: int) -> float | None:
-    if name not in values or np.isnan(values[name][row]):
-        return None
-    return float(values[name][row])
 
 
 _SHOWN = 12
@@ -352,44 +346,36 @@ def _scaled(shape: NDArray[np.inexact]) -> NDArray[np.inexact]:
 def mode_findings(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
     """Sentences on modes that are doubtful by themselves, then on pairs."""
     findings = []
-    for mode in modes:
+    called = [
+        f"{f'mode {mode.name}' if mode.name else 'the mode'} at {mode.frequency_hz:.4g} Hz"
+        for mode in modes
+    ]
+    for mode, name in zip(modes, called, strict=True):
         shape = np.asarray(mode.shape)
         # Buildings have damping ratios of .005 to .1.
         if mode.damping is not None and not 0.0 < mode.damping <= 0.1:
-            findings.append(f"{_called(mode)} has a damping ratio of {mode.damping:.3g}")
+            findings.append(f"{name} has a damping ratio of {mode.damping:.3g}")
         # A standard deviation of a tenth of the frequency is worth a word.
         if mode.frequency_sd_hz is not None and mode.frequency_sd_hz > 0.1 * mode.frequency_hz:
-            findings.append(f"{_called(mode)} is hardly known: ±{mode.frequency_sd_hz:.3g} Hz")
+            findings.append(f"{name} is hardly known: ±{mode.frequency_sd_hz:.3g} Hz")
         seen = shape[~np.isnan(shape)]
         if seen.size and phase_collinearity(seen) < _IN_PHASE:
-            findings.append(f"{_called(mode)}: the sensors do not move in phase")
+            findings.append(f"{name}: the sensors do not move in phase")
         if seen.size > 1 and not np.abs(in_phase(seen)).any():
-            findings.append(f"{_called(mode)}: every component of the shape is zero")
+            findings.append(f"{name}: every component of the shape is zero")
     findings += [
-        f"{_called(first)} and {_called(second)} have nearly one frequency and one shape: this"
+        f"{called[k]} and {called[m]} have nearly one frequency and one shape: this"
         " looks like one mode found twice"
-        for first, second in combinations(modes, 2)
-        if alike(first, second)
+        for k, m in combinations(range(len(modes)), 2)
+        if alike(modes[k], modes[m])
     ]
     return tuple(findings)
 
 
-def mac(first: RecordedMode, second: RecordedMode) -> float:
-    """Modal assurance criterion of two modes at the sensors that both have; NaN without any."""
-    shared = [name for name in first.sensors if name in second.sensors]
-    a, b = (
-        np.asarray(mode.shape)[[mode.sensors.index(name) for name in shared]]
-        for mode in (first, second)
-    )
-    there = ~(np.isnan(a) | np.isnan(b))
-    a, b = a[there], b[there]
-    length = float((np.abs(a) ** 2).sum() * (np.abs(b) ** 2).sum())
-    return float(np.abs(np.vdot(a, b)) ** 2 / length) if len(a) > 1 and length > 0.0 else np.nan
-
-
-def _called(mode: RecordedMode) -> str:
-    name = f"mode {mode.name} " if mode.name else "the mode "
-    return f"{name}at {mode.frequency_hz:.4g} Hz"
+def mac(first: NDArray[np.inexact], second: NDArray[np.inexact]) -> float:
+    """Modal assurance criterion of two shapes (s,)."""
+    length = float(np.vdot(first, first).real * np.vdot(second, second).real)
+    return float(np.abs(np.vdot(first, second)) ** 2 / length) if length > 0.0 else 0.0
 
 
 def alike(first: RecordedMode, second: RecordedMode) -> bool:
@@ -398,5 +384,13 @@ def alike(first: RecordedMode, second: RecordedMode) -> bool:
         return False
     # Within 2 % in frequency
     close = abs(np.log(first.frequency_hz / second.frequency_hz)) < 0.02
+    shared = [name for name in first.sensors if name in second.sensors]
+    both = np.array(
+        [
+            np.asarray(mode.shape)[[mode.sensors.index(name) for name in shared]]
+            for mode in (first, second)
+        ]
+    )
+    both = both[:, ~np.isnan(both).any(axis=0)]
     # and by a MAC of 0.95 two modes are one.
-    return close and mac(first, second) > 0.95
+    return close and both.shape[1] > 1 and mac(*both) > 0.95

@@ -159,7 +159,13 @@ def read_record(
     file, channels = recording.file, recording.histories()
     if not channels:
         raise file.error("there are no histories in the file; give the record of the ground")
-    base = _base_channels(file, channels, columns or {}, unit)
+    told = {k: v for k, v in (columns or {}).items() if k.lower().startswith(BASE)}
+    named = {parse_channel(channel.name): channel for channel in channels}
+    base = {
+        ours: channel
+        for ours, channel in (named | given_channels(file, channels, told, unit)).items()
+        if isinstance(ours, FloorChannel) and ours.floor == BASE
+    }
     chosen = _choose(file, channels, channel, unit, base)
     for words in chosen.done:
         logger.warning("%s: %s", file.path, words)
@@ -170,26 +176,37 @@ def read_record(
         channel=chosen.name,
         rotation=_rotation(file, chosen, base, unit),
     )
-    stated = plain_unit(acceleration_unit(file, chosen, unit)).lower()
-    _check_plausible(file, motion, stated)
+    where = repr(motion.channel)
+    check_step(file, motion.time_step, where)
+    # Ten samples of the ground are the least.
+    if motion.acceleration.size < 10:
+        raise file.error(
+            f"{motion.acceleration.size} values are no record; give the whole time history",
+            column=where,
+        )
+    offset = abs(float(motion.acceleration.mean()))
+    swing = float(np.abs(motion.acceleration - motion.acceleration.mean()).max())
+    if np.ptp(motion.acceleration) == 0.0:
+        raise file.error(
+            "every value is the same: the channel was dead; choose another", column=where
+        )
+    if max(motion.peak, swing) > LARGEST_PEAK or swing < SMALLEST_PEAK:
+        peak = motion.peak if motion.peak > LARGEST_PEAK else swing
+        raise file.error(
+            f"the peak is {peak / STANDARD_GRAVITY:.3g} g when the values are read in"
+            f" {plain_unit(acceleration_unit(file, chosen, unit)).lower()}, which no strong-motion"
+            f" record has ({RECORD.smallest_g:g} to {RECORD.largest_g:g} g); is the unit wrong?",
+            column=where,
+        )
+    # A mean of 5 % of the largest swing is worth a warning.
+    if offset > 0.05 * swing:
+        logger.warning(
+            "%s, channel %s: the mean is %.3g m/s2; remove it from the file",
+            file.path,
+            motion.channel,
+            offset,
+        )
     return motion
-
-
-def _base_channels(
-    file: TextFile,
-    channels: Sequence[RecordedChannel],
-    columns: Mapping[str, str],
-    unit: str | None,
-) -> dict[FloorChannel, RecordedChannel]:
-    """Channels of the base, as the user or their own names say."""
-    told = {ours: theirs for ours, theirs in columns.items() if ours.lower().startswith(BASE)}
-    own = {parse_channel(one.name): one for one in channels}
-    known = own | given_channels(file, channels, told, unit)
-    return {
-        ours: one
-        for ours, one in known.items()
-        if isinstance(ours, FloorChannel) and ours.floor == BASE
-    }
 
 
 def _rotation(
@@ -199,19 +216,19 @@ def _rotation(
     unit: str | None,
 ) -> Floats | None:
     """How the base turns (n,), rad/s2, where its own channel was chosen and vertical ones tell."""
-    vertical = {ours: one for ours, one in base.items() if ours.place is not None}
-    if len(vertical) < 2 or not any(one is chosen for one in base.values()):
+    vertical = {ours: channel for ours, channel in base.items() if ours.place is not None}
+    if len(vertical) < 2 or not any(channel is chosen for channel in base.values()):
         return None
-    for one in vertical.values():
-        if (one.time_step, one.values.size) != (chosen.time_step, chosen.values.size):
+    for channel in vertical.values():
+        if (channel.time_step, channel.values.size) != (chosen.time_step, chosen.values.size):
             raise file.error(
                 "it has other times than the base's own channel; cut both to the same times",
-                column=repr(one.name),
+                column=repr(channel.name),
             )
     fault = fault_of(tuple(vertical))
     if fault is not None:
         raise file.error(fault)
-    rows = np.array([in_m_s2(file, one, unit) for one in vertical.values()])
+    rows = np.array([in_m_s2(file, channel, unit) for channel in vertical.values()])
     return rotation_of(tuple(vertical), rows)
 
 
@@ -223,49 +240,19 @@ def _choose(
     base: Mapping[FloorChannel, RecordedChannel],
 ) -> RecordedChannel:
     if asked is not None:
-        names, listing = [one.name for one in channels], channel_listing(file, channels, unit)
+        names, listing = (
+            [channel.name for channel in channels],
+            channel_listing(file, channels, unit),
+        )
         at = positions(file, "channel", names, {"the record": str(asked)}, listing)
         chosen = channels[at["the record"]]
-        return next((one for one in base.values() if one.name == chosen.name), chosen)
+        return next((known for known in base.values() if known.name == chosen.name), chosen)
     if len(channels) == 1:
         return channels[0]
-    along = [one for ours, one in base.items() if ours.direction != "z"]
+    along = [known for ours, known in base.items() if ours.direction != "z"]
     if len(along) == 1:
         return along[0]
     raise file.error(
         f"the record has {len(channels)} channels; choose one by name or number:"
         f" {channel_listing(file, channels, unit)}"
     )
-
-
-def _check_plausible(file: TextFile, motion: GroundMotion, unit: str) -> None:
-    where = repr(motion.channel)
-    check_step(file, motion.time_step, where)
-    # Ten samples of the ground are the least.
-    if motion.acceleration.size < 10:
-        raise file.error(
-            f"{motion.acceleration.size} values are no record; give the whole time history",
-            column=where,
-        )
-    swing = float(np.abs(motion.acceleration - motion.acceleration.mean()).max())
-    if np.ptp(motion.acceleration) == 0.0:
-        raise file.error(
-            "every value is the same: the channel was dead; choose another", column=where
-        )
-    if max(motion.peak, swing) > LARGEST_PEAK or swing < SMALLEST_PEAK:
-        peak = motion.peak if motion.peak > LARGEST_PEAK else swing
-        raise file.error(
-            f"the peak is {peak / STANDARD_GRAVITY:.3g} g when the values are read in"
-            f" {unit}, which no strong-motion record has ({RECORD.smallest_g:g} to"
-            f" {RECORD.largest_g:g} g); is the unit wrong?",
-            column=where,
-        )
-    offset = abs(float(motion.acceleration.mean()))
-    # A mean of 5 % of the largest swing is worth a warning.
-    if offset > 0.05 * swing:
-        logger.warning(
-            "%s, channel %s: the mean is %.3g m/s2; remove it from the file",
-            file.path,
-            motion.channel,
-            offset,
-        )

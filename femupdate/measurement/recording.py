@@ -233,10 +233,29 @@ class Recording:
 
     def histories(self) -> tuple[RecordedChannel, ...]:
         """Channels of the file; of a table, every column beside the one of times."""
-        if self.table is None:
+        table = self.table
+        if table is None:
             return self.channels
-        read = channels_of(self.table, _time_column(self.table))
-        return tuple(in_step(self.file, read).values())
+        names, values = table.names or (), table.values
+        if values.shape[1] == 1:
+            raise table.file.error(
+                "there is one column only; a record needs a column of times and one of acceleration"
+            )
+        at = next((k for k, name in enumerate(names) if TIME_NAME.match(name)), None)
+        # So few rows as two are refused wherever their times are. No acceleration grows by the same
+        # step from row to row: such a first column is the time.
+        if at is None and len(values) > 2:
+            try:
+                even_step(table.file, values[:, 0], table.lines, table.title(0))
+            except MeasurementError:
+                if not names and (np.diff(values[:, 0]) > 0.0).all():
+                    raise
+                raise table.file.error(
+                    f"no column of times among {', '.join(names)}; call it time_s"
+                    if names
+                    else "no column grows as times do; put one of times, in s, before the others"
+                ) from None
+        return tuple(in_step(self.file, channels_of(table, at or 0)).values())
 
 
 def channels_of(
@@ -423,56 +442,25 @@ def in_step(
                 f"Channels begin up to {apart:.2g} of a sample apart; resample them to one clock."
             )
     if one_rate and len(steps) > 1:
-        found = _at_lowest_rate(file, found, slow)
+        for key, each in found.items():
+            ratio = rate_ratio(each.time_step, slow.time_step, each.values.size)
+            if ratio is None:
+                raise file.error(
+                    f"{each.name} is sampled at {1.0 / each.time_step:g} Hz, {slow.name} at"
+                    f" {1.0 / slow.time_step:g} Hz; bring them to one rate"
+                )
+            mean = each.values.mean()
+            values = each.values if ratio == 1 else resampled(each.values - mean, ratio) + mean
+            found[key] = replace(each, values=values, time_step=slow.time_step)
+        sizes = [each.values.size for each in found.values()]
+        if max(sizes) - min(sizes) > 2:
+            raise file.error(
+                "the channels have unlike rates and lengths, and the file does not say when they"
+                " start; cut them to the same times"
+            )
+        found = {key: replace(c, values=c.values[: min(sizes)]) for key, c in found.items()}
         done.append(
             f"Channels of unlike rates, {', '.join(f'{1.0 / step:g}' for step in sorted(steps))}"
             f" Hz, are all taken at {1.0 / slow.time_step:g} Hz, that of {slow.name}."
         )
     return {key: replace(each, done=(*each.done, *done)) for key, each in found.items()}
-
-
-def _at_lowest_rate(
-    file: TextFile, channels: Mapping[_Key, RecordedChannel], slow: RecordedChannel
-) -> dict[_Key, RecordedChannel]:
-    found = {}
-    for key, each in channels.items():
-        ratio = rate_ratio(each.time_step, slow.time_step, each.values.size)
-        if ratio is None:
-            raise file.error(
-                f"{each.name} is sampled at {1.0 / each.time_step:g} Hz, {slow.name} at"
-                f" {1.0 / slow.time_step:g} Hz; bring them to one rate"
-            )
-        mean = each.values.mean()
-        values = each.values if ratio == 1 else resampled(each.values - mean, ratio) + mean
-        found[key] = replace(each, values=values, time_step=slow.time_step)
-    sizes = [each.values.size for each in found.values()]
-    if max(sizes) - min(sizes) > 2:
-        raise file.error(
-            "the channels have unlike rates and lengths, and the file does not say when they start;"
-            " cut them to the same times"
-        )
-    return {key: replace(c, values=c.values[: min(sizes)]) for key, c in found.items()}
-
-
-def _time_column(table: ColumnTable) -> int:
-    if table.values.shape[1] == 1:
-        raise table.file.error(
-            "there is one column only; a record needs a column of times and one of acceleration"
-        )
-    named = [i for i, name in enumerate(table.names or ()) if TIME_NAME.match(name)]
-    if named or len(table.values) < 3:  # so few rows are refused wherever their times are
-        return named[0] if named else 0
-    # No acceleration grows by the same step from row to row: such a first column is the time.
-    try:
-        even_step(table.file, table.values[:, 0], table.lines, table.title(0))
-    except MeasurementError:
-        if table.names is None and (np.diff(table.values[:, 0]) > 0.0).all():
-            raise
-        if table.names is None:
-            raise table.file.error(
-                "no column grows as times do; put one of times, in s, before the others"
-            ) from None
-        raise table.file.error(
-            f"no column of times among {', '.join(table.names)}; call it time_s"
-        ) from None
-    return 0

@@ -58,25 +58,35 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
         return runs[0]
     names = [name for name in floors if any(name in run.floors for run in runs)]
     wide = [on_all_floors(run, names) for run in runs]
-    weight = _weights(wide)
+    valid, noise = (
+        np.stack([getattr(run, name) for run in wide]) for name in ("valid", "noise_sd")
+    )
+    values = np.stack([run.log_frf for run in wide])
+    there = np.isfinite(values) & np.isfinite(noise) & (noise > 0)
+    used = np.where(valid.any(axis=0), valid, there)
+    share = np.array([independent_share(run) for run in wide])[:, None, None]
+    # Precision (r, f, m) with which every run counts at a point; zero where it does not.
+    weight = np.where(used, share / np.where(used, noise, 1.0) ** 2, 0.0)
     resolution = _resolution(wide, weight.sum(axis=(1, 2)))
     grid, estimated = wide[0].frequency_hz, any(run.coherence is not None for run in runs)
     precision = weight / resolved_share(grid, resolution, estimated=estimated)
-    total, values = precision.sum(axis=0), np.stack([run.log_frf for run in wide])
+    total = precision.sum(axis=0)
     mean = _mean(values, precision)
     deviation = np.where(precision > 0.0, values - mean, 0.0)
     # Share (r, m) of every run in all floors together; alike where there is nothing.
     of_run = precision.sum(axis=1)
     of_all = of_run.sum(axis=0)
     shares = np.where(of_all > 0.0, of_run / np.where(of_all > 0.0, of_all, 1.0), 1.0 / len(runs))
+    seen = [k for k, run in enumerate(wide) if run.coherence is not None]
+    coherence = np.array([wide[k].coherence for k in seen])
     return Observation(
         frequency_hz=wide[0].frequency_hz,
         floors=tuple(names),
         log_frf=mean,
         noise_sd=np.where(total > 0.0, np.maximum(total, _TINY) ** -0.5, np.nan),
-        valid=np.asarray(np.stack([run.valid for run in wide]).any(axis=0)),
+        valid=np.asarray(valid.any(axis=0)),
         phase=_phase(wide, precision),
-        coherence=_coherence(wide, precision),
+        coherence=_mean(coherence, precision[seen]) if seen else None,
         resolution_hz=resolution,
         source=", ".join(run.source for run in runs),
         scatter=(precision * deviation**2).sum(axis=0),
@@ -93,16 +103,6 @@ def _rotation(runs: Sequence[Observation], shares: Floats) -> Complexes | None:
     none = np.zeros(shares.shape[1], dtype=np.complex128)
     rows = np.stack([none if run.rotation is None else run.rotation for run in runs])
     return np.asarray((shares * np.nan_to_num(rows)).sum(axis=0))
-
-
-def _weights(runs: Sequence[Observation]) -> Floats:
-    """Precision (r, f, m) with which every run counts at a point; zero where it does not."""
-    valid = np.stack([run.valid for run in runs])
-    noise = np.stack([run.noise_sd for run in runs])
-    there = np.isfinite(np.stack([run.log_frf for run in runs])) & np.isfinite(noise) & (noise > 0)
-    used = np.where(valid.any(axis=0), valid, there)
-    share = np.array([independent_share(run) for run in runs])[:, None, None]
-    return np.where(used, share / np.where(used, noise, 1.0) ** 2, 0.0)
 
 
 def _resolution(runs: Sequence[Observation], weight: Floats) -> float | None:
@@ -134,15 +134,6 @@ def _phase(runs: Sequence[Observation], precision: Floats) -> Floats | None:
     # About the circular mean angles are as numbers: their mean keeps the product of likelihoods.
     away = np.angle(turned * np.exp(-1j * middle))
     return np.angle(np.exp(1j * (middle + _mean(away, precision))))
-
-
-def _coherence(runs: Sequence[Observation], precision: Floats) -> Floats | None:
-    """Mean (f, m) over the runs that were estimated from histories; None where none was."""
-    known = [(k, run.coherence) for k, run in enumerate(runs) if run.coherence is not None]
-    if not known:
-        return None
-    rows, values = zip(*known, strict=True)
-    return _mean(np.stack(values), precision[list(rows)])
 
 
 @dataclass(frozen=True)
@@ -226,10 +217,10 @@ def agreement(runs: Sequence[Observation], floors: Sequence[str]) -> Agreement:
 
 def _differences(run: Observation, others: Observation, floors: Sequence[str]) -> list[Difference]:
     share = min(independent_share(run), independent_share(others))
-    one, rest = (on_all_floors(each, floors) for each in (run, others))
-    both = one.valid & rest.valid
-    difference = np.where(both, one.log_frf - rest.log_frf, 0.0)
-    variance = np.where(both, one.noise_sd**2 + rest.noise_sd**2, np.inf)
+    first, rest = (on_all_floors(each, floors) for each in (run, others))
+    both = first.valid & rest.valid
+    difference = np.where(both, first.log_frf - rest.log_frf, 0.0)
+    variance = np.where(both, first.noise_sd**2 + rest.noise_sd**2, np.inf)
     found: list[Difference] = []
     for low, high in pairwise(band_edges(run.frequency_hz)):
         inside = (run.frequency_hz >= low) & (run.frequency_hz < high)

@@ -259,7 +259,15 @@ def drop_trailing_blanks(rows: list[Row], delimiter: str | None) -> list[Row]:
     blank = len(first) - filled
     if blank == 0 or filled == 0:
         return rows
-    return [(line, _drop_blank_tail(text, delimiter, blank)) for line, text in rows]
+    cut = []
+    for line, text in rows:
+        for _ in range(blank):
+            head, mark, tail = text.rpartition(delimiter)
+            if not mark or tail.strip():
+                break
+            text = head
+        cut.append((line, text))
+    return cut
 
 
 def parse_rows(
@@ -341,15 +349,6 @@ def read_head_rows(
     below = [None if unit in ("", "-") else unit for unit in second]
     stated = tuple(unit or beside for unit, beside in zip(below, units, strict=True))
     return names, stated, rows[2:]
-
-
-def _drop_blank_tail(text: str, delimiter: str, count: int) -> str:
-    for _ in range(count):
-        head, mark, tail = text.rpartition(delimiter)
-        if not mark or tail.strip():
-            break
-        text = head
-    return text
 
 
 def _blame(

@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -81,21 +80,8 @@ _HEAD = """\
 """
 
 
-@dataclass(frozen=True)
-class ColumnMapping:
-    """What a mapping file says.
-
-    Attributes:
-        columns: our column name to the file's name or number.
-        unit: of the accelerations, or None where the measured file says it.
-    """
-
-    columns: Mapping[str, str]
-    unit: str | None = None
-
-
-def read_mapping(path: str | Path) -> ColumnMapping:
-    """Read a mapping file.
+def read_mapping(path: str | Path) -> tuple[dict[str, str], str | None]:
+    """What a mapping file says: our column names to the file's, and the unit of accelerations.
 
     Raises:
         MeasurementError: it is no TOML, a key is not known, or a value is neither a name nor a
@@ -124,7 +110,7 @@ def read_mapping(path: str | Path) -> ColumnMapping:
         if isinstance(theirs, bool) or not isinstance(theirs, int | str):
             raise file.error(f"{ours} = {theirs} is neither a channel's number nor its name")
         found[ours] = str(theirs)
-    return ColumnMapping(found, unit)
+    return found, unit
 
 
 def write_mapping(

@@ -2,13 +2,13 @@
 
 import inspect
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from femupdate.building.shipped import building_text, shipped_buildings
 from femupdate.effects.effect import Effect
 from femupdate.effects.registry import CATALOGUE
-from femupdate.measurement.reader import Reader, readers
+from femupdate.measurement.reader import readers
 from femupdate.result import Item, Note, Result
 from femupdate.units import capital
 
@@ -29,11 +29,11 @@ class Listing(Result):
 
     buildings: tuple[ShippedBuilding, ...]
     effects: tuple[Effect, ...]
-    formats: tuple[Reader, ...]
+    formats: Mapping[str, str]
 
     def items(self) -> Iterator[Item]:
         """Three lists."""
-        width = 2 + max(len(entry.name) for entry in self.formats)
+        width = 2 + max(map(len, self.formats))
         yield Note(
             "Buildings (build-model NAME, or --building NAME)",
             {"buildings": [vars(entry) for entry in self.buildings]},
@@ -54,17 +54,16 @@ class Listing(Result):
         ]
         yield Note("\nEffects (simulate --effect NAME@PLACE=SIZE)", {"effects": effects})
         yield from (Note(line) for entry in self.effects for line in _effect_lines(entry))
-        formats = [{"name": entry.name, "reads": entry.reads} for entry in self.formats]
+        formats = [{"name": name, "reads": reads} for name, reads in self.formats.items()]
         yield Note("\nFormats of measured files", {"formats": formats})
-        yield from (Note(f"  {entry.name:<{width}}{entry.reads}") for entry in self.formats)
+        yield from (Note(f"  {name:<{width}}{reads}") for name, reads in self.formats.items())
 
 
 def list_all() -> Listing:
     """Everything that comes with femupdate, by name."""
     effects = tuple(CATALOGUE[name] for name in sorted(CATALOGUE))
-    return Listing(
-        tuple(_shipped(name) for name in shipped_buildings()), effects, tuple(readers().values())
-    )
+    formats = {name: reader.READS for name, reader in readers().items()}
+    return Listing(tuple(_shipped(name) for name in shipped_buildings()), effects, formats)
 
 
 def _shipped(name: str) -> ShippedBuilding:

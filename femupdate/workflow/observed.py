@@ -13,7 +13,7 @@ from femupdate.building.shear import require_heights
 from femupdate.errors import MeasurementError
 from femupdate.measurement.frf import observation_for, with_halves
 from femupdate.measurement.histories import Histories
-from femupdate.measurement.kinds import AnyKind, Reading, base_motion_in, kind_in
+from femupdate.measurement.kinds import AnyKind, base_motion_in, kind_in
 from femupdate.measurement.observation import Observation, select_floors
 from femupdate.measurement.reader import read_measured
 from femupdate.measurement.recording import Recording
@@ -95,14 +95,8 @@ class ObservationSource:
         Raises:
             MeasurementError: the file cannot be used.
         """
-        how = Reading(
-            unit=self.unit,
-            columns=self.columns,
-            direction=direction,
-            force=self.force,
-            noise=noise,
-        )
-        return kind_in(self._recording(path), how)
+        recording = self._recording(path)
+        return kind_in(recording, self.unit, self.columns, direction, self.force, noise)
 
     def read_base_motion(self, noise: float = SPECTRUM.default_noise) -> Histories | Observation:
         """Histories or response functions under base motion in the first file.
@@ -110,8 +104,7 @@ class ObservationSource:
         Raises:
             MeasurementError: the file cannot be used, or is of another kind.
         """
-        how = Reading(unit=self.unit, columns=self.columns, noise=noise)
-        return base_motion_in(self._recording(self.path), how)
+        return base_motion_in(self._recording(self.path), self.unit, self.columns, noise)
 
     def _recording(self, path: Path) -> Recording:
         kept = {file.path: file.recording for file in self.files}

@@ -21,6 +21,7 @@ from femupdate.dynamics.members import (
 )
 from femupdate.dynamics.spectra import floor_spectra
 from femupdate.dynamics.summary import HistorySummary, summarise
+from femupdate.dynamics.system import System
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.inference.event_scatter import DEFAULT, EventScatter
 from femupdate.inference.next_event import EventErrors
@@ -147,37 +148,9 @@ def predict_study(
     rows = posterior.rows(settings.samples, settings.seed)
     values, damping = _damped(model, posterior, settings)
 
-    def summary_of(values: Values, errors: EventErrors | None) -> tuple[HistorySummary, list[str]]:
-        """Summary of the histories of draws, and what is to be said of their level."""
-        theta, zeta, told = values.of_structure, values.zeta, []
-        if changes_with_level(system.placed):
-            progress.start("Finding the level of the motion", len(zeta))
-            found = at_own_level(
-                system,
-                (values.theta.numpy(), zeta.numpy(), values.sizes.numpy()),
-                motion,
-                posterior.settings,
-                keep_damping=settings.damping is not None,
-                progress=progress,
-            )
-            values = replace(values, theta=torch.from_numpy(found.theta))
-            theta, zeta = values.of_structure, torch.from_numpy(found.zeta)
-            told.append(found.note)
-        level = None
-        if system.changes_in_run and system.complex_modes:
-            told += UNFOLLOWED
-        elif system.changes_in_run:
-            mean = mean_level(system, posterior.settings)
-            level = OwnLevel(mean, settings.damping is not None)
-            told.append(changing_note(mean is not None))
-        histories = history_batches(
-            system, theta, zeta, motion.inputs, motion.time_step, level=level, progress=progress
-        )
-        return summarise(errors.applied(histories) if errors else histories, _EXAMPLES), told
-
     progress.start("Integrating the response", len(rows))
     # Of the parameters alone, as they were when they were measured.
-    alone, at_level = summary_of(values, None)
+    alone, at_level = _summary(system, posterior, motion, values, settings, None, progress)
     moving, erring = spawn(settings.seed, 2)
     # Errors of the model fade below the lowest frequency.
     lowest = system.modes(values.theta[:1], values.sizes[:1]).omega.min()
@@ -189,7 +162,8 @@ def predict_study(
     box = factors.lower, factors.upper
     theta, zeta = scatter.next_event(values.theta, values.zeta, box, moving)
     progress.start("Integrating the response of another event", len(rows))
-    summary, _ = summary_of(replace(values, theta=theta, zeta=zeta), errors)
+    moved = replace(values, theta=theta, zeta=zeta)
+    summary, _ = _summary(system, posterior, motion, moved, settings, errors, progress)
     # A stiffness is the building's own: errors of shear and drift are none of it.
     summary = replace(summary, story_stiffness=alone.story_stiffness)
     best = errors.corrected(alone.floors, alone.acceleration_mean, motion.time_step)
@@ -215,6 +189,14 @@ def predict_study(
         members=_members(study, model, values, motion, settings, progress),
     )
     save_prediction(report)
+    _record(study, model, record, report, measured)
+    return report
+
+
+def _record(
+    study: Study, model: StudyModel, record: RecordSource, report: Prediction, measured: Path | None
+) -> None:
+    """Note in the study what the prediction was made from, and how well it met measured floors."""
     origin = {
         **model.made_from(),
         "posterior": file_hash(study.require("posterior", "calibrate")),
@@ -226,7 +208,43 @@ def predict_study(
     if report.comparison is not None:
         used["against_measured"] = report.comparison.as_dict()
     study.record("prediction", "prediction.nc", "predict", origin, used)
-    return report
+
+
+def _summary(
+    system: System,
+    posterior: Posterior,
+    motion: GroundMotion,
+    values: Values,
+    settings: PredictionSettings,
+    errors: EventErrors | None,
+    progress: Progress,
+) -> tuple[HistorySummary, list[str]]:
+    """Summary of the histories of draws, and what is to be said of their level."""
+    theta, zeta, told = values.of_structure, values.zeta, []
+    if changes_with_level(system.placed):
+        progress.start("Finding the level of the motion", len(zeta))
+        found = at_own_level(
+            system,
+            (values.theta.numpy(), zeta.numpy(), values.sizes.numpy()),
+            motion,
+            posterior.settings,
+            keep_damping=settings.damping is not None,
+            progress=progress,
+        )
+        values = replace(values, theta=torch.from_numpy(found.theta))
+        theta, zeta = values.of_structure, torch.from_numpy(found.zeta)
+        told.append(found.note)
+    level = None
+    if system.changes_in_run and system.complex_modes:
+        told += UNFOLLOWED
+    elif system.changes_in_run:
+        mean = mean_level(system, posterior.settings)
+        level = OwnLevel(mean, settings.damping is not None)
+        told.append(changing_note(mean is not None))
+    histories = history_batches(
+        system, theta, zeta, motion.inputs, motion.time_step, level=level, progress=progress
+    )
+    return summarise(errors.applied(histories) if errors else histories, _EXAMPLES), told
 
 
 def _measured_floors(

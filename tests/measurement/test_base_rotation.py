@@ -146,7 +146,7 @@ def test_inspect_says_what_vertical_channels_tell(tmp_path):
     mapping = write_mapping(
         tmp_path / "m.toml", named, columns, [each.channel for each in plain.channels], None
     )
-    mapped = inspect_file(named, columns=read_mapping(mapping).columns)
+    mapped = inspect_file(named, columns=read_mapping(mapping)[0])
     assert "measured by vertical sensors at -2, 3 m" in mapped.rotation[0]
     assert mapped.findings == ()
     assert "base@-2.z=base:1.z" in mapped.step.command

@@ -6,7 +6,7 @@ import pytest
 from femupdate.errors import MeasurementError
 from femupdate.measurement.frf_table import in_band
 from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import Reading, kind_in
+from femupdate.measurement.kinds import kind_in
 from femupdate.measurement.quantity import force_unit
 from femupdate.measurement.reader import read_measured
 
@@ -14,7 +14,7 @@ G = 9.80665
 
 
 def read(path, **how):
-    return kind_in(read_measured(path), Reading(**how))
+    return kind_in(read_measured(path), **how)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from scipy.io import savemat
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import Reading, kind_in
+from femupdate.measurement.kinds import kind_in
 from femupdate.measurement.quantity import bracketed
 from femupdate.measurement.reader import read_measured
 from femupdate.measurement.readers import uff
@@ -44,7 +44,7 @@ def test_a_long_title_takes_no_time(write, head):
     path = write(f"{titles}\n1,2,3\n2,3,4\n", "a.csv")
     started = time.process_time()
     with contextlib.suppress(MeasurementError):
-        kind_in(read_measured(path), Reading())
+        kind_in(read_measured(path))
     assert time.process_time() - started < 1.0
 
 
@@ -68,7 +68,7 @@ def test_figures_that_no_force_and_no_motion_has(write, tmp_path):
     rows = "".join(f"{0.02 * k:.2f},{(-1) ** k},{0.1 * k % 1}\n" for k in range(400))
     forced = f"time_s,force/RF (kN),RF (m/s2)\n{rows}8.00,1e300,0\n"
     with pytest.raises(MeasurementError, match="a force of 1e\\+303 N"):
-        kind_in(read_measured(write(forced, "hammer.csv")), Reading())
+        kind_in(read_measured(write(forced, "hammer.csv")))
     moving = f"time_s,2F (m/s2),RF (m/s2)\n{rows}8.00,1e300,0\n"
     with pytest.raises(MeasurementError, match="holds values above 1e\\+09"):
         identify(write(moving, "ambient.csv"), tmp_path / "modes.csv")
@@ -77,10 +77,8 @@ def test_figures_that_no_force_and_no_motion_has(write, tmp_path):
 def test_modes_of_any_scale_and_of_no_frequency(write):
     """Scales of a shape mean nothing; a negative frequency is a finding, not a failure."""
     head = "mode,frequency_hz,damping,2F,RF\n"
-    large = kind_in(
-        read_measured(write(f"{head}1,2,0.01,1e300+1e298j,-2e300\n", "a.csv")), Reading()
-    )
-    small = kind_in(read_measured(write(f"{head}1,2,0.01,1+0.01j,-2\n", "b.csv")), Reading())
+    large = kind_in(read_measured(write(f"{head}1,2,0.01,1e300+1e298j,-2e300\n", "a.csv")))
+    small = kind_in(read_measured(write(f"{head}1,2,0.01,1+0.01j,-2\n", "b.csv")))
     np.testing.assert_allclose(large.shape / large.shape[0, 0], small.shape / small.shape[0, 0])
     wrong = write(f"{head}1,-2,0.01,1,2\n2,2,0.01,1,-2\n", "c.csv")
     assert inspect_file(wrong).summary

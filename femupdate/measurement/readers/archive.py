@@ -13,9 +13,10 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile, read_head
+
+READS = "zip, tar and gzip archives of records"
 
 # Of all files unpacked: a station archive holds some tens of a few MB.
 _LARGEST_BYTES = 500_000_000
@@ -25,13 +26,13 @@ _TAR, _TAR_AT = "ustar", 257  # its mark, and where that stands in the first hea
 _PADDING = 1_000_000  # bytes of headers and blocks that are filled up, which pack well
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     if head.startswith(_ZIP):
         return suffix != ".npz"
     return head.startswith(_GZIP) or head[_TAR_AT:].startswith(_TAR)
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """Channels of all records in an archive, unpacked under our own names for a moment."""
     file = TextFile(path)
     try:
@@ -132,7 +133,7 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
         table = None if only.table is None else replace(only.table, file=file)
         return replace(only, file=file, table=table, notes=(*only.notes, *notes))
     heads = {name: read_head(unpacked[name]) for name in left_out if unpacked[name].stat().st_size}
-    inner = [name for name, head in heads.items() if _recognises(head, PurePosixPath(name).suffix)]
+    inner = [name for name, head in heads.items() if recognises(head, PurePosixPath(name).suffix)]
     if not records and inner:
         raise file.error(
             f"the archive holds other archives ({', '.join(inner)}); unpack it and give that of"
@@ -160,20 +161,18 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
 
 def _member(file: TextFile, name: str, path: Path, members: int) -> Recording | None:
     """What a member holds; None of one that is no record."""
-    from femupdate.measurement.reader import readers
+    from femupdate.measurement.reader import is_fallback, readers
 
     if path.stat().st_size == 0:
         return None
     head, suffix = read_head(path), path.suffix.lower()
-    reader = next((r for r in readers().values() if r.recognises(head, suffix)), None)
-    if reader is None or reader.name in _NOT_LOOKED_INTO:
+    known = readers().items()
+    kind = next((name for name, reader in known if reader.recognises(head, suffix)), None)
+    if kind is None or kind in _NOT_LOOKED_INTO:
         return None
     try:
-        return reader.read(path)
+        return readers()[kind].read(path)
     except MeasurementError as error:
-        if reader.fallback and members > 1:  # a note beside the records
+        if is_fallback(readers()[kind]) and members > 1:  # a note beside the records
             return None
         raise MeasurementError(str(error).replace(str(path), f"{file.path}: {name}")) from None
-
-
-READER = Reader("archive", "zip, tar and gzip archives of records", _recognises, _read)

@@ -9,10 +9,11 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from femupdate.measurement.header import NumberBlock, block_values, finite, positive
-from femupdate.measurement.reader import Reader
+from femupdate.measurement.header import finite, fixed_columns, positive
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import TextFile, read_text
+
+READS = "COSMOS Volumes 0 to 2"
 
 # 12725 acceleration pts, approx 63 secs, units=cm/sec2(04),Format=(8F10.5)
 # 20000 raw accel.   pts, approx  100 secs, units=counts (50),Format=(10I8)
@@ -41,11 +42,11 @@ _VERTICAL = {400.0: "Up", 401.0: "Down", 402.0: "Vertical"}
 _NOTHING = {"other", "unknown", "?", ""}
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     return "-header values follow on" in head or _MENTIONED.search(head) is not None
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """Accelerations of all channels, by the column widths that the file states."""
     file = read_text(path)
     channels = tuple(_channels(file))
@@ -75,11 +76,12 @@ def _channels(file: TextFile) -> Iterator[RecordedChannel]:
             count, per_line = int(match["n"]), int(positive(file, match["per"], "Format", at))
             width = int(positive(file, match["width"], "Format", at))
             peak = _item(header["real"], 64)
-            block = NumberBlock(at, count, per_line, width, name, match["kind"].upper() == "I")
+            whole = match["kind"].upper() == "I"
+            numbers = fixed_columns(file, at, count, (per_line, width), name, whole)
             factor, unit = _scale(file, at, match["unit"], header["real"])
             yield RecordedChannel(
                 name=name,
-                values=factor * block_values(file, block),
+                values=factor * numbers,
                 time_step=_step(file, at, match, header["real"]),
                 unit=unit,
                 location=location,
@@ -139,6 +141,3 @@ def _step(file: TextFile, at: int, announced: re.Match[str], real: list[float | 
         " restore the real header 62 (ms)",
         at + 1,
     )
-
-
-READER = Reader("cosmos", "COSMOS Volumes 0 to 2", _recognises, _read)

@@ -8,10 +8,11 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from femupdate.measurement.header import NumberBlock, block_values, positive
-from femupdate.measurement.reader import Reader
+from femupdate.measurement.header import fixed_columns, positive
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import TextFile, read_text
+
+READS = "CSMIP/CESMD Volumes 1 and 2"
 
 _ANNOUNCED = [
     re.compile(pattern, re.IGNORECASE)
@@ -40,13 +41,13 @@ _HEADER_LINES = 200
 _PER_LINE = "8"  # values in a line of files that do not state their format
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     lines = head.split("\n")[:_HEADER_LINES]
     told = any(_MENTIONED.search(line) for line in lines if not line.startswith("#"))
     return told or _RAW.match(head) is not None
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """Accelerations of all channels, by the column widths that the file states."""
     file = read_text(path)
     channels = tuple(_channels(file))
@@ -80,11 +81,22 @@ def _channels(file: TextFile) -> Iterator[RecordedChannel]:
             peak = abs(float(stated["cm"] or stated["g"]))
         elif announced := next((m for p in _ANNOUNCED if (m := p.match(line))), None):
             count += 1
-            block, step = _block(file, at, announced, name or f"channel {count}")
-            written = _UNIT.search(announced["rest"])
+            title = name or f"channel {count}"
+            rest = announced["rest"]
+            written, layout = _UNIT.search(rest), _FORMAT.search(rest)
+            if announced.groupdict().get("rate"):
+                step = 1.0 / positive(file, announced["rate"], "the sampling rate", at)
+            else:
+                step = positive(file, announced["step"], "the time step", at)
+            # Files that do not state it have a first line of values that is full.
+            first = file.lines[at + 1].rstrip() if at + 1 < len(file.lines) else ""
+            per_line = layout["per"] if layout else _PER_LINE
+            width = layout["width"] if layout else str(round(len(first) / int(_PER_LINE)))
+            per = int(positive(file, per_line, "the number of values in a line", at))
+            wide = int(positive(file, width, "the column width", at))
             yield RecordedChannel(
-                name=block.channel,
-                values=block_values(file, block),
+                name=title,
+                values=fixed_columns(file, at, int(announced["n"]), (per, wide), title),
                 time_step=step,
                 unit=written["unit"].strip() if written else unit if name else None,
                 location=location,
@@ -92,24 +104,3 @@ def _channels(file: TextFile) -> Iterator[RecordedChannel]:
                 azimuth_deg=azimuth_of(direction),
                 stated_peak=peak if name else None,
             )
-
-
-def _block(
-    file: TextFile, at: int, announced: re.Match[str], name: str
-) -> tuple[NumberBlock, float]:
-    """Where the values stand, and their time step, s."""
-    found, layout = announced.groupdict(), _FORMAT.search(announced["rest"])
-    if found.get("rate"):
-        step = 1.0 / positive(file, found["rate"], "the sampling rate", at)
-    else:
-        step = positive(file, found["step"], "the time step", at)
-    # Files that do not state it have a first line of values that is full.
-    first = file.lines[at + 1].rstrip() if at + 1 < len(file.lines) else ""
-    per_line = layout["per"] if layout else _PER_LINE
-    width = layout["width"] if layout else str(round(len(first) / int(_PER_LINE)))
-    per = int(positive(file, per_line, "the number of values in a line", at))
-    wide = int(positive(file, width, "the column width", at))
-    return NumberBlock(at, int(found["n"]), per, wide, name), step
-
-
-READER = Reader("csmip", "CSMIP/CESMD Volumes 1 and 2", _recognises, _read)

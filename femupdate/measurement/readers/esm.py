@@ -3,18 +3,19 @@
 from pathlib import Path
 
 from femupdate.measurement.header import finite, positive, wrapped_numbers
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import TextFile, read_text
+
+READS = "ESM and ITACA ASCII"
 
 _STEP = "SAMPLING_INTERVAL_S"
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     return head.startswith("EVENT_NAME:") and f"\n{_STEP}:" in head
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """The one channel; its direction is the last letter of the stream, such as HNE."""
     file = read_text(path)
     start = next((i for i, line in enumerate(file.lines) if _begins_values(line)), 0)
@@ -61,6 +62,3 @@ def _required(file: TextFile, header: dict[str, tuple[str, int]], key: str) -> t
     if not value:
         raise file.error(f"the header does not give {key}; restore the header or convert to CSV")
     return value, at
-
-
-READER = Reader("esm", "ESM and ITACA ASCII", _recognises, _read)

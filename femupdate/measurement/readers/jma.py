@@ -3,20 +3,21 @@
 from pathlib import Path
 
 from femupdate.measurement.header import header_value, positive
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.table import Row, cells_of, drop_trailing_blanks, is_number, parse_rows
 from femupdate.measurement.text import TextFile, read_text
 
+READS = "JMA strong-motion CSV"
+
 _RATE = r"SAMPLING\s*(?:RATE|FREQ\w*)\s*=\s*([^\s,]+?)\s*HZ"
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     first = next((line for line in head.split("\n") if line.strip() and line[0] != "#"), "")
     return first.strip().strip('"').upper().startswith("SITE CODE")
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """All channels, in the unit that the header states."""
     file = read_text(path)
     at, rate = header_value(file, _RATE, "SAMPLING RATE in Hz")
@@ -50,6 +51,3 @@ def _channels_and_rows(file: TextFile) -> tuple[tuple[str, ...], list[Row]]:
             rows = drop_trailing_blanks(rows[position:], ",")
             return tuple(cells_of(rows[0][1], ",")), rows[1:]
     raise file.error("the row of channel names (NS,EW,UD) is missing; restore the header")
-
-
-READER = Reader("jma", "JMA strong-motion CSV", _recognises, _read)

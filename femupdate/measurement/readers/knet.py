@@ -4,9 +4,10 @@ import re
 from pathlib import Path
 
 from femupdate.measurement.header import finite, header_value, positive, wrapped_numbers
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import read_text
+
+READS = "K-NET and KiK-net ASCII"
 
 # KiK-net numbers its six channels: the sensor in the borehole first, then that on the ground.
 _KIKNET = {
@@ -17,11 +18,11 @@ _KIKNET = {
 _SCALE = r"^Scale Factor\s+([\d.Ee+-]+)\s*\(gal\)\s*/\s*([\d.Ee+-]+)"
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     return any(re.search(_SCALE, line) for line in head.split("\n")[:20])
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """Acceleration = count times scale factor, gal, the offset included."""
     file = read_text(path)
     at, rate = header_value(file, r"^Sampling Freq\(Hz\)\s+([^\sH]+)", "Sampling Freq(Hz)")
@@ -47,6 +48,3 @@ def _read(path: Path) -> Recording:
         stated_peak=finite(stated[1]) if stated else None,
     )
     return Recording(file, (channel,))
-
-
-READER = Reader("knet", "K-NET and KiK-net ASCII", _recognises, _read)

@@ -9,20 +9,21 @@ import numpy as np
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.array_file import table_of_arrays
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import FILES
 from femupdate.storage import read_file
 
+READS = "MATLAB files"
+
 _LARGEST_BYTES = FILES.arrays_mb * 1_000_000
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     return head.startswith("MATLAB ") or suffix == ".mat"
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """Arrays, also in structures, as the columns of a table."""
     from scipy.io import loadmat, whosmat
 
@@ -80,8 +81,6 @@ def _require_moderate(path: Path, shapes: list[tuple[int, ...]]) -> None:
             f"{path}: the file holds {size / 1e9:.3g} GB of numbers; save the channels alone"
         )
 
-
-READER = Reader("mat", "MATLAB files", _recognises, _read)
 
 _MATRIX, _PACKED = 14, 15
 _TYPES = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, _MATRIX, _PACKED, 16, 17, 18))

@@ -6,7 +6,6 @@ from pathlib import Path
 from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE, figure_of
 from femupdate.measurement.names import FREQUENCY
 from femupdate.measurement.quantity import bracketed
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import (
     ColumnTable,
@@ -20,13 +19,15 @@ from femupdate.measurement.table import (
 )
 from femupdate.measurement.text import TextFile, read_text
 
+READS = "tables of identified modes"
+
 # Columns that no table of histories or of response functions has.
 _TELLING = (MODE, FREQUENCY_SD, DAMPING, DAMPING_SD)
 _BLANK = ("", "-", "–", "nan", "n/a", "na", "none")
 _LEAST_TOLD, _MOST_ABOVE = 2, 10
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     """Whether a row above the numbers names columns that only identified modes have."""
     if "\0" in head:
         return False
@@ -43,7 +44,7 @@ def _header_at(rows: list[Row]) -> int | None:
     return None
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """A table whose cells may be blank."""
     file = read_text(path)
     rows = file.rows()
@@ -69,6 +70,3 @@ def _filled(text: str, delimiter: str | None, names: tuple[str, ...]) -> str:
         elif numbers and not is_number(cell) and figure_of(name) == MODE:
             cells[k] = numbers[-1]
     return (delimiter or " ").join(cells)
-
-
-READER = Reader("modes", "tables of identified modes", _recognises, _read)

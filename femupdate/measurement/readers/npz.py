@@ -3,24 +3,22 @@
 from pathlib import Path
 
 from femupdate.measurement.array_file import table_of_arrays
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import FILES
 from femupdate.storage import ArchiveError, read_arrays
 
+READS = "archives of numpy arrays"
 
-def _recognises(head: str, suffix: str) -> bool:
+
+def recognises(head: str, suffix: str) -> bool:
     return suffix == ".npz"
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """Arrays as the columns of a table."""
     file = TextFile(path, row_name="row")
     try:
         return table_of_arrays(file, read_arrays(path, FILES.arrays_mb * 1_000_000))
     except ArchiveError as error:
         raise file.error(f"{error}; save the channels alone with numpy.savez") from None
-
-
-READER = Reader("npz", "archives of numpy arrays", _recognises, _read)

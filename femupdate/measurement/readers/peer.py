@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from femupdate.measurement.header import positive, wrapped_numbers
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.text import TextFile, read_text
+
+READS = "PEER NGA records (AT2)"
 
 _HEADER_LINES = 12
 _ANNOUNCED = re.compile(
@@ -22,11 +23,11 @@ def _announcement(lines: Sequence[str]) -> tuple[int, re.Match[str]] | None:
     return next(((index, match) for index, match in matches if match), None)
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     return _announcement(head.split("\n")) is not None
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """The one channel; its unit is what the third line states."""
     file = read_text(path)
     found = _announcement(file.lines)
@@ -53,6 +54,3 @@ def _component(file: TextFile) -> str:
     second = file.lines[1] if len(file.lines) > 1 else ""
     last = second.rpartition(",")[2].strip() if "," in second else ""
     return last or file.path.stem
-
-
-READER = Reader("peer", "PEER NGA records (AT2)", _recognises, _read)

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from femupdate.measurement.clock import is_moment
 from femupdate.measurement.names import TIME_NAME
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import (
     cells_of,
@@ -16,10 +15,13 @@ from femupdate.measurement.table import (
 )
 from femupdate.measurement.text import TextFile, read_text
 
+READS = "tables in CSV or other text"
+FALLBACK = True
+
 _LOOKED_AT = 50
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     """Whether a file begins like a table: with a column of times or rows of numbers."""
     rows = TextFile(Path(), tuple(head.split("\n"))).rows()[:_LOOKED_AT]
     rows = split_complex(rows) if rows else rows
@@ -29,11 +31,8 @@ def _recognises(head: str, suffix: str) -> bool:
     return named or dated or any(all(map(is_number, row)) for row in cells)
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     file = read_text(path)
     above = len(file.rows()) - len(rows_of_table(file))
     notes = (f"Lines above the table that are passed over: {above}.",)
     return Recording(file, table=read_table(file), notes=notes if above else ())
-
-
-READER = Reader("plain", "tables in CSV or other text", _recognises, _read, fallback=True)

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.text import TextFile, reading_package
+
+READS = "miniSEED, SAC, SEG-2 and Kinemetrics EVT, by ObsPy"
 
 # Second letter of a channel's code in the SEED convention: what the instrument feels.
 _QUANTITIES = {"N": "acceleration", "G": "acceleration", "H": "velocity", "L": "velocity"}
@@ -36,11 +37,11 @@ def _format(head: str, suffix: str) -> str | None:
     return named or (_SUFFIXES.get(suffix) if binary else None)
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     return _format(head, suffix) is not None
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """The traces, each with its start."""
     file = TextFile(path)
     obspy = reading_package(file, "obspy", "ObsPy", "records of seismic networks")
@@ -98,6 +99,3 @@ def _channel(trace: Any, known: bool) -> RecordedChannel:
         azimuth_deg=azimuth_of(direction) if last in "NE" else None,
         start=float(trace.stats.starttime.timestamp),
     )
-
-
-READER = Reader("seismic", "miniSEED, SAC, SEG-2 and Kinemetrics EVT, by ObsPy", _recognises, _read)

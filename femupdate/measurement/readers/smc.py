@@ -7,10 +7,11 @@ characters to a line; the volume stands in the first line.
 import re
 from pathlib import Path
 
-from femupdate.measurement.header import NumberBlock, block_values, finite, positive
-from femupdate.measurement.reader import Reader
+from femupdate.measurement.header import finite, fixed_columns, positive
 from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.text import TextFile, read_text
+
+READS = "SMC files of the USGS"
 
 _FIRST = re.compile(
     r"^\s*\d?\s*(UN)?CORRECTED ACCELEROGRAM\s*$|^\s*\d\s*(VELOCITY|DISPLACEMENT|RESPONSE|FOURIER)"
@@ -21,13 +22,13 @@ _UNKNOWN = 1e38  # what is not known is written as 1.7e38
 _COUNT, _COMMENTS, _AZIMUTH, _TILT, _SAMPLING = 16, 15, 13, 12, 1  # positions in the headers
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     lines = head.split("\n")
     starred = len(lines) > _TEXT_LINES and lines[1].strip() == "*" == lines[10].strip()
     return starred and _FIRST.match(lines[0].upper()) is not None
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """The one channel, with its place from the comment `<loclbl=>`."""
     file = read_text(path)
     if "ACCELEROGRAM" not in file.lines[0].upper():
@@ -43,7 +44,7 @@ def _read(path: Path) -> Recording:
         )
     comments = int(finite(integers[_COMMENTS]) or 0)
     start = _TEXT_LINES + _INTEGER_LINES + _REAL_LINES + comments
-    values = block_values(file, NumberBlock(start - 1, int(count), 8, 10, ""))
+    values = fixed_columns(file, start - 1, int(count), (8, 10), "")
     head = "\n".join(file.lines[:start])
     tilt, azimuth = finite(integers[_TILT]), _azimuth(integers[_AZIMUTH])
     vertical = tilt is not None and tilt in (0.0, 180.0)
@@ -87,6 +88,3 @@ def _azimuth(text: str) -> float | None:
 def _found(pattern: str, text: str) -> str:
     match = re.search(pattern, text, re.IGNORECASE | re.MULTILINE)
     return match.group(1) if match else ""
-
-
-READER = Reader("smc", "SMC files of the USGS", _recognises, _read)

@@ -10,20 +10,21 @@ from femupdate.arrays import Floats
 from femupdate.measurement.clock import even_step, interpolated
 from femupdate.measurement.names import TIME_NAME
 from femupdate.measurement.quantity import FORCES, is_acceleration
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.text import TextFile, reading_package
+
+READS = "TDMS files of LabVIEW"
 
 _STEP = "wf_increment"
 _UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 _NO_UNIT = ("", "-", "None")
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     return head.startswith("TDSm")
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """Channels whose time step the waveform's properties or a channel of times gives."""
     file = TextFile(path)
     nptdms = reading_package(file, "nptdms", "npTDMS", "TDMS files")
@@ -93,6 +94,3 @@ def _channel(
         start=start,
         done=done,
     )
-
-
-READER = Reader("tdms", "TDMS files of LabVIEW", _recognises, _read)

@@ -14,7 +14,6 @@ import numpy as np
 from femupdate.errors import MeasurementError
 from femupdate.measurement.clock import even_step, interpolated
 from femupdate.measurement.quantity import force_unit, is_acceleration
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.recording import (
     RecordedChannel,
     RecordedFunction,
@@ -23,6 +22,8 @@ from femupdate.measurement.recording import (
     told_apart,
 )
 from femupdate.measurement.text import TextFile, reading_package
+
+READS = "universal files (UFF sets 15, 55, 58, 151, 164, 2411, 2414)"
 
 _FIRST = re.compile(r"\s*-1[ \t\r]*\n\s*\d{2,5}b?\b")
 _READ = (15, 55, 58, 151, 164, 2411, 2412, 2414)
@@ -59,11 +60,11 @@ _VECTORS, _MOTIONS, _COMPLEX_DATA = (2, 3), (8, 11, 12, 95, 96), (5, 6)
 _GENERAL = (0, 1)  # quantities of the ordinate that tell nothing
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     return _FIRST.match(head) is not None
 
 
-def _read(path: Path) -> Recording:
+def read(path: Path) -> Recording:
     """Histories, functions of frequency, modes and points of a universal file."""
     file = TextFile(path)
     pyuff = reading_package(file, "pyuff", "pyuff", "universal files")
@@ -366,8 +367,3 @@ def _ratio(dataset: Mapping[str, Any], si: bool) -> str:
 def _text(value: Any) -> str:
     text = " ".join(str(value).split())
     return "" if text.upper() == "NONE" else text
-
-
-READER = Reader(
-    "uff", "universal files (UFF sets 15, 55, 58, 151, 164, 2411, 2414)", _recognises, _read
-)

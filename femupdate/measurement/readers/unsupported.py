@@ -4,8 +4,9 @@ import re
 from pathlib import Path
 from typing import NoReturn
 
-from femupdate.measurement.reader import Reader
 from femupdate.measurement.text import TextFile, read_head
+
+READS = "nothing: formats known but not supported"
 
 _SPECTRA = "the spectra of a record, not its history; take the .V2 file beside it"
 _CONVERT = "export the channels as CSV, MATLAB -v7 or numpy .npz"
@@ -52,14 +53,11 @@ def _known(head: str, suffix: str) -> tuple[str, str] | None:
     return found[0] if found else _SUFFIXES.get(suffix) if binary else None
 
 
-def _recognises(head: str, suffix: str) -> bool:
+def recognises(head: str, suffix: str) -> bool:
     return _known(head, suffix) is not None
 
 
-def _read(path: Path) -> NoReturn:
+def read(path: Path) -> NoReturn:
     """Say what the file is."""
     what, advice = _known(read_head(path), path.suffix.lower()) or ("a format", _CONVERT)
     raise TextFile(path).error(f"this is {what}, which is known but not supported; {advice}")
-
-
-READER = Reader("unsupported", "nothing: formats known but not supported", _recognises, _read)
