@@ -326,10 +326,12 @@ def tower_observation(buildings: Path, tower_file: Path) -> SimpleNamespace:
 def tower_study(built_once, tower_file: Path, tower_observation: SimpleNamespace) -> Path:
     """The folder of a study of the tower with a posterior; tests work on copies of it."""
     from femupdate.study import Study
-    from femupdate.workflow.calibrate import calibrate_study
-    from femupdate.workflow.likelihoods import CalibrationSettings
-    from femupdate.workflow.model import open_study
-    from femupdate.workflow.observed import ObservationSource
+    from femupdate.workflow import (
+        CalibrationSettings,
+        ObservationSource,
+        calibrate_study,
+        open_study,
+    )
 
     def fill(folder: Path) -> None:
         study, settings = Study(folder), CalibrationSettings(particles=400, exact=True)

@@ -14,9 +14,7 @@ from femupdate.registry import classes_in
 from femupdate.report.glyphs import drawn
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
-from femupdate.workflow.diagnose import diagnose_study
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow import ObservationSource, diagnose_study, open_study
 
 PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
 STICK, SIZE = "shear_4dof", 0.15

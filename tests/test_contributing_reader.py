@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
+from femupdate.measurement import read_measured, read_observation_file, read_record
 from femupdate.measurement import readers as folder
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.reader import read_measured, readers
-from femupdate.measurement.record import read_record
+from femupdate.measurement.reader import readers
 
 PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
 VALUES = np.round(np.random.default_rng(7).normal(size=(80, 2)) * [40, 90], 2)

@@ -14,10 +14,10 @@ from femupdate.building import load_building
 from femupdate.dynamics import System
 from femupdate.errors import WorkersError
 from femupdate.inference.parameters import theta_prior
+from femupdate.surrogate import DatasetPlan, compute_dataset
 from femupdate.surrogate import dataset as room
-from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
 from femupdate.workers import completed, dask_executor, everywhere, working_on
-from femupdate.workflow.model import reduce_building
+from femupdate.workflow import reduce_building
 
 PLAN = DatasetPlan(samples=90, modes=3, top_frequency_hz=12.8, seed=3)
 

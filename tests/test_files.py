@@ -7,8 +7,7 @@ import pytest
 
 from femupdate.building import load_building
 from femupdate.errors import BuildingError, FemupdateError, MeasurementError, StudyError
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.record import read_record
+from femupdate.measurement import read_observation_file, read_record
 from femupdate.storage import read_file
 
 

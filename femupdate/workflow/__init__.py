@@ -1,1 +1,45 @@
-"""The steps that the commands take, each a function from a study to a study."""
+"""What the commands do with a study, one file a command."""
+
+from femupdate.lazy import lazily
+
+_PUBLIC = {
+    "build_study": "build",
+    "calibrate_study": "calibrate",
+    "CalibrationSettings": "likelihoods",
+    "CertifiedModel": "model",
+    "check_calibration": "calibrate",
+    "check_training": "train",
+    "choose_building": "model",
+    "compare_states": "compare",
+    "DEFAULT_BUILDING": "model",
+    "diagnose_study": "diagnose",
+    "draw_model": "render",
+    "find_state": "compare",
+    "kept_mesh_error": "mesh_error",
+    "kept_posterior": "summary",
+    "level_between": "amplitude",
+    "measured_of": "kinds",
+    "observation_of": "observed",
+    "ObservationSource": "observed",
+    "open_state": "compare",
+    "open_structure": "effects",
+    "open_study": "model",
+    "open_system": "mesh_error",
+    "predict_study": "predict",
+    "PredictionSettings": "predict",
+    "readable": "observed",
+    "record_levels": "amplitude",
+    "RecordSource": "predict",
+    "reduce_building": "model",
+    "REDUCED": "model",
+    "render_study": "render",
+    "repair_study": "repair",
+    "report_study": "report",
+    "runs_of": "observed",
+    "study_status": "status",
+    "StudyModel": "model",
+    "train_study": "train",
+    "with_finer_mesh": "mesh_error",
+}
+__all__ = list(_PUBLIC)
+__getattr__ = lazily(__name__, _PUBLIC)

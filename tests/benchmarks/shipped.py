@@ -7,8 +7,8 @@ from femupdate.building import load_building
 from femupdate.building.document import Building
 from femupdate.dynamics import System, damping_law
 from femupdate.inference.parameters import damping_parameter, theta_prior
-from femupdate.surrogate.storage import Surrogate, load_surrogate
-from femupdate.workflow.model import StudyModel, reduce_building
+from femupdate.surrogate import Surrogate, load_surrogate
+from femupdate.workflow import StudyModel, reduce_building
 
 
 def benchmark_model(name: str = "shear_4dof") -> StudyModel:

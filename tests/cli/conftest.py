@@ -83,7 +83,7 @@ def script() -> Callable[..., Outcome]:
 @pytest.fixture(scope="session")
 def record(tmp_path_factory, tower_observation, write_record):
     """The base motion of the observation, as a record of its own."""
-    from femupdate.measurement.record import GroundMotion
+    from femupdate.measurement import GroundMotion
 
     histories = tower_observation.histories
     motion = GroundMotion(histories.acceleration[0], histories.time_step)

@@ -4,7 +4,7 @@ import pytest
 
 from femupdate.building import load_building, shipped_buildings
 from femupdate.effects import CATALOGUE
-from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement import read_observation_file
 from femupdate.measurement.reader import readers
 
 

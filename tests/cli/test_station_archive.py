@@ -6,7 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement import read_observation_file
 
 PLACES = {"base": "Basement", "2F": "2nd floor, north wall", "RF": "Roof"}
 

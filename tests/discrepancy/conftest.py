@@ -8,7 +8,7 @@ from femupdate.discrepancy.search import problem_of
 from femupdate.dynamics import lumped
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.inference.frf_data import COMPARING, frf_data
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import Observation
 from tests.discrepancy import chain
 
 

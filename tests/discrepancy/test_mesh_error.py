@@ -17,7 +17,7 @@ from femupdate.fe import driven_shapes, factorize
 from femupdate.inference.frf_data import COMPARING, frf_data
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.parameters import Parameters
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import Observation
 
 GRID = np.arange(0.5, 18.0, 0.25)
 PRIOR = Parameters.uniform(["theta_1", "theta_2"], [0.5, 0.5], [2.0, 2.0]) + Parameters.uniform(

@@ -17,9 +17,7 @@ from femupdate.dynamics import (
     transformed_sensors,
 )
 from femupdate.effects import structure_of
-from femupdate.measurement.frf import estimate_frf
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.names import parse_channel
+from femupdate.measurement import Histories, estimate_frf, parse_channel
 
 ZETA = 0.03
 HEIGHT, OMEGA = 6.5, 2.0 * np.pi * 3.0

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from femupdate.inference.latent_likelihood import encoder_input
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import Observation
 
 FLOORS = ("2F", "3F", "RF")
 FREQUENCY = 0.5 + 0.25 * np.arange(41)

@@ -13,7 +13,7 @@ from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.maxima import best_of_prior, draws_about, found_from, settled
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.smc import TemperedSmc
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import Observation
 
 TRUTH = torch.tensor([[1.3, 0.8, 1.1, 0.7, 0.02]], dtype=torch.float64)
 FREQUENCY = np.linspace(0.5, 12.0, 60)

@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 
 from femupdate.inference.latent_search import Control, LatentQuadratics, find_latent
 from femupdate.maximise import LatentData
-from femupdate.surrogate.network import LatentMixture, Mvae, NetworkSizes
+from femupdate.surrogate import LatentMixture, Mvae, NetworkSizes
 
 FREQUENCY = torch.arange(1, 121) / 120.0
 TRUTH = (-0.9, 0.8)

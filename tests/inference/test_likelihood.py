@@ -11,9 +11,8 @@ from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, log_responses
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.parameters import Parameter, Parameters
-from femupdate.measurement.observation import Observation, select_floors
-from femupdate.surrogate.network import Mvae, NetworkSizes
-from femupdate.surrogate.storage import Surrogate, SurrogateInfo
+from femupdate.measurement import Observation, select_floors
+from femupdate.surrogate import Mvae, NetworkSizes, Surrogate, SurrogateInfo
 
 FLOORS = ("2F", "3F", "RF")
 MASS, SPRING = np.array([3.0, 2.0, 1.5]), np.array([4000.0, 3000.0, 1500.0])

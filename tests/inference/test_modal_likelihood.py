@@ -14,7 +14,7 @@ from femupdate.inference.maxima import best_of_prior, draws_about, found_from, s
 from femupdate.inference.mode_data import ModalErrors, mode_data
 from femupdate.inference.model_error import STATED
 from femupdate.inference.parameters import Parameter, Parameters
-from femupdate.measurement.modes import IdentifiedModes
+from femupdate.measurement import IdentifiedModes
 
 TRUTH = torch.tensor([[1.3, 0.8, 1.1, 0.7, 0.02]], dtype=torch.float64)
 FLOORS = ("2F", "3F", "4F", "RF")

@@ -9,8 +9,7 @@ import torch
 from femupdate.inference.error_draws import ErrorDraws, SizeDraws
 from femupdate.inference.event_scatter import EventScatter
 from femupdate.inference.next_event import EventErrors, between_runs, incoherent_share
-from femupdate.measurement.observation import Observation
-from femupdate.measurement.runs import pooled
+from femupdate.measurement import Observation, pooled
 
 GRID = np.linspace(1.0, 10.0, 10)
 

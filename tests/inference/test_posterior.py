@@ -9,7 +9,7 @@ import pytest
 from femupdate.errors import StudyError
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import Observation
 
 CHAINS, DRAWS, POINTS = 3, 25, 12
 FACTORS = Parameters.uniform(("theta_1", "theta_2"), [0.3, 0.2], [3.0, 2.0])

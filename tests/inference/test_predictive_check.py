@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from femupdate.dynamics import Responses
 from femupdate.inference.diagnostics import predictive_check
 from femupdate.inference.frf_data import AT_ITS_WORD, frf_data
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import Observation
 
 POINTS, PARAMETERS, SD = 40, 5, 0.3
 FREQUENCY = 0.1 * np.arange(1, POINTS + 1)

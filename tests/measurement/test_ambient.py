@@ -5,10 +5,8 @@ import pytest
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.ambient import Subspace, identify_modes
-from femupdate.measurement.modes import identified_modes
-from femupdate.measurement.reader import read_measured
-from femupdate.measurement.write import write_modes
+from femupdate.measurement import identified_modes, identify_modes, read_measured, write_modes
+from femupdate.measurement.ambient import Subspace
 
 pytest.importorskip("pyoma2")
 

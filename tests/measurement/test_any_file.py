@@ -9,9 +9,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.names import floors_of
+from femupdate.measurement import floors_of, inspect_file, read_observation_file
 
 STEP = 0.01
 NAMES = ("base", "2F", "3F", "RF")

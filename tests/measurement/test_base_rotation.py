@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.frf import estimate_frf
-from femupdate.measurement.histories import rotation_of
-from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.names import parse_channel
-from femupdate.measurement.runs import pooled
-from femupdate.measurement.write import read_mapping, write_mapping
+from femupdate.measurement import (
+    estimate_frf,
+    inspect_file,
+    parse_channel,
+    pooled,
+    read_mapping,
+    read_observation_file,
+    rotation_of,
+    write_mapping,
+)
 
 STEP, COUNT = 0.02, 3000
 GRID = np.arange(2, 60) * 0.2

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement import read_observation_file
 from femupdate.units import STANDARD_GRAVITY
 
 WAVES = np.round(np.random.default_rng(5).normal(size=(3, 80)) * 0.05, 6)

@@ -11,9 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.record import read_record
+from femupdate.measurement import Histories, read_observation_file, read_record
 
 VALUES = np.round(50 * np.sin(0.7 * np.arange(70)) + 0.1 * np.arange(70), 3)
 PIECES = st.one_of(st.sampled_from([b"", b"\n", b",", b"-", b"1e999", b"NaN", b"\xff", b"0"]),

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.measurement.estimated import mean_estimator
-from femupdate.measurement.frf import estimate_frf
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.names import parse_channel
+from femupdate.measurement import Histories, estimate_frf, mean_estimator, parse_channel
 
 STEP, GRID = 0.02, np.arange(1, 201) * 0.05
 

@@ -5,10 +5,12 @@ import pytest
 from scipy.io import savemat
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.modes import identified_modes
-from femupdate.measurement.reader import read_measured
+from femupdate.measurement import (
+    identified_modes,
+    inspect_file,
+    read_measured,
+    read_observation_file,
+)
 
 TIME = np.arange(64) * 0.01
 WAVE = np.round(10.0 * np.exp(-2.0 * TIME) * np.sin(19.0 * TIME + 0.3), 5)

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.frf_table import in_band
-from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import kind_in
-from femupdate.measurement.quantity import force_unit
-from femupdate.measurement.reader import read_measured
+from femupdate.measurement import force_unit, in_band, inspect_file, kind_in, read_measured
 
 G = 9.80665
 

@@ -5,21 +5,21 @@ import pytest
 from scipy import signal
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.estimated import Segments, effective_averages
-from femupdate.measurement.frf import (
+from femupdate.measurement import (
+    SPECTRUM,
+    FloorChannel,
+    Histories,
+    Observation,
+    Segments,
+    effective_averages,
     estimate_frf,
     observation_for,
     on_grid,
-)
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.names import FloorChannel, parse_channel
-from femupdate.measurement.observation import (
-    HANN_BANDWIDTH,
-    Observation,
+    parse_channel,
+    read_observation_file,
     resolved_share,
 )
-from femupdate.measurement.thresholds import SPECTRUM
+from femupdate.measurement.observation import HANN_BANDWIDTH
 
 RATE = 200.0
 GRID = np.arange(1, 1025) * 0.05  # the wall-frame's: to 51.2 Hz

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.record import GroundMotion
+from femupdate.measurement import GroundMotion
 
 MIDDLE = 6.0
 

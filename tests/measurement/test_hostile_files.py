@@ -9,13 +9,10 @@ import pytest
 from scipy.io import savemat
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import kind_in
+from femupdate.measurement import TextFile, inspect_file, kind_in, read_measured
 from femupdate.measurement.quantity import bracketed
-from femupdate.measurement.reader import read_measured
 from femupdate.measurement.readers import uff
 from femupdate.measurement.table import split_complex
-from femupdate.measurement.text import TextFile
 from femupdate.workflow.identify import identify
 
 

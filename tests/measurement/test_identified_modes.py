@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.kinds import kind_in
-from femupdate.measurement.modes import in_phase, mac, mode_findings, phase_collinearity
-from femupdate.measurement.reader import read_measured
-from femupdate.measurement.recording import RecordedMode
+from femupdate.measurement import RecordedMode, inspect_file, kind_in, mode_findings, read_measured
+from femupdate.measurement.modes import in_phase, mac, phase_collinearity
 
 
 def read(path, **how):

@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from femupdate.measurement.checks import channel_findings, pair_findings
-from femupdate.measurement.inspection import inspect_file
-from femupdate.measurement.names import floors_of
+from femupdate.measurement import (
+    RecordedChannel,
+    channel_findings,
+    floors_of,
+    inspect_file,
+    pair_findings,
+)
 from femupdate.measurement.next_step import next_step
-from femupdate.measurement.recording import RecordedChannel
 
 RATE = 100.0
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.modes import identified_modes
-from femupdate.measurement.reader import read_measured
+from femupdate.measurement import identified_modes, read_measured
 
 VALUES = np.round(1000.0 * np.sin(np.arange(200) ** 1.1)).astype(np.int32)
 

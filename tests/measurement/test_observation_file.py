@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement import Histories, read_observation_file
 
 N = 100
 NAMES = ("base", "2F:1", "2F:2", "RF", "RF.y")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, cont2discrete, lfilter, sosfilt, ss2tf
 
-from femupdate.measurement.checks import pair_findings
-from femupdate.measurement.recording import RecordedChannel
+from femupdate.measurement import RecordedChannel, pair_findings
 
 STEP = 0.01
 FLOORS = ("base", "2F", "3F", "RF")

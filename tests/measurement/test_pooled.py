@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.observation import Observation, independent_share, select_floors
-from femupdate.measurement.runs import agreement, pooled
+from femupdate.measurement import Observation, agreement, independent_share, pooled, select_floors
 
 FLOORS = ("2F", "3F", "RF")
 FREQUENCY = 0.1 * np.arange(1, 101)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femupdate.measurement.record import read_record
+from femupdate.measurement import read_record
 from femupdate.units import STANDARD_GRAVITY
 
 RECORD = "records/ridgecrest_2019_clc.v1"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.record import read_record
+from femupdate.measurement import read_record
 
 N = 40
 VALUES = np.round(50 * np.sin(0.7 * np.arange(N)) + 0.1 * np.arange(N), 3)

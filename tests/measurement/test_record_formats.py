@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from femupdate.measurement.reader import read_measured, readers
-from femupdate.measurement.record import read_record
+from femupdate.measurement import read_measured, read_record
+from femupdate.measurement.reader import readers
 from femupdate.units import STANDARD_GRAVITY
 
 # The files hold printed digits, and reading them takes one multiplication: a few ulp.

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.reader import read_measured
-from femupdate.measurement.record import read_record
-from femupdate.measurement.recording import RecordedChannel, azimuth_of
+from femupdate.measurement import (
+    RecordedChannel,
+    azimuth_of,
+    read_measured,
+    read_observation_file,
+    read_record,
+)
 
 EXACT = {"rtol": 1e-14, "atol": 0}
 

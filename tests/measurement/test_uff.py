@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.reader import read_measured
-from femupdate.measurement.record import read_record
+from femupdate.measurement import read_measured, read_observation_file, read_record
 
 
 @pytest.fixture

@@ -5,10 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.names import channel_name, floor_height, parse_channel
-from femupdate.measurement.write import write_observation_histories
+from femupdate.measurement import (
+    Histories,
+    channel_name,
+    floor_height,
+    parse_channel,
+    read_observation_file,
+    write_observation_histories,
+)
 
 
 def sample(time_step: float = 1 / 120, count: int = 500) -> Histories:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import Observation
 from femupdate.report.curves import history_curves, response_curves, spectrum_curves
 from femupdate.report.plot_curves import (
     floor_history_bands,

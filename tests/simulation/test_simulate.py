@@ -12,10 +12,7 @@ from femupdate.building import from_document, load_building, mechanics_hash, mes
 from femupdate.dynamics import damping_law
 from femupdate.errors import BuildingError, MeasurementError, StructureError
 from femupdate.fe import assemble
-from femupdate.measurement.frf import estimate_frf
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.record import GroundMotion
+from femupdate.measurement import GroundMotion, Histories, estimate_frf, read_observation_file
 from femupdate.simulation import (
     SimulationSettings,
     fine_model,

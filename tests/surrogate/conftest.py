@@ -8,9 +8,15 @@ import torch
 
 from femupdate.dynamics import System, reduce_lumped
 from femupdate.inference.parameters import Parameters
-from femupdate.surrogate.dataset import DatasetPlan, compute_dataset
-from femupdate.surrogate.network import NetworkSizes
-from femupdate.surrogate.training import LossSettings, TrainingSettings, TrainingTask, train_mvae
+from femupdate.surrogate import (
+    DatasetPlan,
+    LossSettings,
+    NetworkSizes,
+    TrainingSettings,
+    TrainingTask,
+    compute_dataset,
+    train_mvae,
+)
 
 FREQUENCY = 0.2 * np.arange(1, 65)
 SIZES = NetworkSizes(

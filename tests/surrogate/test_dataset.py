@@ -5,11 +5,8 @@ import os
 import pytest
 import torch
 
+from femupdate.surrogate import DatasetPlan, compute_dataset
 from femupdate.surrogate import dataset as room
-from femupdate.surrogate.dataset import (
-    DatasetPlan,
-    compute_dataset,
-)
 
 PLAN = DatasetPlan(samples=110, modes=2, top_frequency_hz=12.8, seed=3)
 

@@ -6,9 +6,11 @@ import torch
 from torch import nn
 from torch.distributions import Normal
 
-from femupdate.surrogate.network import Mvae, NetworkSizes, Visibility
-from femupdate.surrogate.training import (
+from femupdate.surrogate import (
     LossSettings,
+    Mvae,
+    NetworkSizes,
+    Visibility,
     loss_terms,
     proposal,
     reconstruction,

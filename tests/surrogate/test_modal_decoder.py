@@ -6,7 +6,7 @@ import torch
 from femupdate.benchmarks.modal_frf import log_frf
 
 from femupdate.dynamics import ConstantDamping, ModalData
-from femupdate.surrogate.network import ModalDecoder, NetworkSizes
+from femupdate.surrogate import ModalDecoder, NetworkSizes
 
 SIZES = NetworkSizes(3, 40, 2, True, 2, width=16, decoder_width=16, blocks=2)
 TOP = 2.0 * np.pi * 20.0

@@ -3,11 +3,7 @@
 import pytest
 import torch
 
-from femupdate.surrogate.network import (
-    Mvae,
-    NetworkSizes,
-    Visibility,
-)
+from femupdate.surrogate import Mvae, NetworkSizes, Visibility
 
 SIZES = NetworkSizes(
     3, 40, 2, True, 4, floor_features=6, width=16, parameter_width=12, blocks=2, components=3

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.stats import ortho_group
 
-from femupdate.surrogate.soap import Soap
+from femupdate.surrogate import Soap
 
 
 def tensor(values):

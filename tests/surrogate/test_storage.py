@@ -8,13 +8,13 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from femupdate.errors import SurrogateError
-from femupdate.surrogate.storage import (
+from femupdate.surrogate import (
     Surrogate,
     SurrogateInfo,
+    TrainingSettings,
     load_surrogate,
     save_surrogate,
 )
-from femupdate.surrogate.training import TrainingSettings
 
 
 @pytest.fixture(scope="module")

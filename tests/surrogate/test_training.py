@@ -8,9 +8,8 @@ import pytest
 import torch
 
 from femupdate.errors import SurrogateError
+from femupdate.surrogate import TrainingSettings, Visibility, train_mvae
 from femupdate.surrogate import training as room
-from femupdate.surrogate.network import Visibility
-from femupdate.surrogate.training import TrainingSettings, train_mvae
 
 
 class KilledError(Exception):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from femupdate.study import Study
-from femupdate.workflow.model import StudyModel, open_study
+from femupdate.workflow import StudyModel, open_study
 
 MASSES = np.array([3000.0, 2000.0])  # of the tower, kg
 SPRINGS = np.array([4e6, 2.5e6])  # N/m

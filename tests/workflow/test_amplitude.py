@@ -10,7 +10,7 @@ from scipy.signal import StateSpace, lsim
 from femupdate.building import from_document
 from femupdate.dynamics import ConstantDamping, System, motion_level, reduced_on
 from femupdate.effects import CATALOGUE, Placed, structure_of
-from femupdate.measurement.record import GroundMotion
+from femupdate.measurement import GroundMotion
 from femupdate.workflow.amplitude import at_own_level, own_level
 
 MASS, SPRING, STEP = 2000.0, 8e5, 0.005

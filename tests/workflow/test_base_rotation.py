@@ -6,17 +6,21 @@ import pytest
 from femupdate.building import from_document, save_building
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.inference.posterior import load_posterior
-from femupdate.measurement.record import read_record
-from femupdate.measurement.write import write_observation_histories
+from femupdate.measurement import read_record, write_observation_histories
 from femupdate.simulation import SimulationSettings, simulate_observation
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study, check_calibration
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    PredictionSettings,
+    RecordSource,
+    calibrate_study,
+    check_calibration,
+    diagnose_study,
+    open_study,
+    predict_study,
+)
 from femupdate.workflow.calibrate_draws import predictive_log_frf
-from femupdate.workflow.diagnose import diagnose_study
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 
 THETA, ZETA = (0.8, 1.2, 0.9), 0.02
 TURNS = "foundation_rocking and table_pitch are not looked for"

@@ -7,15 +7,15 @@ from femupdate.building import load_building, save_building
 from femupdate.dynamics import reduced_modes
 from femupdate.errors import StudyError
 from femupdate.study import Study
-from femupdate.workflow.build import build_study
-from femupdate.workflow.model import (
+from femupdate.workflow import (
     DEFAULT_BUILDING,
     REDUCED,
     CertifiedModel,
+    build_study,
     choose_building,
+    draw_model,
     open_study,
 )
-from femupdate.workflow.render import draw_model
 
 
 @pytest.mark.parametrize(

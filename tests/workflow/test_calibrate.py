@@ -14,15 +14,17 @@ from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
 from femupdate.report.figure import draw
 from femupdate.study import Study
-from femupdate.surrogate.storage import TRAINED, Surrogate, require_surrogate
-from femupdate.surrogate.training import TrainingSettings
-from femupdate.workflow.calibrate import calibrate_study
+from femupdate.surrogate import TRAINED, Surrogate, TrainingSettings, require_surrogate
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    calibrate_study,
+    observation_of,
+    open_study,
+    train_study,
+)
 from femupdate.workflow.calibrate_draws import predictive_log_frf
 from femupdate.workflow.calibrate_notes import elsewhere_warnings
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource, observation_of
-from femupdate.workflow.train import train_study
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 QUICK = CalibrationSettings(

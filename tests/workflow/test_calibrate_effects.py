@@ -12,10 +12,7 @@ from femupdate.errors import MeasurementError
 from femupdate.inference.posterior import load_posterior
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow import CalibrationSettings, ObservationSource, calibrate_study, open_study
 
 GRID = 0.2 * np.arange(1, 61)
 ZETA, SD = 0.05, 0.05

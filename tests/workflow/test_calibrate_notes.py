@@ -8,7 +8,7 @@ import pytest
 from femupdate.inference.diagnostics import PredictiveCheck
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.posterior import DrawnBy, Posterior
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import Observation
 from femupdate.result import Notes
 from femupdate.workflow.calibrate_draws import Fitting
 from femupdate.workflow.calibrate_notes import (

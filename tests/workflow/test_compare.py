@@ -8,7 +8,7 @@ import pytest
 
 from femupdate.errors import StudyError
 from femupdate.study import Study
-from femupdate.workflow.compare import compare_states, find_state, open_state
+from femupdate.workflow import compare_states, find_state, open_state
 
 
 @pytest.fixture(scope="module")
@@ -16,10 +16,12 @@ def state(tmp_path_factory, tower_file):
     """A function that measures and calibrates the tower with these stiffness factors."""
     from femupdate.building import load_building
     from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
-    from femupdate.workflow.calibrate import calibrate_study
-    from femupdate.workflow.likelihoods import CalibrationSettings
-    from femupdate.workflow.model import open_study
-    from femupdate.workflow.observed import ObservationSource
+    from femupdate.workflow import (
+        CalibrationSettings,
+        ObservationSource,
+        calibrate_study,
+        open_study,
+    )
 
     def calibrated(theta, seed):
         folder = tmp_path_factory.mktemp("state")

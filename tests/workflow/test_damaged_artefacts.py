@@ -15,13 +15,18 @@ from femupdate.inference.parameters import Parameters
 from femupdate.inference.posterior import load_posterior, save_posterior
 from femupdate.storage import read_arrays, write_arrays
 from femupdate.study import MANIFEST, file_hash, write_text
-from femupdate.workflow.effects import BASIS, finder_origin, open_structure
-from femupdate.workflow.mesh_error import MESH_ERROR, kept_mesh_error
-from femupdate.workflow.model import open_study
-from femupdate.workflow.predict import RecordSource, predict_study
-from femupdate.workflow.render import render_study
-from femupdate.workflow.report import report_study
-from femupdate.workflow.summary import kept_posterior
+from femupdate.workflow import (
+    RecordSource,
+    kept_mesh_error,
+    kept_posterior,
+    open_structure,
+    open_study,
+    predict_study,
+    render_study,
+    report_study,
+)
+from femupdate.workflow.effects import BASIS, finder_origin
+from femupdate.workflow.mesh_error import MESH_ERROR
 
 SHIPPED = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
 

@@ -11,14 +11,10 @@ import pytest
 from matplotlib.image import imread
 
 from femupdate.building import load_building
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.record import GroundMotion, read_record
+from femupdate.measurement import GroundMotion, read_observation_file, read_record
 from femupdate.study import Study
-from femupdate.surrogate.training import TrainingSettings
-from femupdate.workflow import demo
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import DEFAULT_BUILDING, open_study
-from femupdate.workflow.train import train_study
+from femupdate.surrogate import TrainingSettings
+from femupdate.workflow import DEFAULT_BUILDING, CalibrationSettings, demo, open_study, train_study
 
 EXAMPLES = files("femupdate.examples")
 

@@ -15,10 +15,7 @@ import pytest
 
 from femupdate.report.figure import draw
 from femupdate.study import Study
-from femupdate.workflow.diagnose import diagnose_study
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.repair import repair_study
+from femupdate.workflow import ObservationSource, diagnose_study, open_study, repair_study
 from tests.discrepancy.chain import Chain, rayleigh
 from tests.sticks import four_stories
 

@@ -11,10 +11,7 @@ import pytest
 from femupdate.errors import InferenceError
 from femupdate.report.figure import draw
 from femupdate.study import Study
-from femupdate.workflow.diagnose import diagnose_study
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.repair import repair_study
+from femupdate.workflow import ObservationSource, diagnose_study, open_study, repair_study
 from tests.discrepancy.chain import Chain, rayleigh
 
 FLOORS, THETA = ("2F", "3F", "4F", "RF"), np.array([0.7, 1.3, 0.9, 1.1])

@@ -26,10 +26,10 @@ from femupdate.effects import CATALOGUE, Placed, with_effect
 from femupdate.errors import BuildingError
 from femupdate.inference.frf_data import COMPARING, frf_data
 from femupdate.inference.parameters import reduction_target
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import Observation
 from femupdate.study import Study
+from femupdate.workflow import open_study
 from femupdate.workflow.effects import finder_basis
-from femupdate.workflow.model import open_study
 
 THETA, ZETA, MASS, NOISE = np.array([0.8, 1.5]), 0.03, 0.25, 0.01
 FAR = np.array([1.35, 0.9])

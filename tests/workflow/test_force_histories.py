@@ -5,11 +5,13 @@ import pytest
 
 from femupdate.errors import MeasurementError
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.kinds import measured_of
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    calibrate_study,
+    measured_of,
+    open_study,
+)
 
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
 STEP, COUNT = 0.02, 6000
@@ -90,7 +92,7 @@ def test_records_that_cannot_be_used(record, tower_file, tmp_path, old, new, wor
 
 
 def test_diagnose_says_what_it_needs(record):
-    from femupdate.measurement.kinds import read_observation_file
+    from femupdate.measurement import read_observation_file
 
     with pytest.raises(
         MeasurementError, match="responses to a force, which calibrate, diagnose and repair explain"

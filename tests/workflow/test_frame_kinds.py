@@ -13,9 +13,8 @@ from femupdate.discrepancy.search import FinderModel, plain_structure, prepared,
 from femupdate.dynamics import equations_at
 from femupdate.effects import CATALOGUE
 from femupdate.progress import SILENT
+from femupdate.workflow import ObservationSource, open_study
 from femupdate.workflow.finder_data import read_given
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
 
 THETA, ZETA, MASS = np.array([0.9, 1.2]), 0.03, 0.3
 GRID = np.arange(1.0, 20.0, 0.2)

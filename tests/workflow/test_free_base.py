@@ -5,10 +5,7 @@ import pytest
 from scipy.linalg import eigh
 
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow import CalibrationSettings, ObservationSource, calibrate_study, open_study
 
 THETA = np.array([0.8, 1.2])
 # Base of 3 t on rails, floors of 2 t and 1 t.

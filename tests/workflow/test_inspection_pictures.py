@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from femupdate.measurement.inspection import inspect_file
+from femupdate.measurement import inspect_file
 from femupdate.report.plot_measured import inspected
 
 

@@ -12,11 +12,12 @@ from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.errors import StudyError
 from femupdate.inference.frf_data import frf_data
 from femupdate.inference.parameters import Values
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import Observation
 from femupdate.study import Study
+from femupdate.workflow import kept_mesh_error, open_study, with_finer_mesh
 from femupdate.workflow.effects import finder_origin
-from femupdate.workflow.mesh_error import MESH_ERROR_PART, kept_mesh_error, with_finer_mesh
-from femupdate.workflow.model import FINER, open_study
+from femupdate.workflow.mesh_error import MESH_ERROR_PART
+from femupdate.workflow.model import FINER
 
 LEARNED = MeshError(
     ("wall_stiffness@ground", "cracked_beams@upper"),

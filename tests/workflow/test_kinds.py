@@ -7,11 +7,15 @@ import pytest
 
 from femupdate.errors import MeasurementError
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study, check_calibration
-from femupdate.workflow.kinds import measured_of
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import choose_building, open_study
-from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    calibrate_study,
+    check_calibration,
+    choose_building,
+    measured_of,
+    open_study,
+)
 
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
 GRID = 0.2 * np.arange(1, 61)

@@ -9,14 +9,18 @@ from scipy.signal import StateSpace, lsim
 
 from femupdate.errors import BuildingError, MeasurementError, StudyError
 from femupdate.inference.posterior import load_posterior
-from femupdate.measurement.record import GroundMotion
+from femupdate.measurement import GroundMotion
 from femupdate.report.figure import draw
 from femupdate.report.scale import plus_minus
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    PredictionSettings,
+    RecordSource,
+    calibrate_study,
+    open_study,
+    predict_study,
+)
 
 MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])
 STEP = 0.02

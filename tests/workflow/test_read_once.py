@@ -7,13 +7,16 @@ import pytest
 
 from femupdate.errors import MeasurementError
 from femupdate.study import Study, file_hash
-from femupdate.workflow.amplitude import record_levels
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.kinds import measured_of
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource, readable
-from femupdate.workflow.status import study_status
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    calibrate_study,
+    measured_of,
+    open_study,
+    readable,
+    record_levels,
+    study_status,
+)
 
 
 @pytest.fixture

@@ -9,9 +9,8 @@ from matplotlib.image import imread
 from femupdate.dynamics import ReducedModes, track_mode
 from femupdate.effects import structure_of
 from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
-from femupdate.measurement.observation import Observation
-from femupdate.workflow.model import open_study
-from femupdate.workflow.render import render_study
+from femupdate.measurement import Observation
+from femupdate.workflow import open_study, render_study
 
 
 def shown(path):

@@ -12,15 +12,19 @@ from femupdate.dynamics import System, floor_histories
 from femupdate.effects import CATALOGUE
 from femupdate.errors import MeasurementError
 from femupdate.inference.posterior import load_posterior
-from femupdate.measurement.record import GroundMotion
+from femupdate.measurement import GroundMotion
 from femupdate.report.figure import draw
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
-from femupdate.workflow.repair import repair_study
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    PredictionSettings,
+    RecordSource,
+    calibrate_study,
+    open_study,
+    predict_study,
+    repair_study,
+)
 from tests.discrepancy.chain import Chain
 from tests.sticks import MASSES, SPRINGS, STEP, write_shaken, write_stick
 
@@ -244,7 +248,7 @@ def test_pictures_of_a_repair(repaired, tmp_path):
 
 def test_pages_of_a_repair_name_it_and_every_file(repaired, home, tmp_path):
     from femupdate.study import file_hash
-    from femupdate.workflow.report import report_study
+    from femupdate.workflow import report_study
 
     done, _ = repaired
     before, after = Study(done.path.parent), done.study
@@ -260,7 +264,7 @@ def test_pages_of_a_repair_name_it_and_every_file(repaired, home, tmp_path):
 
 
 def test_what_comes_after_a_repair_is_said(repaired, home):
-    from femupdate.workflow.status import study_status
+    from femupdate.workflow import study_status
 
     found = study_status(Study(repaired[0].path.parent))
     again = next(one.again for one in found.holds if one.name == "repair")

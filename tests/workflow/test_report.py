@@ -9,7 +9,7 @@ import pytest
 
 from femupdate.errors import StudyError
 from femupdate.study import Study, file_hash, write_text
-from femupdate.workflow.report import report_study
+from femupdate.workflow import report_study
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
@@ -17,8 +17,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 @pytest.fixture(scope="module")
 def study(tower_study, tower_observation, tmp_path_factory):
     """A study of the tower with a prediction and hostile texts."""
-    from femupdate.workflow.model import open_study
-    from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
+    from femupdate.workflow import PredictionSettings, RecordSource, open_study, predict_study
 
     folder = Path(shutil.copytree(tower_study, tmp_path_factory.mktemp("page") / "study"))
     made = Study(folder)
@@ -72,7 +71,7 @@ def test_something_stale_is_told_on_the_page(study, tmp_path):
 
 
 def test_a_study_without_a_posterior_has_a_page_too(tmp_path, tower_file):
-    from femupdate.workflow.model import open_study
+    from femupdate.workflow import open_study
 
     made = Study(tmp_path)
     open_study(made, str(tower_file))
@@ -92,7 +91,7 @@ def test_a_study_without_a_posterior_has_a_page_too(tmp_path, tower_file):
     ],
 )
 def test_what_another_version_wrote_is_refused(name, text, tmp_path, tower_file):
-    from femupdate.workflow.model import open_study
+    from femupdate.workflow import open_study
 
     study = Study(tmp_path / "study")
     open_study(study, str(tower_file))

@@ -29,7 +29,7 @@ def folder(tower_study, tower_observation, tmp_path_factory, write_record):
     import json
     import shutil
 
-    from femupdate.measurement.record import GroundMotion
+    from femupdate.measurement import GroundMotion
 
     study = shutil.copytree(tower_study, tmp_path_factory.mktemp("tables") / "study")
     histories = tower_observation.histories

@@ -7,15 +7,19 @@ import numpy as np
 import pytest
 
 from femupdate.errors import BuildingError, MeasurementError
-from femupdate.measurement.record import GroundMotion
+from femupdate.measurement import GroundMotion
 from femupdate.simulation import parse_effect
 from femupdate.study import Study
-from femupdate.workflow.amplitude import level_between
-from femupdate.workflow.diagnose import diagnose_study
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
-from femupdate.workflow.repair import repair_study
+from femupdate.workflow import (
+    ObservationSource,
+    PredictionSettings,
+    RecordSource,
+    diagnose_study,
+    level_between,
+    open_study,
+    predict_study,
+    repair_study,
+)
 from tests.discrepancy.chain import Chain
 from tests.sticks import MASSES, SPRINGS, STEP, write_shaken, write_stick
 

@@ -14,13 +14,17 @@ from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
 from femupdate.inference.likelihood import cost_of_scatter, likelihood_of
 from femupdate.inference.posterior import load_posterior
 from femupdate.inference.smc import SmcSettings
-from femupdate.measurement.runs import pooled
+from femupdate.measurement import pooled
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study, file_hash
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource, observation_of, runs_of
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    calibrate_study,
+    observation_of,
+    open_study,
+    runs_of,
+)
 
 QUICK = CalibrationSettings(
     particles=200, exact=True, chains=2, smc=SmcSettings(moves=4, independence_moves=2)

@@ -7,14 +7,18 @@ from scipy.signal import butter, sosfilt
 
 from femupdate.dynamics import OwnLevel, history_batches, motion_level
 from femupdate.inference.posterior import load_posterior
-from femupdate.measurement.record import GroundMotion
+from femupdate.measurement import GroundMotion
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.mesh_error import open_system
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    PredictionSettings,
+    RecordSource,
+    calibrate_study,
+    open_study,
+    open_system,
+    predict_study,
+)
 
 THETA, ZETA, SIZE, DAMPING, STEP = (0.8, 1.3), 0.03, -0.1, 0.2, 0.01
 EFFECT = f"""

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from femupdate.study import Study, write_text
-from femupdate.workflow.status import study_status
+from femupdate.workflow import study_status
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_interrupted_work_and_inner_studies_are_named(look):
 
 
 def test_without_a_posterior_the_way_to_one_is_shown(tmp_path, tower_file):
-    from femupdate.workflow.model import open_study
+    from femupdate.workflow import open_study
 
     study = Study(tmp_path)
     open_study(study, str(tower_file))

@@ -16,13 +16,9 @@ from safetensors import safe_open
 
 from femupdate.errors import SurrogateError
 from femupdate.study import Study
-from femupdate.surrogate.storage import find_surrogate, load_surrogate, require_surrogate
-from femupdate.surrogate.training import TrainingSettings
-from femupdate.workflow.model import open_study
-from femupdate.workflow.train import (
-    check_samples,
-    train_study,
-)
+from femupdate.surrogate import TrainingSettings, find_surrogate, load_surrogate, require_surrogate
+from femupdate.workflow import open_study, train_study
+from femupdate.workflow.train import check_samples
 
 SAMPLES, EPOCHS = 400, 5
 SMALL = TrainingSettings(epochs=EPOCHS, batch=64)

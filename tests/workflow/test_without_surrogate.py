@@ -7,16 +7,22 @@ import torch
 from femupdate.building import load_building
 from femupdate.dynamics import floor_histories
 from femupdate.errors import SurrogateError
-from femupdate.measurement.record import GroundMotion
+from femupdate.measurement import GroundMotion
 from femupdate.report.figure import draw
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study, check_calibration
-from femupdate.workflow.likelihoods import CalibrationSettings, unserved
-from femupdate.workflow.mesh_error import open_system
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
-from femupdate.workflow.train import check_training
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    PredictionSettings,
+    RecordSource,
+    calibrate_study,
+    check_calibration,
+    check_training,
+    open_study,
+    open_system,
+    predict_study,
+)
+from femupdate.workflow.likelihoods import unserved
 from tests.sticks import write_stick
 
 EFFECTS = (("added_mass", "3F"), ("foundation_rocking", "base"), ("channel_gain", "RF"))

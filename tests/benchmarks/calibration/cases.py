@@ -14,11 +14,12 @@ from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Likelihood, cost_of_scatter, likelihood_of
 from femupdate.inference.smc import LogLikelihood, TemperedSmc
 from femupdate.inference.tempering import SamplerRun
-from femupdate.measurement.observation import Observation
-from femupdate.surrogate.storage import ANY_FLOORS, Surrogate
+from femupdate.measurement import Observation
+from femupdate.surrogate import Surrogate
+from femupdate.surrogate.storage import ANY_FLOORS
+from femupdate.workflow import StudyModel
 from femupdate.workflow.calibrate_draws import latent_zeta
 from femupdate.workflow.likelihoods import on_fewer_modes
-from femupdate.workflow.model import StudyModel
 
 from .coverage import density_level, ranks, tarp_level
 from .coverage_power import SimulatedCase

@@ -9,8 +9,9 @@ import numpy as np
 from femupdate.building import load_building
 from femupdate.progress import SILENT, Progress
 from femupdate.study import Study
-from femupdate.surrogate.storage import ANY_FLOORS, Surrogate
-from femupdate.workflow.model import StudyModel, open_study
+from femupdate.surrogate import Surrogate
+from femupdate.surrogate.storage import ANY_FLOORS
+from femupdate.workflow import StudyModel, open_study
 
 from ..log import ResumableLog
 from ..result import Job, Report

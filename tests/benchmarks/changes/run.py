@@ -12,11 +12,15 @@ from femupdate.arrays import Floats
 from femupdate.building import load_building
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.compare import CompareReport, State, compare_states, open_state
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    calibrate_study,
+    compare_states,
+    open_state,
+    open_study,
+)
+from femupdate.workflow.compare import CompareReport, State
 
 from ..result import Job, Report, markdown_table
 

@@ -5,7 +5,7 @@ from importlib.resources import as_file, files
 import numpy as np
 from scipy.signal import lfilter
 
-from femupdate.measurement.record import GroundMotion, read_record
+from femupdate.measurement import GroundMotion, read_record
 from femupdate.simulation import white_noise
 
 WHITE, RECORDED, SIMULATED = "white noise", "recorded earthquake", "simulated earthquake"

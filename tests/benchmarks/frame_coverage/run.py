@@ -14,19 +14,20 @@ from femupdate.arrays import Flags, Floats
 from femupdate.building import FrameBuilding, load_building
 from femupdate.building.quantities import ALL
 from femupdate.dynamics import HistorySettings, ReducedModel, System, damping_law, floor_histories
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.names import BASE, FloorChannel
-from femupdate.measurement.record import GroundMotion
-from femupdate.measurement.write import write_observation_histories
+from femupdate.measurement import FloorChannel, GroundMotion, Histories, write_observation_histories
+from femupdate.measurement.names import BASE
 from femupdate.simulation import fine_model, truth_of
 from femupdate.simulation.truth import FineModel
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.mesh_error import with_finer_mesh
-from femupdate.workflow.model import open_study
-from femupdate.workflow.observed import ObservationSource
-from femupdate.workflow.train import default_settings, train_study
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    calibrate_study,
+    open_study,
+    train_study,
+    with_finer_mesh,
+)
+from femupdate.workflow.train import default_settings
 
 from ..log import ResumableLog
 from ..result import Job, Report, markdown_table

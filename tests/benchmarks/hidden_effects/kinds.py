@@ -8,8 +8,7 @@ from femupdate.building.document import Building
 from femupdate.dynamics import Excitation
 from femupdate.effects import Effect
 from femupdate.inference.mode_data import ModalErrors, modes_as_read
-from femupdate.measurement.modes import IdentifiedModes
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import IdentifiedModes, Observation
 from femupdate.simulation.truth import Truth
 from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured, no_base_motion

@@ -9,11 +9,15 @@ from femupdate.arrays import Floats
 from femupdate.building.document import Building
 from femupdate.dynamics import damping_law
 from femupdate.effects import Placed
-from femupdate.measurement.frf import estimate_frf
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.names import BASE, FloorChannel
-from femupdate.measurement.observation import Observation
-from femupdate.measurement.record import GroundMotion, read_record
+from femupdate.measurement import (
+    FloorChannel,
+    GroundMotion,
+    Histories,
+    Observation,
+    estimate_frf,
+    read_record,
+)
+from femupdate.measurement.names import BASE
 from femupdate.simulation import truth_of, white_noise
 from femupdate.simulation.truth import FineModel, Truth
 

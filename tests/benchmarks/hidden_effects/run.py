@@ -7,7 +7,7 @@ from functools import partial
 from femupdate.building import load_building
 from femupdate.study import Study
 from femupdate.workers import completed
-from femupdate.workflow.model import open_study
+from femupdate.workflow import open_study
 
 from ..log import ResumableLog
 from ..result import Job, Report

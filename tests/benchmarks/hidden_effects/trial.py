@@ -22,10 +22,10 @@ from femupdate.progress import SILENT, Progress
 from femupdate.simulation import fine_model
 from femupdate.simulation.truth import FineModel, Truth
 from femupdate.study import Study
+from femupdate.workflow import StudyModel
 from femupdate.workflow.diagnose import finder_model, search
 from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured
-from femupdate.workflow.model import StudyModel
 
 from .by_opensees import MESH, made_by_opensees, opensees_truth, possible, shell_of
 from .draw import KINDS, TWO, draw_effects, draw_parameters

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from femupdate.arrays import Floats
-from femupdate.measurement.histories import Histories
+from femupdate.measurement import Histories
 from femupdate.measurement.names import BASE
 
 _GRID = 200  # frequencies at which a mode is tried

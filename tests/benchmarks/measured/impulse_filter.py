@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from scipy.special import ndtr
 
 from femupdate.arrays import Floats
-from femupdate.measurement.histories import Histories
+from femupdate.measurement import Histories
 
 from .free_fit import channels
 

@@ -19,16 +19,20 @@ from femupdate.dynamics import System
 from femupdate.dynamics.spectra import floor_spectra
 from femupdate.inference.event_scatter import EventScatter
 from femupdate.inference.posterior import Posterior
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.kinds import read_observation_file
-from femupdate.measurement.record import read_record
+from femupdate.measurement import Histories, read_observation_file, read_record
 from femupdate.study import Study
-from femupdate.workflow.calibrate import calibrate_study
-from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.mesh_error import open_system
-from femupdate.workflow.model import StudyModel, open_study
-from femupdate.workflow.observed import ObservationSource, direction_of
-from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
+from femupdate.workflow import (
+    CalibrationSettings,
+    ObservationSource,
+    PredictionSettings,
+    RecordSource,
+    StudyModel,
+    calibrate_study,
+    open_study,
+    open_system,
+    predict_study,
+)
+from femupdate.workflow.observed import direction_of
 
 from ..result import Job, Report, markdown_table
 from .free_fit import FreeFit, fit_free

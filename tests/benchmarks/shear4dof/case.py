@@ -19,11 +19,9 @@ from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.smc import TemperedSmc
 from femupdate.inference.tempering import LogLikelihood
-from femupdate.measurement.observation import Observation
-from femupdate.surrogate.storage import Surrogate
-from femupdate.workflow.model import (
-    StudyModel,
-)
+from femupdate.measurement import Observation
+from femupdate.surrogate import Surrogate
+from femupdate.workflow import StudyModel
 
 from .equivalent import equivalent_stiffness
 from .metrics import ModeSummary, mode_summary

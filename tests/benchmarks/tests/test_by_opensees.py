@@ -23,7 +23,7 @@ from femupdate.effects import CATALOGUE, Placed
 from femupdate.errors import ReportError
 from femupdate.simulation import fine_model, truth_of
 from femupdate.study import Study
-from femupdate.workflow.model import open_study
+from femupdate.workflow import open_study
 
 EFFECTS = {**CATALOGUE, **{effect.name: effect for effect in UNCATALOGUED}}
 THETA = np.array([1.1, 0.9, 1.0])

@@ -16,7 +16,7 @@ from femupdate.benchmarks.shear4dof.case import roof_log_frf
 from femupdate.benchmarks.shipped import benchmark_model, shipped_surrogate, surrogate_mark
 
 from femupdate.inference.diagnostics import PredictiveCheck
-from femupdate.surrogate.storage import Surrogate
+from femupdate.surrogate import Surrogate
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from femupdate.benchmarks.frame_coverage.motions import (
 from femupdate.benchmarks.frame_coverage.run import Case, counted, meshed, written
 
 from femupdate.building import load_building
-from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement import read_observation_file
 
 CASE = Case(
     truth="mesh of 0.4",

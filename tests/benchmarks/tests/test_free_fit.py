@@ -6,8 +6,8 @@ from femupdate.benchmarks.measured.free_fit import fit_free
 from femupdate.benchmarks.measured.impulse_filter import fit_filter
 from scipy.signal import cont2discrete, dlsim, lfilter
 
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.names import BASE, FloorChannel
+from femupdate.measurement import FloorChannel, Histories
+from femupdate.measurement.names import BASE
 
 STEP = 0.01
 FREQUENCY, DAMPING = np.array([2.1, 6.3]), np.array([0.03, 0.015])

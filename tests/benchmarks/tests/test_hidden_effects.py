@@ -18,7 +18,7 @@ from femupdate.building import load_building
 from femupdate.effects import CATALOGUE
 from femupdate.errors import ReportError
 from femupdate.study import Study
-from femupdate.workflow.model import open_study
+from femupdate.workflow import open_study
 from tests import sticks
 
 # Numbers that no published trial has used; every outcome is a function of them.

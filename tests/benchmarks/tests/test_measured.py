@@ -9,9 +9,9 @@ from femupdate.benchmarks.measured.run import Event, pair_of
 
 from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.inference.posterior import DrawnBy, Posterior
-from femupdate.measurement.observation import Observation
+from femupdate.measurement import Observation
 from femupdate.study import Study
-from femupdate.workflow.model import open_study
+from femupdate.workflow import open_study
 
 FACTORS = Parameters.uniform(("theta_1", "theta_2", "theta_3"), [1.0 / 3.0] * 3, [3.0] * 3)
 SIZE = Parameter(name="joint_flexibility", kind="effect", lower=0.0, upper=2.0)
