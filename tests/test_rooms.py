@@ -6,7 +6,10 @@ import pytest
 
 from tests import house
 
-ROOMS = ("building", "dynamics", "effects", "fe", "measurement", "simulation", "surrogate", "workflow")
+ROOMS = (
+    *("building", "dynamics", "effects", "fe"),
+    *("measurement", "simulation", "surrogate", "workflow"),
+)
 # Parts of a room that are tested by themselves, as nothing public shows how exact they are.
 INNER = {
     "femupdate.building.lattice",
