@@ -200,6 +200,26 @@ def hidden_effects(
         return run_hidden_effects(job, building, plan, settings, limit, data)
 
 
+@benchmark("missing-effects")
+@click.option("--only", default="*", show_default=True, help="Numbers of tasks, such as 0*.")
+@click.option(
+    "--answers",
+    "others",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    multiple=True,
+    help="Folder with the answers of another program, to score beside ours.",
+)
+def missing_effects(job: Job, **plan: Any) -> Report:
+    """Twenty-four frozen tasks of missing effects: ours, and rivals beside it.
+
+    OpenSees and MYSTRAN made the data. The tasks lie in tests/benchmarks/missing_effects, with a
+    README that says how another program enters. About an hour on two cores.
+    """
+    from .missing_effects.run import OpenPlan, run_open
+
+    return run_open(job, OpenPlan(**plan))
+
+
 @benchmark("changes")
 @count("--pairs", 50, 1, "Buildings, each measured before, without a change, and with one.")
 def changes(job: Job, pairs: int) -> Report:

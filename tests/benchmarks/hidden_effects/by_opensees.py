@@ -53,7 +53,7 @@ def opensees_truth(fine: FineModel, measured: MeasuredBuilding, shell: str) -> T
     model = structure.mesh.model
     for one, values in effects:
         if not one.effect.instrument:
-            model = _changed(structure, model, one.effect, one.place, values[0])
+            model = changed(structure, model, one.effect, one.place, values[0])
     nodes = np.concatenate([structure.mesh.floor_nodes[floor] for floor in structure.mesh.floors])
     seen = [
         (channel.floor, [int(node)]) for channel, node in zip(fine.channels, nodes, strict=True)
@@ -69,7 +69,7 @@ def opensees_truth(fine: FineModel, measured: MeasuredBuilding, shell: str) -> T
     return Truth(fine, system, np.zeros(0), own, frequency, share)
 
 
-def _changed(
+def changed(
     structure: Structure, model: FiniteElementModel, effect: Effect, place: str, size: float
 ) -> FiniteElementModel:
     """A model with an effect in it."""
@@ -92,7 +92,7 @@ def _changed(
     names = structure.building.story_names
     stories = range(len(names)) if place == "all" else [names.index(place)]
 
-    def changed(block: Elements) -> Elements:
+    def scaled(block: Elements) -> Elements:
         chosen = np.isin(block.kind, effect.kinds) & np.isin(block.group, stories)
         factor = np.where(chosen, 1.0 + size, 1.0)
         if not effect.bending_only:
@@ -103,4 +103,4 @@ def _changed(
             block, inertia_y=factor * block.inertia_y, inertia_z=factor * block.inertia_z
         )
 
-    return model.mapped(changed)
+    return model.mapped(scaled)

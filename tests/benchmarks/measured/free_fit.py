@@ -31,12 +31,16 @@ class FreeFit:
     def error(self, measured: Histories, direction: str) -> Floats:
         """Rms of predicted less measured accelerations over that of the measured, (f,)."""
         base, floors = channels(measured, direction)
-        count = base.shape[-1]
-        frequency = _frequencies(measured)
-        moved = _modes(frequency, self.frequency_hz, self.damping) * np.fft.rfft(base, 2 * count)
-        found = base + np.fft.irfft(self.participation.T @ moved, 2 * count)[:, :count]
-        missed = ((found - floors) ** 2).mean(axis=1) / (floors**2).mean(axis=1)
+        answer = self.answer(base, measured.time_step)
+        missed = ((answer - floors) ** 2).mean(axis=1) / (floors**2).mean(axis=1)
         return np.asarray(np.sqrt(missed))
+
+    def answer(self, base: Floats, time_step: float) -> Floats:
+        """Floors (f, n) under a motion (1, n) of the base."""
+        count = base.shape[-1]
+        frequency = _frequencies(count, time_step)
+        moved = _modes(frequency, self.frequency_hz, self.damping) * np.fft.rfft(base, 2 * count)
+        return base + np.fft.irfft(self.participation.T @ moved, 2 * count)[:, :count]
 
 
 def fit_free(
@@ -69,7 +73,7 @@ _Spectra = tuple[Floats, Floats, Floats]
 def _spectra(one: Histories, direction: str, band_hz: tuple[float, float]) -> _Spectra:
     """Frequencies (k,), the base (k,) and the floors against it (f, k), these of unit rms."""
     base, floors = channels(one, direction)
-    frequency = _frequencies(one)
+    frequency = _frequencies(one.acceleration.shape[1], one.time_step)
     inside = (frequency >= band_hz[0]) & (frequency <= band_hz[1])
     size = np.sqrt(((floors - base) ** 2).sum(axis=1, keepdims=True))
     transformed = np.fft.rfft(np.vstack([base, floors - base]), 2 * base.shape[-1])[:, inside]
@@ -95,9 +99,9 @@ def _modes(frequency: Floats, hertz: Floats, damping: Floats) -> Floats:
     return turning**2 / (own**2 - turning**2 + 2j * damping[:, None] * own * turning)
 
 
-def _frequencies(one: Histories) -> Floats:
+def _frequencies(count: int, time_step: float) -> Floats:
     """Of the transform of a record with as many zeros behind it, Hz."""
-    return np.asarray(np.fft.rfftfreq(2 * one.acceleration.shape[1], one.time_step), np.float64)
+    return np.asarray(np.fft.rfftfreq(2 * count, time_step), np.float64)
 
 
 def channels(one: Histories, direction: str) -> tuple[Floats, Floats]:

@@ -33,7 +33,7 @@ class ImpulseFilter:
     def scores(self, measured: Histories, direction: str) -> tuple[Floats, Floats]:
         """Error rms and continuous ranked probability score (f,), both over the rms measured."""
         base, floors = channels(measured, direction)
-        answer = self._answer(base)
+        answer = self.answer(base)
         rms = np.sqrt(np.square(floors).mean(axis=1))
         sd = self.missed[:, None] * _strength(answer, measured.time_step) + 1e-12
         away = (floors - answer) / sd
@@ -43,7 +43,8 @@ class ImpulseFilter:
         error = np.sqrt(np.square(answer - floors).mean(axis=1))
         return error / rms, score.mean(axis=1) / rms
 
-    def _answer(self, base: Floats) -> Floats:
+    def answer(self, base: Floats) -> Floats:
+        """Floors (f, n) under a motion (1, n) of the base."""
         return np.array([base[0] + lfilter(row, [1.0], base[0]) for row in self.taps])
 
 
@@ -63,7 +64,7 @@ def fit_filter(events: Sequence[Histories], direction: str) -> ImpulseFilter:
     plain = ImpulseFilter(taps, np.zeros(len(taps)))
     squares = []
     for base, floors in pairs:
-        answer = plain._answer(base)
+        answer = plain.answer(base)
         squares.append(np.square((floors - answer) / _strength(answer, step)).mean(axis=1))
     return ImpulseFilter(taps, np.sqrt(np.mean(squares, axis=0)))
 

@@ -1,0 +1,74 @@
+"""A finite-element model as bulk data, for Nastran and its kin."""
+
+import numpy as np
+
+from femupdate.fe import FiniteElementModel
+
+
+def card(name: str, *values: float | str | None) -> str:
+    """A card in large fields."""
+    words = [f"{v:.9E}" if isinstance(v, float) else "" if v is None else str(v) for v in values]
+    lines = [words[k : k + 4] for k in range(0, len(words), 4)]
+    heads = [f"{name}*", *["*"] * (len(lines) - 1)]
+    return "\n".join(
+        f"{head:<8}" + "".join(f"{word:<16}" for word in line).ljust(64)
+        for head, line in zip(heads, lines, strict=True)
+    )
+
+
+def bulk_data(model: FiniteElementModel) -> str:
+    """A finite-element model, its factors 1, as a deck of Nastran in N and m."""
+    cards = ["SOL 103", "CEND", "SPC = 1", "BEGIN BULK"]
+    cards += [card("GRID", n, None, *map(float, p)) for n, p in enumerate(model.nodes, 1)]
+    element = 0
+    numbers: dict[tuple[float | str | None, ...], int] = {}
+
+    def number(name: str, *values: float | str | None) -> int:
+        key = (name, *values)
+        if key not in numbers:
+            numbers[key] = len(numbers) + 1
+            cards.append(card(name, numbers[key], *values))
+        return numbers[key]
+
+    for block in model.elements:
+        for k, nodes in enumerate((block.nodes + 1).tolist()):
+            element += 1
+            young, density, ratio = (
+                float(getattr(block, name)[k])
+                for name in ("youngs_modulus", "density", "poisson_ratio")
+            )
+            material = number("MAT1", young, None, ratio, density)
+            if block.dimension() == 2:
+                plate = number("PSHELL", material, float(block.thickness[k]), material, 1.0)
+                name = "CQUAD4" if len(nodes) == 4 else "CTRIA3"
+                cards.append(card(name, element, plate, *nodes))
+                continue
+            area = float(block.area[k])
+            inertia = float(block.inertia_y[k]), float(block.inertia_z[k])
+            shear = float(block.shear_area_z[k] / area), float(block.shear_area_y[k] / area)
+            torsion = float(block.torsion_constant[k])
+            bar = number("PBAR", material, area, *inertia, torsion, 0.0, *[None] * 9, *shear, 0.0)
+            arms = np.zeros(6) if block.offset is None else block.offset[k].ravel()
+            pins = ["", ""]
+            if block.released is not None:
+                ours = np.array([0, 2, 1, 3, 5, 4])
+                flags = block.released[k].reshape(2, 6)[:, ours]
+                pins = ["".join(str(c + 1) for c in np.flatnonzero(end)) for end in flags]
+            up = map(float, block.up[k])
+            cards.append(card("CBAR", element, bar, *nodes, *up, None, *pins, *map(float, arms)))
+    for node, kg, inertia in zip(
+        model.masses.node + 1, model.masses.mass, model.masses.inertia, strict=True
+    ):
+        element += 1
+        x, y, z = map(float, inertia)
+        figures = (x, 0.0, y, 0.0, 0.0, z)
+        cards.append(card("CONM2", element, int(node), None, float(kg), *[None] * 4, *figures))
+    links = model.links
+    for master, slave, tied in zip(links.master, links.slave, links.tied, strict=True):
+        element += 1
+        digits = "".join(str(c + 1) for c in np.flatnonzero(tied))
+        cards.append(card("RBE2", element, int(master) + 1, digits, int(slave) + 1))
+    for node in np.flatnonzero(model.fixed.any(axis=1)):
+        digits = "".join(str(c + 1) for c in np.flatnonzero(model.fixed[node]))
+        cards.append(card("SPC1", 1, digits, int(node) + 1))
+    return "\n".join([*cards, "ENDDATA", ""])

@@ -1,0 +1,1 @@
+"""Twenty-four frozen tasks of missing effects, their score, and what enters."""

@@ -1,0 +1,76 @@
+"""The open benchmark: its score, and the sticks of its truths."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from femupdate.benchmarks.missing_effects.score import FOLDER, figures, score, task_numbers
+from femupdate.benchmarks.missing_effects.stick import STEP_S, Stick
+from scipy.linalg import eigh
+
+
+def answer_of(number):
+    return json.loads((FOLDER / "answers" / number / "answer.json").read_text())
+
+
+def enter(folder, number, **changes):
+    """The truth as an entry, but for changes."""
+    truth = answer_of(number)
+    effects = [{**effect, "size_sd": 1e-6} for effect in truth["missing"]]
+    entry = {"verdict": truth["verdicts"][0], "effects": effects}
+    if truth["factors"]:
+        entry |= {"factors": truth["factors"], "factors_sd": [1e-6] * len(truth["factors"])}
+    (folder / f"{number}.json").write_text(json.dumps(entry | changes))
+    shutil.copy(FOLDER / "answers" / number / "next.csv", folder / f"{number}.csv")
+
+
+def test_the_truth_scores_full_marks(tmp_path):
+    for number in task_numbers():
+        enter(tmp_path, number)
+    found = figures(score(tmp_path))
+    assert found["named"] == (24, 24)
+    assert found["false"][0] == found["factors"][0] == found["forecast"][0] == 0
+    assert found["sizes"][0] == found["sizes"][1] > 8
+    assert found["held"][0] == found["held"][1] > 60
+
+
+@pytest.mark.parametrize(
+    ("number", "changes", "figure", "value"),
+    [
+        ("01", {"effects": [{"kind": "mass", "places": ["3F"]}]}, "false", (1, 1)),
+        ("01", {"verdict": "effects"}, "named", (0, 1)),
+        ("05", {"effects": []}, "named", (0, 1)),
+        (
+            "05",
+            {"effects": [{"kind": "mass", "places": ["4F"], "size": 0.13, "size_sd": 0.004}]},
+            "sizes",
+            (0, 1),
+        ),
+        ("18", {"effects": [{"kind": "brace", "places": ["5F-RF"]}]}, "named", (1, 1)),
+        ("05", {"factors": [2 * f for f in answer_of("05")["factors"]]}, "factors", (100.0, 6)),
+    ],
+)
+def test_what_is_wrong_is_counted(number, changes, figure, value, tmp_path):
+    enter(tmp_path, number, **changes)
+    assert figures(score(tmp_path))[figure] == pytest.approx(value)
+
+
+def test_a_stick_of_opensees_moves_as_its_modes_do():
+    pytest.importorskip("openseespy")
+    mass, stiffness = np.array([2.0, 1.0]), np.array([3000.0, 2000.0])
+    stick = Stick(mass=mass, stiffness=stiffness, zeta=0.05)
+    matrix = np.array([[5000.0, -2000.0], [-2000.0, 2000.0]])
+    squares, shapes = eigh(matrix, np.diag(mass))
+    np.testing.assert_allclose(stick.modes()[0] ** 2, squares, rtol=1e-9)
+    time = np.arange(0.0, 4.0, STEP_S)
+    base = np.sin(5.0 * time) ** 2 * np.minimum(time, 1.0)
+    turning = 2.0 * np.pi * np.fft.rfftfreq(8 * len(base), STEP_S)
+    expected = np.fft.rfft(base, 8 * len(base))
+    moved = expected[None].repeat(2, axis=0)
+    for square, shape in zip(squares, shapes.T, strict=True):
+        denominator = square - turning**2 + 0.1j * np.sqrt(square) * turning
+        moved = moved + np.outer(shape * (mass @ shape), turning**2 / denominator * expected)
+    expected = np.fft.irfft(moved)[:, : len(base)]
+    # Average acceleration lengthens the second period by .003 %, half a cycle's error in 1e4.
+    np.testing.assert_allclose(stick.respond(base), expected, atol=2e-3 * np.abs(expected).max())
