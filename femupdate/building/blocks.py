@@ -151,12 +151,18 @@ def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBl
             for floor, part in product(floors, parts):
                 points = lattice.along(part, np.array([lattice.z.at[floor]]))[:, 0]
                 nodes = strips(_touched(lattice, beams, part, points))
-                yield bar(
-                    nodes=nodes,
-                    group=building.floors.index(floor),
-                    offset=_arms(beams, part.axis, len(nodes)),
-                    released=_hinges(beams, len(nodes)),
-                )
+                offset, released = None, None
+                if beams.rigid_ends is not None or beams.eccentricity is not None:
+                    first, last = beams.rigid_ends or (0.0, 0.0)
+                    offset = np.zeros((len(nodes), 2, 3))
+                    offset[:, :, 2] = -(beams.eccentricity or 0.0)
+                    offset[0, 0, part.axis], offset[-1, 1, part.axis] = first, -last
+                if beams.hinges is not None:  # which pass no bending moment on
+                    released = np.zeros((len(nodes), 12), dtype=np.bool_)
+                    released[0, [4, 5]] = beams.hinges in ("start", "both")
+                    released[-1, [10, 11]] = beams.hinges in ("end", "both")
+                group = building.floors.index(floor)
+                yield bar(nodes=nodes, group=group, offset=offset, released=released)
 
 
 def brace_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:
@@ -195,27 +201,6 @@ def _touched(lattice: Lattice, beams: BeamLines, run: Stretch, points: Integers)
         inside &= (place > place[0] + first + gap) & (place < place[-1] - last - gap)
     inside[[0, -1]] = True
     return points[inside]
-
-
-def _arms(beams: BeamLines, axis: int, count: int) -> Floats | None:
-    """Return the rigid arms of a beam's elements, (count, 2, 3) m."""
-    if beams.rigid_ends is None and beams.eccentricity is None:
-        return None
-    first, last = beams.rigid_ends or (0.0, 0.0)
-    offset = np.zeros((count, 2, 3))
-    offset[:, :, 2] = -(beams.eccentricity or 0.0)
-    offset[0, 0, axis], offset[-1, 1, axis] = first, -last
-    return offset
-
-
-def _hinges(beams: BeamLines, count: int) -> Flags | None:
-    """Return where a beam's elements pass no bending moment on, (count, 12)."""
-    if beams.hinges is None:
-        return None
-    released = np.zeros((count, 12), dtype=np.bool_)
-    released[0, [4, 5]] = beams.hinges in ("start", "both")
-    released[-1, [10, 11]] = beams.hinges in ("end", "both")
-    return released
 
 
 @dataclass(frozen=True)

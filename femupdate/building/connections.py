@@ -1,11 +1,11 @@
 """What joins the nodes of a building beside its elements: diaphragms, a sprung footing, joints."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from femupdate.arrays import Flags, Integers
+from femupdate.arrays import Integers
 from femupdate.building.lattice import ExtraLines
 from femupdate.building.members import Supports
 from femupdate.building.mesh_check import piece_of
@@ -89,7 +89,11 @@ def _diaphragms(
     The master is the node nearest to the middle; a follower of something else cannot be it.
     """
     links = []
-    for nodes in _merged(len(model.nodes), list(slabs)):
+    pairs = [np.stack([np.full(len(s) - 1, s[0]), s[1:]], axis=1) for s in map(np.unique, slabs)]
+    edges = np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs])
+    part, joined = piece_of(len(model.nodes), edges), np.unique(edges)
+    for label in np.unique(part[joined]):
+        nodes = joined[part[joined] == label]
         level = model.nodes[nodes]
         away = np.linalg.norm(level - level.mean(axis=0), axis=1)
         away[np.isin(nodes, followers)] = np.inf
@@ -98,19 +102,6 @@ def _diaphragms(
         tied = np.broadcast_to(_IN_PLAN, (len(slaves), DOF_PER_NODE))
         links.append(RigidLinks(np.full(len(slaves), master), slaves, tied.copy()))
     return _joined(links)
-
-
-def _merged(count: int, slabs: Sequence[Integers]) -> list[Integers]:
-    """Return the sets of nodes of slabs that hang together."""
-    if not slabs:
-        return []
-    edges = np.concatenate(
-        [np.stack([np.full(len(s) - 1, s[0]), s[1:]], axis=1) for s in map(np.unique, slabs)]
-    )
-    part = piece_of(count, edges)
-    mine: Flags = np.zeros(count, dtype=np.bool_)
-    mine[edges.ravel()] = True
-    return [np.flatnonzero(mine & (part == label)) for label in np.unique(part[mine])]
 
 
 def _joined(links: Iterable[RigidLinks]) -> RigidLinks:

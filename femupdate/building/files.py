@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Mapping, MutableMapping
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any
 
 import tomlkit
 
@@ -46,7 +46,14 @@ def load_building(path_or_name: str | Path, units: str | None = None) -> Buildin
     try:
         document = toml_content(text)
     except ValueError as error:
-        raise BuildingError(f"{where}: {_foreign(text) or error}") from None
+        foreign = next((name for name, begins in _FOREIGN.items() if begins.search(text)), None)
+        raise BuildingError(
+            f"{where}: this is a model of {foreign}, which is not read; describe the building in a "
+            'file of kind "frame", or mesh it elsewhere (gmsh, Abaqus, MED, VTU) for one of '
+            'kind "mesh"'
+            if foreign
+            else f"{where}: {error}"
+        ) from None
     try:
         building = from_document(document, where, from_file=True)
     except RecursionError:
@@ -71,18 +78,6 @@ def load_building(path_or_name: str | Path, units: str | None = None) -> Buildin
 
 
 AnyBuilding.load = staticmethod(load_building)
-
-
-def _foreign(text: str) -> str:
-    """What is wrong where a text is another program's model."""
-    for program, begins in _FOREIGN.items():
-        if begins.search(text):
-            return (
-                f"this is a model of {program}, which is not read; describe the building in a "
-                'file of kind "frame", or mesh it elsewhere (gmsh, Abaqus, MED, VTU) for one of '
-                'kind "mesh"'
-            )
-    return ""
 
 
 @cache
@@ -143,15 +138,11 @@ def _change(
             continue
         if isinstance(old, dict) and isinstance(value, dict):
             _change(text[name], old, value)
-        elif _tables(old) and _tables(value) and value[: len(old)] == old:
-            for table in value[len(old) :]:
+        elif isinstance(old, list) and isinstance(old[0], dict) and value[: len(old)] == old:
+            for table in value[len(old) :]:  # tables that were added
                 text[name].append(_item(table))
         else:
             text[name] = _item(value)
-
-
-def _tables(value: Any) -> TypeGuard[list[dict[str, Any]]]:
-    return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
 
 
 def _item(value: Any) -> Any:

@@ -1,8 +1,8 @@
 """Meshes a frame building: nodes, shells, bars, masses, supports, and where the floors are."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,24 +41,17 @@ def mesh_frame(building: FrameBuilding, size: float, least: int = 1) -> Building
         extra = column_lines(building) + opening_lines(building)
         if (building.walls or building.slabs) and (building.beams or building.columns):
             coarse = lattice_of(building.grid, building.stories, math.inf, 2, extra)
-            parts = _parts_on(building, coarse)
-            extra += face_lines(parts.model)
+            extra += face_lines(_parts_on(building, coarse)[0])
         lattice = lattice_of(building.grid, building.stories, size, least, extra)
         return _mesh_on(building, lattice)
     except Complaint as complaint:
         raise BuildingError(f"{complaint.key}: {complaint}") from None
 
 
-@dataclass(frozen=True)
-class _Parts:
-    """The elements of a building on the crossings of a lattice."""
-
-    model: FiniteElementModel  # elements only, no supports
-    used: Integers  # (N,) crossing of each node
-    blocks: tuple[ElementBlock, ...]  # the elements, member by member
-
-
-def _parts_on(building: FrameBuilding, lattice: Lattice) -> _Parts:
+def _parts_on(
+    building: FrameBuilding, lattice: Lattice
+) -> tuple[FiniteElementModel, Integers, list[ElementBlock]]:
+    """Elements on the crossings of a lattice, the crossing of each node, and them by members."""
     blocks = [
         *slab_blocks(building, lattice),
         *wall_blocks(building, lattice),
@@ -67,7 +60,13 @@ def _parts_on(building: FrameBuilding, lattice: Lattice) -> _Parts:
         *brace_blocks(building, lattice),
     ]
     for alike in by_element(blocks).values():
-        _refuse_doubles(alike, lattice)
+        nodes = np.concatenate([block.nodes for block in alike])
+        double = first_double(nodes)
+        if double is not None:
+            owner = np.repeat(np.arange(len(alike)), [len(block.nodes) for block in alike])
+            later, earlier = (alike[owner[index]] for index in double)
+            where = place(lattice.coordinates(nodes[double[0]]).mean(axis=0))
+            raise Complaint(later.key, f"it lies on {earlier.key} at {where}; remove one")
     used = np.unique(np.concatenate([block.nodes.ravel() for block in blocks]))
     model = FiniteElementModel(
         nodes=lattice.coordinates(used),
@@ -75,12 +74,11 @@ def _parts_on(building: FrameBuilding, lattice: Lattice) -> _Parts:
         groups=len(building.stories),
         elements=joined(blocks, used),
     )
-    return _Parts(model, used, tuple(blocks))
+    return model, used, blocks
 
 
 def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
-    parts = _parts_on(building, lattice)
-    model, used = parts.model, parts.used
+    model, used, blocks = _parts_on(building, lattice)
     base = np.flatnonzero(lattice.level(used) == 0)
     pieces = loose_pieces(len(used), [part.nodes for part in model.elements], base)
     if pieces:
@@ -90,8 +88,21 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
             f"nothing connects what is at {where} to the base; add a column, wall, beam or slab "
             "that does",
         )
-    _refuse_loose_columns(building, parts)
-    _refuse_loose_braces(parts, lattice)
+    met = np.concatenate([part.nodes[part.kind != "column"].ravel() for part in model.elements])
+    for n, columns in enumerate(building.columns):
+        for m, point in enumerate(columns.points):
+            away = np.linalg.norm(model.nodes[:, :2] - point, axis=1)
+            if not np.isin(np.flatnonzero(away < CLOSEST_LINES), met).any():
+                text = "no slab, beam or wall meets the column there; move it or add one"
+                raise Complaint(f"columns[{n}].points[{m}]", text)
+    for block in (block for block in blocks if block.kind == "brace"):
+        others = np.concatenate([other.nodes.ravel() for other in blocks if other.kind != "brace"])
+        loose = block.nodes[~np.isin(block.nodes, others)]
+        loose = loose[lattice.level(loose) > 0]  # the ground holds what stands on it
+        if len(loose):
+            where = place(lattice.coordinates(loose[:1])[0])
+            text = f"nothing but the brace is at {where}; end it at a column, beam or wall"
+            raise Complaint(block.key, text)
     floor_nodes = _floor_nodes(building, lattice, used)
     dead = []
     for wall in dead_walls(building, lattice):
@@ -110,49 +121,10 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
         base,
         floor_nodes,
         diaphragms=[
-            np.searchsorted(used, np.unique(block.nodes))
-            for block in parts.blocks
-            if block.key in rigid
+            np.searchsorted(used, np.unique(block.nodes)) for block in blocks if block.key in rigid
         ],
         dead=dead,
     )
-
-
-def _refuse_doubles(blocks: Sequence[ElementBlock], lattice: Lattice) -> None:
-    """Raise Complaint where two blocks have an element between the same nodes."""
-    nodes = np.concatenate([block.nodes for block in blocks])
-    double = first_double(nodes)
-    if double is not None:
-        owner = np.repeat(np.arange(len(blocks)), [len(block.nodes) for block in blocks])
-        later, earlier = (blocks[owner[index]] for index in double)
-        where = place(lattice.coordinates(nodes[double[0]]).mean(axis=0))
-        raise Complaint(later.key, f"it lies on {earlier.key} at {where}; remove one")
-
-
-def _refuse_loose_columns(building: FrameBuilding, parts: _Parts) -> None:
-    """Raise Complaint for a column off the grid whose top nothing meets."""
-    met = np.concatenate(
-        [part.nodes[part.kind != "column"].ravel() for part in parts.model.elements]
-    )
-    for n, columns in enumerate(building.columns):
-        for m, point in enumerate(columns.points):
-            away = np.linalg.norm(parts.model.nodes[:, :2] - point, axis=1)
-            if not np.isin(np.flatnonzero(away < CLOSEST_LINES), met).any():
-                text = "no slab, beam or wall meets the column there; move it or add one"
-                raise Complaint(f"columns[{n}].points[{m}]", text)
-
-
-def _refuse_loose_braces(parts: _Parts, lattice: Lattice) -> None:
-    """Raise Complaint for a brace that ends where nothing else is."""
-    braces = [block for block in parts.blocks if block.kind == "brace"]
-    met = [block.nodes.ravel() for block in parts.blocks if block.kind != "brace"]
-    for block in braces:
-        loose = block.nodes[~np.isin(block.nodes, np.concatenate(met))]
-        loose = loose[lattice.level(loose) > 0]  # the ground holds what stands on it
-        if len(loose):
-            where = place(lattice.coordinates(loose[:1])[0])
-            text = f"nothing but the brace is at {where}; end it at a column, beam or wall"
-            raise Complaint(block.key, text)
 
 
 def _floor_nodes(

@@ -1,7 +1,7 @@
 """A user's own mesh as a building: groups of cells become walls, slabs, columns and beams."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,23 +27,13 @@ from femupdate.building.own_mesh import MeshBuilding, Part
 from femupdate.building.parameters import stiffness_factors
 from femupdate.building.quantities import ALL
 from femupdate.errors import BuildingError, StructureError
-from femupdate.fe.element import Elements
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 from femupdate.fe.registry import element_for
 from femupdate.units import factor
 
 
-@dataclass(frozen=True)
-class SpanEnds:
-    """Where the spans of line elements start and end."""
-
-    # (n, 2) whether a span starts, or ends, at the first and at the second node of each element
-    start: Flags
-    end: Flags
-
-
-def span_ends(nodes: Floats, lines: Integers, others: Integers) -> SpanEnds:
-    """Find the spans of line elements.
+def span_ends(nodes: Floats, lines: Integers, others: Integers) -> tuple[Flags, Flags]:
+    """Whether a span starts, and whether it ends, at the nodes (n, 2) of each line element.
 
     A span runs straight on until it meets another line element, forks or ends. It starts at the
     lower coordinate along the axis (x, y or z) along which it runs most.
@@ -80,10 +70,12 @@ def span_ends(nodes: Floats, lines: Integers, others: Integers) -> SpanEnds:
     swapped = (end[rows, along] < start[rows, along]).astype(np.int64)
     starts[first[swapped, rows], second[swapped, rows]] = True
     ends[first[1 - swapped, rows], second[1 - swapped, rows]] = True
-    return SpanEnds(starts, ends)
+    return starts, ends
 
 
-def beam_arms(part: Part, nodes: Floats, lines: Integers, spans: SpanEnds, key: str) -> Floats:
+def beam_arms(
+    part: Part, nodes: Floats, lines: Integers, spans: tuple[Flags, Flags], key: str
+) -> Floats:
     """Rigid arms from the nodes to the axes of a part's beams, (n, 2, 3) m."""
     arms = np.zeros((len(lines), 2, 3))
     arms += part.eccentricity or (0.0, 0.0, 0.0)
@@ -92,7 +84,7 @@ def beam_arms(part: Part, nodes: Floats, lines: Integers, spans: SpanEnds, key: 
     axis = nodes[lines[:, 1]] - nodes[lines[:, 0]]
     length = np.linalg.norm(axis, axis=1)
     first, last = part.rigid_ends
-    rigid = first * spans.start + last * spans.end
+    rigid = first * spans[0] + last * spans[1]
     # A beam between rigid ends is longer than a millimetre.
     short = np.flatnonzero(rigid.sum(axis=1) > length - 1e-3)
     if len(short):
@@ -103,13 +95,10 @@ def beam_arms(part: Part, nodes: Floats, lines: Integers, spans: SpanEnds, key: 
     return arms + rigid[:, :, None] * inwards
 
 
-def beam_releases(part: Part, spans: SpanEnds) -> Flags:
+def beam_releases(part: Part, spans: tuple[Flags, Flags]) -> Flags:
     """Where the beams of a part pass no bending moment on, (n, 12)."""
-    hinged = np.zeros_like(spans.start)
-    if part.hinges in ("start", "both"):
-        hinged |= spans.start
-    if part.hinges in ("end", "both"):
-        hinged |= spans.end
+    start, end = spans
+    hinged = start & (part.hinges in ("start", "both")) | end & (part.hinges in ("end", "both"))
     released = np.zeros((len(hinged), 12), dtype=np.bool_)
     released[:, [4, 5]] = hinged[:, :1]
     released[:, [10, 11]] = hinged[:, 1:]
@@ -266,39 +255,32 @@ def _block(
             raise Complaint("stories", f"{text}; correct the heights, mesh.base or mesh.unit")
     section = building.sections[part.section] if part.section is not None else None
     material = part.material or (section.material if section is not None else None)
-    return ElementBlock(
-        key=f"parts[{number}]",
-        part=number,
-        element=_element_of(part, kind, f"parts[{number}]"),
-        nodes=cells,
-        group=group.astype(np.int64),
-        kind=part.kind if part.kind is not None else cell_kinds(nodes[cells]),
-        material=building.material(material),
-        thickness=part.thickness,
-        section=None if section is None else section.figures(),
-        up=None if section is None else _up(part, nodes[cells]),
-    )
-
-
-def _element_of(part: Part, cell_type: str, key: str) -> type[Elements]:
+    key, up = f"parts[{number}]", None
     try:
-        element = element_for(cell_type, part.element)
+        element = element_for(kind, part.element)
     except StructureError as error:
         raise Complaint(f"{key}.element", str(error)) from None
     known = {field.name for field in fields(element)}
     if (part.has_arms and "offset" not in known) or (part.hinges and "released" not in known):
         text = f"a {element.name} has no eccentricity, rigid ends or hinges; remove them"
         raise Complaint(f"{key}.element", text)
-    return element
-
-
-def _up(part: Part, ends: Floats) -> Floats:
-    """Direction (n, 3) of the depth of lines (n, 2, 3): along y in upright ones, else upwards."""
-    if part.up is not None:
-        return np.tile(part.up, (len(ends), 1))
-    axis = ends[:, 1] - ends[:, 0]
-    steep = np.abs(axis[:, 2]) > UPRIGHT * np.linalg.norm(axis, axis=1)
-    return np.where(steep[:, None], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
+    if section is not None:  # its depth: along y in upright lines, else upwards
+        axis = nodes[cells[:, 1]] - nodes[cells[:, 0]]
+        steep = np.abs(axis[:, 2]) > UPRIGHT * np.linalg.norm(axis, axis=1)
+        up = np.where(steep[:, None], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
+        up = up if part.up is None else np.tile(part.up, (len(cells), 1))
+    return ElementBlock(
+        key=key,
+        part=number,
+        element=element,
+        nodes=cells,
+        group=group.astype(np.int64),
+        kind=part.kind if part.kind is not None else cell_kinds(nodes[cells]),
+        material=building.material(material),
+        thickness=part.thickness,
+        section=None if section is None else section.figures(),
+        up=up,
+    )
 
 
 def _with_ends(

@@ -39,13 +39,8 @@ class WallCut:
         return np.asarray(self.ends.mean(axis=0))
 
 
-@dataclass(frozen=True)
-class _Wall:
-    """A wall in one story: its nodes, and its ends in plan where the building file has them."""
-
-    story: int
-    nodes: Integers
-    ends: Floats | None = None
+# A wall in one story: its story and nodes, and its ends in plan where the building file has them.
+_Wall = tuple[int, Integers, Floats | None]
 
 
 def wall_cut(building: FrameBuilding | MeshBuilding, mesh: BuildingMesh, name: str) -> WallCut:
@@ -86,29 +81,19 @@ def wall_cut(building: FrameBuilding | MeshBuilding, mesh: BuildingMesh, name: s
 
 
 def _cut(mesh: BuildingMesh, wall: _Wall, name: str) -> WallCut:
-    points = mesh.model.nodes[wall.nodes]
-    level = 0.0 if wall.story == 0 else float(mesh.floor_level[wall.story - 1])
-    foot = wall.nodes[np.abs(points[:, 2] - level) < _NEAR]
+    story, nodes, corners = wall
+    points = mesh.model.nodes[nodes]
+    level = 0.0 if story == 0 else float(mesh.floor_level[story - 1])
+    foot = nodes[np.abs(points[:, 2] - level) < _NEAR]
     if not len(foot):
         raise BuildingError(
             f"the wall {name} has no nodes at the floor of its story, {level:g} m: it cannot be "
             "cut there"
         )
-    plan = points[:, :2] if wall.ends is None else wall.ends
-    ends = np.column_stack([_straight(plan, name), np.full(2, level)])
-    columns = [part.nodes[part.kind == "column"] for part in mesh.model.elements]
-    rises = any(
-        (np.isin(nodes, foot).any(axis=1) & np.isin(nodes, wall.nodes).all(axis=1)).any()
-        for nodes in columns
-    )
-    return WallCut(wall.nodes, foot, level, ends, rises)
-
-
-def _straight(plan: Floats, name: str) -> Floats:
-    """Start and end (2, 2) of points on a line in plan; the start has the lower x, or y."""
+    plan = points[:, :2] if corners is None else corners
     centre = plan.mean(axis=0)
-    _, _, axes = np.linalg.svd(plan - centre, full_matrices=False)
-    along, across = axes
+    _, _, (along, across) = np.linalg.svd(plan - centre, full_matrices=False)
+    # The start has the lower x, or y.
     along = along if along[np.abs(along) > 1e-6][0] > 0.0 else -along
     place = (plan - centre) @ along
     # A straight wall bulges by less than a hundredth of its length.
@@ -117,7 +102,14 @@ def _straight(plan: Floats, name: str) -> Floats:
             f"the wall {name} is not straight in plan, so no direction is in its plane; give each "
             "of its legs a group and a part of its own"
         )
-    return centre + np.outer([place.min(), place.max()], along)
+    straight = centre + np.outer([place.min(), place.max()], along)
+    ends = np.column_stack([straight, np.full(2, level)])
+    columns = [part.nodes[part.kind == "column"] for part in mesh.model.elements]
+    rises = any(
+        (np.isin(column, foot).any(axis=1) & np.isin(column, nodes).all(axis=1)).any()
+        for column in columns
+    )
+    return WallCut(nodes, foot, level, ends, rises)
 
 
 def _frame_walls(building: FrameBuilding, mesh: BuildingMesh) -> Iterator[tuple[str, _Wall]]:
@@ -140,7 +132,7 @@ def _frame_walls(building: FrameBuilding, mesh: BuildingMesh) -> Iterator[tuple[
                 for part in mesh.model.elements
             ]
             nodes = np.unique(np.concatenate(chosen))
-            yield f"{run.line}:{run.start}-{run.end}:{name}", _Wall(story, nodes, ends)
+            yield f"{run.line}:{run.start}-{run.end}:{name}", (story, nodes, ends)
 
 
 def _mesh_walls(building: MeshBuilding, mesh: BuildingMesh) -> Iterator[tuple[str, _Wall]]:
@@ -156,4 +148,4 @@ def _mesh_walls(building: MeshBuilding, mesh: BuildingMesh) -> Iterator[tuple[st
             ]
             nodes_of_wall = np.unique(np.concatenate([nodes.ravel() for nodes in surfaces]))
             for group in names if len(nodes_of_wall) else ():
-                yield f"{group}:{name}", _Wall(story, nodes_of_wall)
+                yield f"{group}:{name}", (story, nodes_of_wall, None)

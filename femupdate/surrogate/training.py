@@ -419,9 +419,22 @@ def _epochs(
         for share in _epoch(run, settings, training):
             shown.reached(run.epoch + share, note)
         run.epoch += 1
-        validation_loss = _validate(run.average, settings, validation)
+        # The held-out samples have the same noise and masks every time.
+        generator, total = _generator(settings.seed, 2_000_000), 0.0
+        with torch.no_grad():
+            for rows in torch.arange(held_out).split(settings.batch):
+                terms = _terms(run.average, settings, validation, rows, generator)
+                total += float(terms.total()) * len(rows)
+        validation_loss = total / held_out
         run.seconds += time.monotonic() - started
-        _keep_best(run, validation_loss)
+        if not math.isfinite(validation_loss):
+            raise SurrogateError(
+                f"the training diverged in epoch {run.epoch}; train again with a lower learning"
+                " rate"
+            )
+        if validation_loss < run.best_loss:
+            run.best_loss, run.best_epoch = validation_loss, run.epoch
+            run.best = {name: value.clone() for name, value in run.average.state_dict().items()}
         logger.info("epoch %d: validation loss %.3f", run.epoch, validation_loss)
         yield
 
@@ -458,22 +471,11 @@ def _start(
     mvae.x_scale.copy_(pool.std(0).clamp_min(settings.loss.noise_sd))
     mvae.lower.copy_(task.box.lower)
     mvae.upper.copy_(task.box.upper)
-    _set_decoder(mvae, task)
-    if initial is not None:
-        _check_initial(initial, mvae)
-        mvae.load_state_dict(initial.state_dict())
-    average = copy.deepcopy(mvae)
-    best = {name: value.clone() for name, value in average.state_dict().items()}
-    return TrainingRun(mvae, average, best, _optimizer(mvae, settings))
-
-
-def _set_decoder(mvae: Mvae, task: TrainingTask) -> None:
-    """Set frequencies and bounds of the damping, and start from modes of some samples."""
+    # Frequencies and bounds of the damping; the decoder starts from modes of some samples.
     frequency = task.frequency_hz.float()
     mvae.decoder.frequency.copy_(frequency / frequency[-1])
     mvae.decoder.damping_bounds.copy_(torch.tensor(task.zeta_bounds))
-    some = slice(min(_STANDARDISING, len(task.dataset)))
-    modal = task.dataset.modal[some]
+    modal = task.dataset.modal[: len(first)]
     omega = modal.omega.float()
     zeta = torch.full((len(modal),), sum(task.zeta_bounds) / 2.0)
     mvae.decoder.standardise(
@@ -483,6 +485,21 @@ def _set_decoder(mvae: Mvae, task: TrainingTask) -> None:
         modal.residual.float(),
         2.0 * math.pi * float(frequency[-1]),
     )
+    if initial is not None:
+        # Weights of another problem bring their own box and scales.
+        if initial.sizes != mvae.sizes:
+            raise SurrogateError(
+                "the weights to start from have other sizes than this training; train from scratch"
+            )
+        bounds = zip((initial.lower, initial.upper), (mvae.lower, mvae.upper), strict=True)
+        if not all(torch.allclose(ours.cpu(), theirs) for ours, theirs in bounds):
+            raise SurrogateError(
+                "the weights to start from were trained on another prior; train from scratch"
+            )
+        mvae.load_state_dict(initial.state_dict())
+    average = copy.deepcopy(mvae)
+    best = {name: value.clone() for name, value in average.state_dict().items()}
+    return TrainingRun(mvae, average, best, _optimizer(mvae, settings))
 
 
 def _optimizer(mvae: Mvae, settings: TrainingSettings) -> Soap:
@@ -502,19 +519,6 @@ def _optimizer(mvae: Mvae, settings: TrainingSettings) -> Soap:
         },
     ]
     return Soap(groups, lr=settings.learning_rate)
-
-
-def _check_initial(initial: Mvae, mvae: Mvae) -> None:
-    """Refuse initial weights of another problem: they bring their own box and scales."""
-    if initial.sizes != mvae.sizes:
-        raise SurrogateError(
-            "the weights to start from have other sizes than this training; train from scratch"
-        )
-    bounds = zip((initial.lower, initial.upper), (mvae.lower, mvae.upper), strict=True)
-    if not all(torch.allclose(ours.cpu(), theirs) for ours, theirs in bounds):
-        raise SurrogateError(
-            "the weights to start from were trained on another prior; train from scratch"
-        )
 
 
 def _draw_samples(
@@ -537,7 +541,13 @@ def _epoch(run: TrainingRun, settings: TrainingSettings, samples: _Samples) -> I
     model = [*run.mvae.bend.parameters(), *run.mvae.decoder.parameters()]
     for step in range(steps):
         rows = shuffled[step * settings.batch : (step + 1) * settings.batch]
-        _set_rate(run, settings, steps)
+        # One cycle (Smith & Topin 2019): up over a tenth of the training, down by half a cosine.
+        progress, warm = run.step / (settings.epochs * steps), 0.1
+        share = 0.04 + 0.96 * progress / warm
+        if progress >= warm:
+            share = 0.5 * (1.0 + math.cos(math.pi * (progress - warm) / (1.0 - warm))) + 1e-4
+        for group in run.optimizer.param_groups:
+            group["lr"] = settings.learning_rate * share * group["faster"]
         terms = _terms(run.mvae, settings, samples, rows, generator)
         run.optimizer.zero_grad()
         terms.total().backward()
@@ -566,39 +576,6 @@ def _terms(
     seen = draw_visibility(len(rows), log_frf.shape[1], settings, generator)
     theta, zeta = samples.theta[rows], samples.zeta[rows]
     return loss_terms(mvae, log_frf, theta, zeta, seen, settings.loss, generator)
-
-
-def _validate(mvae: Mvae, settings: TrainingSettings, samples: _Samples) -> float:
-    """Loss on the held-out samples, with the same noise and masks every time."""
-    generator = _generator(settings.seed, 2_000_000)
-    total = 0.0
-    with torch.no_grad():
-        for rows in torch.arange(len(samples)).split(settings.batch):
-            terms = _terms(mvae, settings, samples, rows, generator)
-            total += float(terms.total()) * len(rows)
-    return total / len(samples)
-
-
-def _keep_best(run: TrainingRun, validation_loss: float) -> None:
-    if not math.isfinite(validation_loss):
-        raise SurrogateError(
-            f"the training diverged in epoch {run.epoch}; train again with a lower learning rate"
-        )
-    if validation_loss < run.best_loss:
-        run.best_loss, run.best_epoch = validation_loss, run.epoch
-        run.best = {name: value.clone() for name, value in run.average.state_dict().items()}
-
-
-def _set_rate(run: TrainingRun, settings: TrainingSettings, steps: int) -> None:
-    """One cycle (Smith & Topin 2019): up over a tenth of the training, down by half a cosine."""
-    progress = torch.tensor(run.step / (settings.epochs * steps))
-    warm = 0.1
-    if progress < warm:
-        share = 0.04 + 0.96 * float(progress) / warm
-    else:
-        share = 0.5 * (1.0 + float(torch.cos(torch.pi * (progress - warm) / (1.0 - warm)))) + 1e-4
-    for group in run.optimizer.param_groups:
-        group["lr"] = settings.learning_rate * share * group["faster"]
 
 
 def _generator(seed: int, number: int) -> torch.Generator:

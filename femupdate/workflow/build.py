@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.document import Building
+from femupdate.building.document import Building, mechanics_hash
 from femupdate.building.files import load_building
 from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.dynamics.reduction import CONFIDENCE
@@ -118,7 +118,15 @@ def build_study(
     # Without a name a study keeps its own building: the default never replaces it.
     chosen = load_building(building, units) if building else choose_building(study, None)
     say_building(study, building, chosen, progress)
-    _refuse_other(study, chosen)
+    kept = study.path(BUILDING_FILE)
+    if kept.exists() and study.posteriors():  # whose building stays
+        own = load_building(kept)
+        if mechanics_hash(own) != mechanics_hash(chosen):
+            which = "another version of " if own.name == chosen.name else "the building "
+            raise StudyError(
+                f"the study {study.folder} already holds a posterior of {which}{own.name}; choose "
+                f"another folder for {chosen.name} with --study, or delete this one"
+            )
     structure = structure_of(chosen)
     mesh, operators = structure.mesh, structure.operators
     if mesh is None or operators is None:
@@ -202,19 +210,3 @@ def export_opensees(
     path = study.path("opensees_model.py")
     write_text(path, script)
     return path
-
-
-def _refuse_other(study: Study, building: Building) -> None:
-    """A study with a posterior keeps its building."""
-    from femupdate.building.document import mechanics_hash
-
-    kept = study.path(BUILDING_FILE)
-    if not kept.exists() or not study.posteriors():
-        return
-    own = load_building(kept)
-    if mechanics_hash(own) != mechanics_hash(building):
-        which = "another version of " if own.name == building.name else "the building "
-        raise StudyError(
-            f"the study {study.folder} already holds a posterior of {which}{own.name}; choose "
-            f"another folder for {building.name} with --study, or delete this one"
-        )

@@ -6,15 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.arrays import Floats
 from femupdate.measurement.ambient import AmbientModes, identify_modes
 from femupdate.measurement.histories import motions_in
 from femupdate.measurement.modes import mode_findings
-from femupdate.measurement.names import BASE, FloorChannel
+from femupdate.measurement.names import BASE
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.reader import read_measured
-from femupdate.measurement.recording import RecordedChannel
-from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import AMBIENT
 from femupdate.measurement.write import write_modes
 from femupdate.report.scale import with_unit
@@ -45,14 +42,14 @@ class Identified(Result):
         names = ("name", "frequency_hz", "frequency_sd_hz", "damping", "damping_sd", "shape")
         modes, notes = self.ambient.modes, self.ambient.notes
         yield Note(f"Modes of {self.source}, to {self.output}:", {"output": self.output})
-        values = {name: [getattr(one, name) for one in modes] for name in names}
+        values = {name: [getattr(mode, name) for mode in modes] for name in names}
         told = {
             "frequency_hz": [
-                with_unit(one.frequency_hz, one.frequency_sd_hz or 0.0, "Hz") for one in modes
+                with_unit(mode.frequency_hz, mode.frequency_sd_hz or 0.0, "Hz") for mode in modes
             ],
             "damping": [
-                with_unit(100.0 * (one.damping or 0.0), 100.0 * (one.damping_sd or 0.0), "%")
-                for one in modes
+                with_unit(100.0 * (mode.damping or 0.0), 100.0 * (mode.damping_sd or 0.0), "%")
+                for mode in modes
             ],
         }
         heads = {"name": "mode", "frequency_hz": "frequency", "damping": "damping ratio"}
@@ -95,15 +92,36 @@ def identify(
         raise recording.file.error(
             "there is no horizontal motion of a floor; add columns 2F ... RF"
         )
-    step = next(iter(floors.values())).time_step
+    file, channels = recording.file, list(floors.values())
+    units, kinds = ({getattr(c, name) for c in channels} for name in ("unit", "quantity"))
+    if len(kinds) > 1:
+        raise file.error(
+            f"the channels hold {' and '.join(sorted(kinds))}; take channels of one quantity by the"
+            " columns option"
+        )
+    for channel in channels:
+        if np.ptp(channel.values) == 0.0:
+            raise file.error(
+                f"channel {channel.name!r} is dead: all its values are the same; leave it out"
+            )
+        if np.abs(channel.values).max() > _LARGEST:
+            raise file.error(
+                f"channel {channel.name!r} holds values above {_LARGEST:g}; remove the spikes"
+            )
+    if None in units and len(units) > 1:
+        raise file.error("some channels have a unit and some have none; give every one its unit")
+    values = np.array([channel.values for channel in channels])
+    if len(units) > 1:  # one that all have need not be known
+        factors = [si_factor(file, channel.unit or "", channel.quantity) for channel in channels]
+        values *= np.array(factors)[:, None]
     names = tuple(ours.name for ours in floors)
-    found = identify_modes(_values(recording.file, floors), step, names, band_hz, order)
+    found = identify_modes(values, channels[0].time_step, names, band_hz, order)
     said = [f"modes of {path.name} by femupdate identify", *found.notes]
     written = write_modes(output, found.modes, said)
     return Identified(found, path.name, written, mode_findings(found.modes))
 
 
-def draw_identified(one: Identified, path: Path) -> Path:
+def draw_identified(found: Identified, path: Path) -> Path:
     """Draw spectra, poles of every order, and the modes' shapes.
 
     Raises:
@@ -112,30 +130,4 @@ def draw_identified(one: Identified, path: Path) -> Path:
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_poles import stabilisation
 
-    return save_figure(stabilisation(one.ambient, f"Modes identified from {one.source}"), path)
-
-
-def _values(file: TextFile, floors: Mapping[FloorChannel, RecordedChannel]) -> Floats:
-    """Motion (c, n) in one unit, which need not be known where all have the same."""
-    channels = list(floors.values())
-    units = {channel.unit for channel in channels}
-    kinds = {channel.quantity for channel in channels}
-    if len(kinds) > 1:
-        raise file.error(
-            f"the channels hold {' and '.join(sorted(kinds))}; take channels of one quantity by the"
-            " columns option"
-        )
-    dead = next((one.name for one in channels if np.ptp(one.values) == 0.0), None)
-    if dead is not None:
-        raise file.error(f"channel {dead!r} is dead: all its values are the same; leave it out")
-    most = _LARGEST
-    wild = next((one.name for one in channels if np.abs(one.values).max() > most), None)
-    if wild is not None:
-        raise file.error(f"channel {wild!r} holds values above {most:g}; remove the spikes")
-    if len(units) == 1:
-        return np.array([one.values for one in channels])
-    if None in units:
-        raise file.error("some channels have a unit and some have none; give every one its unit")
-    return np.array(
-        [one.values * si_factor(file, one.unit or "", one.quantity) for one in channels]
-    )
+    return save_figure(stabilisation(found.ambient, f"Modes identified from {found.source}"), path)

@@ -29,7 +29,7 @@ class InspectedFiles(Result):
 
     def items(self) -> Iterator[Item]:
         """Every file in words, then the command to run next on it."""
-        files = [one.as_dict() for one in self.files]
+        files = [file.as_dict() for file in self.files]
         decks = [{"path": path, "notes": notes} for path, notes in self.decks]
         more = {"decks": decks} if decks else {}
         yield Note(content={"files": files, "refused": self.refused} | more)
@@ -37,8 +37,30 @@ class InspectedFiles(Result):
             yield Note(f"{path}: a model of Nastran")
             yield Notes(notes)
             yield Note(f"Next: femupdate build-model {path}")
-        for one in self.files:
-            yield from _items(one)
+        head = ("channel", "direction", "quantity", "rate", "samples", "length", "peak")
+        for file in self.files:
+            yield Note(f"{file.path}: {file.summary}")
+            rows = [
+                (
+                    f"{each.number} {each.place}",
+                    each.direction_text,
+                    each.channel.quantity,
+                    f"{1.0 / each.channel.time_step:g} Hz",
+                    str(each.channel.values.size),
+                    f"{each.duration_s:.4g} s",
+                    each.peak_text,
+                )
+                for each in file.channels
+            ]
+            if rows:
+                yield Table.of(head, rows)
+            yield from (Note(f"  {text}") for text in (*file.function_texts, *file.mode_texts))
+            yield Notes((*file.recording.notes, *file.rotation))
+            yield Note("What looks wrong:" if file.all_findings else "Nothing looks wrong.")
+            yield Notes(file.all_findings)
+            yield Note(f"Next: {file.step.command or file.step.advice}")
+            if file.step.command and file.step.advice:
+                yield Note(f"  {file.step.advice}")
 
 
 def inspect_files(
@@ -63,19 +85,19 @@ def inspect_files(
     return InspectedFiles(tuple(files), tuple(refused), tuple(decks))
 
 
-def propose_mapping(one: Inspection, path: Path, unit: str | None = None) -> Path:
+def propose_mapping(file: Inspection, path: Path, unit: str | None = None) -> Path:
     """Write which channels of a file are which floors, as far as it tells.
 
     Raises:
         MeasurementError: the file has no channels, or the mapping cannot be written.
     """
-    channels = [each.channel for each in one.channels]
+    channels = [each.channel for each in file.channels]
     if not channels:
-        raise MeasurementError(f"{one.path}: there are no channels to map to floors")
-    return write_mapping(path, one.path, one.step.columns, channels, unit)
+        raise MeasurementError(f"{file.path}: there are no channels to map to floors")
+    return write_mapping(path, file.path, file.step.columns, channels, unit)
 
 
-def draw_inspection(one: Inspection, path: Path) -> Path:
+def draw_inspection(file: Inspection, path: Path) -> Path:
     """Draw the histories of a file, else its functions of frequency, else its modes.
 
     Raises:
@@ -84,30 +106,4 @@ def draw_inspection(one: Inspection, path: Path) -> Path:
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_measured import inspected
 
-    return save_figure(inspected(one), path)
-
-
-def _items(file: Inspection) -> Iterator[Item]:
-    yield Note(f"{file.path}: {file.summary}")
-    if file.channels:
-        head = ("channel", "direction", "quantity", "rate", "samples", "length", "peak")
-        rows = [
-            (
-                f"{each.number} {each.place}",
-                each.direction_text,
-                each.channel.quantity,
-                f"{1.0 / each.channel.time_step:g} Hz",
-                str(each.channel.values.size),
-                f"{each.duration_s:.4g} s",
-                each.peak_text,
-            )
-            for each in file.channels
-        ]
-        yield Table.of(head, rows)
-    yield from (Note(f"  {text}") for text in (*file.function_texts, *file.mode_texts))
-    yield Notes((*file.recording.notes, *file.rotation))
-    yield Note("What looks wrong:" if file.all_findings else "Nothing looks wrong.")
-    yield Notes(file.all_findings)
-    yield Note(f"Next: {file.step.command or file.step.advice}")
-    if file.step.command and file.step.advice:
-        yield Note(f"  {file.step.advice}")
+    return save_figure(inspected(file), path)

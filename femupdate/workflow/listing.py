@@ -4,6 +4,7 @@ import inspect
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from femupdate.building.shipped import building_text, shipped_buildings
 from femupdate.effects.effect import Effect
@@ -14,20 +15,15 @@ from femupdate.units import capital
 
 
 @dataclass(frozen=True)
-class ShippedBuilding:
-    """A building that comes with femupdate, by which name commands take it."""
-
-    name: str
-    title: str
-    kind: str
-    stories: int
-
-
-@dataclass(frozen=True)
 class Listing(Result):
-    """What comes with femupdate."""
+    """What comes with femupdate.
 
-    buildings: tuple[ShippedBuilding, ...]
+    Attributes:
+        buildings: name, by which commands take it, title, kind and stories of each.
+        formats: what each reads, by its name.
+    """
+
+    buildings: tuple[dict[str, Any], ...]
     effects: tuple[Effect, ...]
     formats: Mapping[str, str]
 
@@ -36,10 +32,10 @@ class Listing(Result):
         width = 2 + max(map(len, self.formats))
         yield Note(
             "Buildings (build-model NAME, or --building NAME)",
-            {"buildings": [vars(entry) for entry in self.buildings]},
+            {"buildings": list(self.buildings)},
         )
-        for b in self.buildings:
-            yield Note(f"  {b.name:<24}{b.stories:>2} stories  {b.title}")
+        for building in self.buildings:
+            yield Note("  {name:<24}{stories:>2} stories  {title}".format(**building))
         effects = [
             {
                 "name": entry.name,
@@ -53,7 +49,10 @@ class Listing(Result):
             for entry in self.effects
         ]
         yield Note("\nEffects (simulate --effect NAME@PLACE=SIZE)", {"effects": effects})
-        yield from (Note(line) for entry in self.effects for line in _effect_lines(entry))
+        for effect in self.effects:
+            yield Note(f"  {effect.name}: {effect.title.lower()}")
+            yield Note(f"      places: {_places(effect)}")
+            yield from (Note(f"      {p.name} [{p.unit}]: {p.text}") for p in effect.parameters)
         formats = [{"name": name, "reads": reads} for name, reads in self.formats.items()]
         yield Note("\nFormats of measured files", {"formats": formats})
         yield from (Note(f"  {name:<{width}}{reads}") for name, reads in self.formats.items())
@@ -63,13 +62,15 @@ def list_all() -> Listing:
     """Everything that comes with femupdate, by name."""
     effects = tuple(CATALOGUE[name] for name in sorted(CATALOGUE))
     formats = {name: reader.READS for name, reader in readers().items()}
-    return Listing(tuple(_shipped(name) for name in shipped_buildings()), effects, formats)
-
-
-def _shipped(name: str) -> ShippedBuilding:
-    content = tomllib.loads(building_text(name)[1])
-    stories = len(content["stories"])
-    return ShippedBuilding(name, content.get("title", name), content["kind"], stories)
+    buildings = []
+    for name in shipped_buildings():
+        content = tomllib.loads(building_text(name)[1])
+        stories = len(content["stories"])
+        title = content.get("title", name)
+        buildings.append(
+            {"name": name, "title": title, "kind": content["kind"], "stories": stories}
+        )
+    return Listing(tuple(buildings), effects, formats)
 
 
 def _places(effect: Effect) -> str:
@@ -77,13 +78,3 @@ def _places(effect: Effect) -> str:
     if type(effect).places is Effect.places:
         return capital(effect.sits)
     return (inspect.getdoc(type(effect).places) or "").splitlines()[0].rstrip(".")
-
-
-def _effect_lines(effect: Effect) -> tuple[str, ...]:
-    """Name, places and parameters of an effect."""
-    parameters = [f"{p.name} [{p.unit}]: {p.text}" for p in effect.parameters]
-    return (
-        f"  {effect.name}: {effect.title.lower()}",
-        f"      places: {_places(effect)}",
-        *(f"      {one}" for one in parameters),
-    )

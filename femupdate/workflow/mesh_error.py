@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -52,18 +51,14 @@ def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT
     everywhere = log_even_samples(replace(target, samples=THRESHOLDS.carried))
     thetas = np.vstack([everywhere, _thetas(plain)])
     found = on_finer_mesh(coarse, model.reduced, fine, target, thetas, progress)
-    own = on_nodes_of(coarse, found)
-    finer = _learned(model, plain, replace(found, model=own))
+    found = replace(found, model=on_nodes_of(coarse, found))
+    finer = FinerMesh(found.model)
+    if not plain.by_kind:
+        top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
+        error = learn_mesh_error(model.reduced, found, _thetas(plain), top_hz)
+        finer = FinerMesh(found.model, error, tuple(found.terms(e) for e in error.placed))
     study.keep(finer_part(plain), finer_origin(plain), finer)
     return on_kept_finer(study, model)
-
-
-def _learned(model: StudyModel, building: FrameBuilding, fine: ReducedStructure) -> FinerMesh:
-    if building.by_kind:
-        return FinerMesh(fine.model)
-    top_hz = float(building.frequency_grid.frequencies_hz()[-1])
-    error = learn_mesh_error(model.reduced, fine, _thetas(building), top_hz)
-    return FinerMesh(fine.model, error, tuple(fine.terms(effect) for effect in error.placed))
 
 
 def open_mesh_error(
@@ -79,22 +74,19 @@ def open_mesh_error(
     plain = without_effects(model.building)
     if not isinstance(plain, FrameBuilding):
         return None
-    learn = partial(_learn, study, model, plain, structure, progress)
+
+    def learn() -> MeshError:
+        finer = with_finer_mesh(study, model, progress).finer
+        assert finer is not None
+        assert finer.error is not None
+        known = dict(zip(finer.error.labels, finer.terms, strict=True))
+        fine = ReducedStructure(structure, finer.model, np.zeros((len(structure.axis), 0)), known)
+        coarse, target, thetas = structure_of(plain), reduction_target(plain), _thetas(plain)
+        found = on_finer_mesh(coarse, model.reduced, structure, target, thetas, progress)
+        top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
+        return learn_mesh_error(found.model, fine, thetas, top_hz).of_mesh(THRESHOLDS.finer)
+
     return study.cached(MESH_ERROR_PART, finder_origin(plain), learn)
-
-
-def _learn(
-    study: Study, model: StudyModel, plain: FrameBuilding, structure: Structure, progress: Progress
-) -> MeshError:
-    finer = with_finer_mesh(study, model, progress).finer
-    assert finer is not None
-    assert finer.error is not None
-    known = dict(zip(finer.error.labels, finer.terms, strict=True))
-    fine = ReducedStructure(structure, finer.model, np.zeros((len(structure.axis), 0)), known)
-    coarse, target, thetas = structure_of(plain), reduction_target(plain), _thetas(plain)
-    own = on_finer_mesh(coarse, model.reduced, structure, target, thetas, progress)
-    top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
-    return learn_mesh_error(own.model, fine, thetas, top_hz).of_mesh(THRESHOLDS.finer)
 
 
 def kept_mesh_error(study: Study, building: Building) -> MeshError | None:

@@ -248,21 +248,14 @@ def _named(
     chosen: Sequence[int],
     origin: np.ndarray,
 ) -> tuple[StudyMode, ...]:
-    numbers = _numbers(model, full, origin)
+    numbers, moved = _numbers(model, full, origin), model.reduced.excitation
     return tuple(
         StudyMode(
             number=numbers[k],
             direction=full.direction_of(numbers[k]),
-            effective_mass=_share(model, tracked),
+            effective_mass=float(((tracked.recognised @ moved) ** 2).mean() / (moved @ moved)),
             tracked=tracked,
         )
         for k in chosen
         for tracked in (track_mode(found, reference.vectors[0][:, k]),)
     )
-
-
-def _share(model: StudyModel, mode: TrackedMode) -> float:
-    """Share of the mass that the base motion moves."""
-    excitation: Floats = model.reduced.excitation
-    moved = (mode.recognised @ excitation) ** 2
-    return float(moved.mean() / (excitation @ excitation))

@@ -24,7 +24,6 @@ from femupdate.surrogate.storage import (
 )
 from femupdate.surrogate.training import (
     LossSettings,
-    TrainingResult,
     TrainingSettings,
     TrainingTask,
     train_mvae,
@@ -169,7 +168,17 @@ def train_study(
     initial = None if start is None else load_surrogate(start).mvae
     model = with_finer_mesh(study, model, progress)
     started = time.monotonic()
-    dataset, folder = _dataset(study, model, samples, settings.seed, progress)
+    plan = DatasetPlan(
+        samples,
+        modes_kept(model.system, _MODES_KEPT),
+        float(model.frequency_hz[-1]),
+        stream(settings.seed, DATA_SET),
+    )
+    # Shards of another building, plan or reduction are never mixed in: the folder's name says.
+    name = f"{model.hash[:12]}-{samples}-{model.system.model.size}-{settings.seed}"
+    folder = study.path("dataset", name)
+    progress.start("Solving modes of parameter samples", samples)
+    dataset = compute_dataset(model.system, model.prior, plan, folder, progress)
     between = time.monotonic()
     checkpoint = study.path(_CHECKPOINT)
     result = train_mvae(training_task(model, dataset), settings, checkpoint, progress, initial)
@@ -179,19 +188,6 @@ def train_study(
         "training": settings.as_dict(),
         "started_from": None if start is None else file_hash(start),
     }
-    surrogate = _described(model, result, settings, how)
-    study.keep(TRAINED, model.made_from(), surrogate)
-    checkpoint.unlink(missing_ok=True)
-    # What other trainings left here, killed and then abandoned, goes as well.
-    shutil.rmtree(folder.parent, ignore_errors=True)
-    path = study.path(TRAINED.file)
-    return TrainReport(surrogate, path, True, between - started, time.monotonic() - between)
-
-
-def _described(
-    model: StudyModel, result: TrainingResult, settings: TrainingSettings, how: dict[str, Any]
-) -> Surrogate:
-    """The trained networks with what they were trained for, and how."""
     info = SurrogateInfo(
         model.building.name,
         model.hash,
@@ -201,7 +197,13 @@ def _described(
         how,
         result.metrics,
     )
-    return Surrogate(result.mvae, info)
+    surrogate = Surrogate(result.mvae, info)
+    study.keep(TRAINED, model.made_from(), surrogate)
+    checkpoint.unlink(missing_ok=True)
+    # What other trainings left here, killed and then abandoned, goes as well.
+    shutil.rmtree(folder.parent, ignore_errors=True)
+    path = study.path(TRAINED.file)
+    return TrainReport(surrogate, path, True, between - started, time.monotonic() - between)
 
 
 def default_settings(model: StudyModel, **changes: Any) -> TrainingSettings:
@@ -223,21 +225,6 @@ def network_sizes(model: StudyModel) -> NetworkSizes:
         modes=modes_kept(model.system, _MODES_DECODED),
         floor_features=max(24, 384 // floors),
     )
-
-
-def _dataset(
-    study: Study, model: StudyModel, samples: int, seed: int, show: Progress
-) -> tuple[ModalDataset, Path]:
-    plan = DatasetPlan(
-        samples,
-        modes_kept(model.system, _MODES_KEPT),
-        float(model.frequency_hz[-1]),
-        stream(seed, DATA_SET),
-    )
-    # Shards of another building, plan or reduction are never mixed in: the folder's name says.
-    folder = study.path("dataset", f"{model.hash[:12]}-{samples}-{model.system.model.size}-{seed}")
-    show.start("Solving modes of parameter samples", samples)
-    return compute_dataset(model.system, model.prior, plan, folder, show), folder
 
 
 def training_task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
