@@ -35,6 +35,7 @@ from femupdate.discrepancy.fit import (
     STEPS,
     Fit,
     about,
+    extended,
     fit,
     fit_baseline,
     glance,
@@ -55,6 +56,7 @@ from femupdate.discrepancy.score import (
     without_phase,
 )
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
+from femupdate.effects.effect import Placed
 from femupdate.inference.likelihood import Likelihood
 from femupdate.progress import SILENT, Progress, counted
 from femupdate.workers import in_threads
@@ -63,6 +65,7 @@ T = TypeVar("T")
 Pair = tuple[Finding, Finding]
 
 _GLANCE = 2  # steps of every other effect before a name is given
+_AFAR = 4  # leading effects that are tried with large sizes in all stories
 
 
 def diagnose(
@@ -181,7 +184,7 @@ def _fitted(
             other = settle(problem, fit(sharp, fitted.placed, fitted.z))
             return max(fitted, other, key=lambda either: log_posterior(problem, either))
 
-        fits = in_threads(sharpened, fits)
+        fits = _better_of(in_threads(sharpened, fits), _at_large_sizes(base, fits, scores))
     if much_left(fits):
         # Without an exchange of channels theta may lie far off.
         progress.advance(note="trying exchanged channels")
@@ -193,6 +196,55 @@ def _fitted(
         redone = {fitted.placed[-1] for fitted in swapped}
         fits = [*(fitted for fitted in fits if fitted.placed[-1] not in redone), *swapped]
     return fits
+
+
+def _at_large_sizes(base: Fit, fits: list[Fit], scores: list[Score]) -> list[Fit]:
+    """Fits of the leading effects of members, begun where the factors have followed a large size.
+
+    Walls of three stories that a model leaves out are first taken for one story twice as stiff, and
+    small steps from there make all of it worse. A size is held while the factors follow, then free.
+    """
+    problem = base.likelihood
+    small = problem.on_fewer(FEWER_SHAPES).at_row(problem.error.first)
+    ahead = sorted(fits, key=lambda fitted: -log_posterior(problem, fitted))
+    names = list(dict.fromkeys(fitted.placed[-1].effect.name for fitted in ahead))[:_AFAR]
+    tests = [
+        test for test in scores if test.placed.place == "all" and test.placed.effect.name in names
+    ]
+
+    def held(placed: Placed, size: float) -> Fit:
+        others = placed.effect.parameters[1:]
+        values = np.array([*base.known, size, *(other.neutral for other in others)])
+        together = (*base.placed, placed)
+        z = extended(small, base, together, values)
+        steps = small.with_effects(together).prior.steps.holding(z[len(base.z) :])
+        return _further(fit(small, together, fit(small, together, z, STEPS, steps).z, 0))
+
+    begun = [(test.placed, size) for test in tests for size in _sizes_about(test.placed)]
+    tried = sorted(in_threads(lambda pair: held(*pair), begun), key=lambda near: near.misfit)
+    known = min(fit(small, fitted.placed, fitted.z, 0).misfit for fitted in ahead[:2])
+    return [
+        settle(problem, fit(problem, near.placed, near.z))
+        for near in tried[:2]
+        if near.misfit < known
+    ]
+
+
+def _sizes_about(placed: Placed) -> Floats:
+    """One and two deviations of the prior to either side of no effect, within the limits."""
+    size = placed.effect.parameters[0]
+    tried = np.clip(size.neutral + size.scale * np.array([-2, -1, 1, 2]), size.lower, size.upper)
+    return np.unique(tried[tried != size.neutral])
+
+
+def _better_of(fits: list[Fit], others: list[Fit]) -> list[Fit]:
+    """The fits, in place of each the one of the others with the same effect if it is likelier."""
+    best = {fitted.placed[-1].label: fitted for fitted in fits}
+    for other in others:
+        label, problem = other.placed[-1].label, other.likelihood
+        if label not in best or log_posterior(problem, other) > log_posterior(problem, best[label]):
+            best[label] = other
+    return list(best.values())
 
 
 def _leading(scores: list[Score], count: int, distant: Fit | None) -> list[Score]:

@@ -18,7 +18,7 @@ from femupdate.units import percent
 
 LITTLE = 0.005  # share of the misfit beyond the noise that rounds to none
 NONE, NAMED, PARTLY, AMBIGUOUS = "none", "named", "partly", "ambiguous"
-INDISTINGUISHABLE, UNKNOWN = "indistinguishable", "unknown"
+INDISTINGUISHABLE, UNKNOWN, NONLINEAR = "indistinguishable", "unknown", "nonlinear"
 STANDS_IN = "Most of the misfit stays: what is named may stand in for what else is missing."
 
 
@@ -147,7 +147,7 @@ class Diagnosis:
     Attributes:
         base: the model as it is, at its most probable parameters.
         verdict: "none", "named" (certain, and nothing of note is left), "partly" (certain, and
-            something else is missing), "ambiguous", "indistinguishable" or "unknown".
+            something else is missing), "ambiguous", "indistinguishable", "unknown" or "nonlinear".
         findings: fitted candidates, the most probable first.
         scores: all score tests, the strongest first.
         unobservable: labels of effects that these sensors could not show.

@@ -45,6 +45,16 @@ def level_of_moment(acceleration: Floats, mean: Floats, width: int) -> Floats:
     return np.clip(0.5 * np.log2(np.maximum(share, _SILENCE)), -SPAN, SPAN)
 
 
+def strongest_hz(floors: Floats, time_step: float) -> float:
+    """Frequency at which floors (f, n) move most."""
+    from scipy.signal import welch
+
+    # Segments of 20 s tell the strongest mode.
+    length = min(floors.shape[1], round(20.0 / time_step))
+    frequency, power = welch(floors, 1.0 / time_step, nperseg=length)
+    return float(frequency[1 + power[:, 1:].sum(axis=0).argmax()])
+
+
 class RunLevels(NamedTuple):
     """How a motion is spread about its mean level."""
 
@@ -63,13 +73,8 @@ def levels_in_run(base: Floats, floors: Floats, time_step: float) -> RunLevels:
         floors: (f, n).
     """
     from scipy.ndimage import uniform_filter1d
-    from scipy.signal import welch
 
-    # Segments of 20 s tell the strongest mode.
-    length = min(base.size, round(20.0 / time_step))
-    frequency, power = welch(floors, 1.0 / time_step, nperseg=length)
-    strongest = frequency[1 + power[:, 1:].sum(axis=0).argmax()]
-    width = max(1, round(PERIODS / strongest / time_step))
+    width = max(1, round(PERIODS / strongest_hz(floors, time_step) / time_step))
     level = level_of_moment(floors, motion_level(floors), width)
     energy = uniform_filter1d(base**2, width, mode="constant")
     order = np.argsort(level)

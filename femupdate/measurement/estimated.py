@@ -35,7 +35,7 @@ class Segments:
         count: number of segments, each overlapping half of the one before.
         effective: number of independent segments that average as well.
         wanted: the length that the frequency grid asks for, s.
-        first, every: of these segments in half-overlapping ones, and the step between them.
+        chosen: numbers of these segments among half-overlapping ones; all of them where empty.
     """
 
     length: int
@@ -43,14 +43,13 @@ class Segments:
     effective: float
     seconds: float
     wanted: float
-    first: int = 0
-    every: int = 1
+    chosen: tuple[int, ...] = ()
 
     @property
     def starts(self) -> Indices:
         """Samples (s,) at which segments begin."""
         hop = self.length - self.length // 2
-        return hop * (self.first + self.every * np.arange(self.count, dtype=np.int32))
+        return hop * np.array(self.chosen or range(self.count), dtype=np.int32)
 
     def half(self, number: int) -> "Segments":
         """Every other segment, from the first or the second.
@@ -58,8 +57,16 @@ class Segments:
         Both halves err all but independently: of half-overlapping Hann windows that are neighbours
         the squared correlation is 1/36 (Welch 1967).
         """
-        count = (self.count + 1 - number) // 2
-        return replace(self, count=count, effective=float(count), first=number, every=2)
+        return self.only(range(number, self.count, 2))
+
+    def only(self, chosen: Sequence[int]) -> "Segments":
+        """Some of the segments, by their numbers."""
+        numbers = np.sort(np.asarray(chosen, dtype=np.intp))
+        neighbours = int((np.diff(numbers) == 1).sum())
+        effective = len(numbers) / (1.0 + 2.0 * neighbours / len(numbers) / 36.0)
+        return replace(
+            self, count=len(numbers), effective=effective, chosen=tuple(numbers.tolist())
+        )
 
     @property
     def note(self) -> str:
@@ -109,7 +116,7 @@ def effective_averages(length: int, count: int) -> float:
 def choose_segments(samples: int, time_step: float, wanted_s: float, source: str) -> Segments:
     """Cut a record as the grid wants, or shorter to leave enough averages."""
     length = round(wanted_s / time_step)
-    if length > samples or _cut(samples, time_step, length, wanted_s).effective < _AVERAGES:
+    if length > samples or cut(samples, time_step, length, wanted_s).effective < _AVERAGES:
         # K half-overlapping segments fill (K + 1) / 2 lengths.
         length = 2 * samples // (int(np.ceil(_AVERAGES)) + 2)
     # Sixteen samples of a segment, at least.
@@ -118,7 +125,7 @@ def choose_segments(samples: int, time_step: float, wanted_s: float, source: str
             f"{source}: {samples} samples are too short for a spectrum; give a longer record"
             + (", or are the times in ms? Then call them time_s (ms)" if time_step > 0.5 else "")
         )
-    return _cut(samples, time_step, length, wanted_s)
+    return cut(samples, time_step, length, wanted_s)
 
 
 def welch_spectra(base: Floats, floors: Floats, time_step: float, segments: Segments) -> Spectra:
@@ -126,7 +133,7 @@ def welch_spectra(base: Floats, floors: Floats, time_step: float, segments: Segm
     from scipy.signal import csd, welch
 
     length, overlap = segments.length, segments.length // 2
-    if segments.every > 1:  # one behind the other, without overlap
+    if segments.chosen:  # one behind the other, without overlap
         chosen = (segments.starts[:, None] + np.arange(length)).ravel()
         base, floors, overlap = base[chosen], floors[:, chosen], 0
     options = {
@@ -157,7 +164,8 @@ def segment_spectra(
     return np.asarray(spectra), bins, np.asarray(starts * time_step, dtype=np.float64)
 
 
-def _cut(samples: int, time_step: float, length: int, wanted_s: float) -> Segments:
+def cut(samples: int, time_step: float, length: int, wanted_s: float) -> Segments:
+    """Half-overlapping segments of so many samples."""
     overlap = length // 2
     count = (samples - overlap) // (length - overlap)
     effective = effective_averages(length, count) if count else 0.0

@@ -21,6 +21,7 @@ from femupdate.discrepancy.search import (
     prepared,
     sought,
 )
+from femupdate.discrepancy.strength import judged_by_strength
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.effects.effect import EffectParameter
 from femupdate.effects.registry import CATALOGUE
@@ -132,7 +133,7 @@ class DiagnosisReport(Result):
 
         found = self.diagnosis
         yield from residual_pictures("residual_map", {"Model as it is": found.residuals})
-        named = found.verdict in ("named", "partly", "indistinguishable")
+        named = found.verdict in ("named", "partly", "indistinguishable", "nonlinear")
         shown = [
             Ranked(
                 finding.placed.in_words,
@@ -239,7 +240,8 @@ def diagnose_study(
     given = read_given(study, model, source, second, progress)
     finder = finder_model(study, model, progress)
     data = given.data(model.system, use_phase)
-    problem, found = search(finder, data, chosen, progress)
+    thirds = given.by_strength(model, use_phase)
+    problem, found = search(finder, data, chosen, progress, thirds)
     report = DiagnosisReport(
         diagnosis=found,
         problem=problem,
@@ -255,13 +257,22 @@ def diagnose_study(
 
 
 def search(
-    finder: FinderModel, data: Sequence[Data], settings: DiagnosisSettings, progress: Progress
+    finder: FinderModel,
+    data: Sequence[Data],
+    settings: DiagnosisSettings,
+    progress: Progress,
+    thirds: FrfData | None = None,
 ) -> tuple[Likelihood, Diagnosis]:
-    """Fit the model as it is, and look for what it lacks."""
+    """Fit the model as it is, and look for what it lacks.
+
+    Args:
+        thirds: the run parted by strength, where it can be.
+    """
     problem, base = prepared(finder, data, settings.seed, progress)
     progress.start("Looking for what is missing", 4)
     problem, found = sought(finder, problem, base, settings, progress)
-    return problem, with_pair(found, settings, progress)
+    found = judged_by_strength(with_pair(found, settings, progress), thirds, settings)
+    return problem, found
 
 
 def keep_found(

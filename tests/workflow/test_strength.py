@@ -1,0 +1,105 @@
+"""A chain that yields in one story is told to change while it shakes; a linear one is not."""
+
+import numpy as np
+import pytest
+
+from femupdate.building import from_document
+from femupdate.discrepancy.findings import NONE, Diagnosis
+from femupdate.discrepancy.fit import fit_baseline
+from femupdate.discrepancy.search import problem_of
+from femupdate.discrepancy.strength import judged_by_strength
+from femupdate.discrepancy.thresholds import DiagnosisSettings
+from femupdate.dynamics import lumped
+from femupdate.effects import structure_of
+from femupdate.inference.frf_data import COMPARING
+from femupdate.measurement.frf import by_strength, observation_for
+from femupdate.measurement.histories import Histories
+from femupdate.measurement.names import FloorChannel
+from femupdate.workflow.likelihoods import base_data
+
+MASS, SPRING, STEP, FINE = np.array([3e5, 3e5, 2e5]), np.array([2e8, 2e8, 1.5e8]), 0.01, 4
+FLOORS, ZETA, SHARE = ("2F", "3F", "RF"), 0.02, 0.2
+
+
+def motion(seed, seconds=60.0):
+    """An earthquake that rises in ten seconds and dies down, m/s2, with steps of STEP / FINE."""
+    rng, count = np.random.default_rng(seed), round(seconds / STEP)
+    frequency = np.fft.rfftfreq(count, STEP)
+    white = np.fft.rfft(rng.standard_normal(count))
+    white[(frequency < 0.3) | (frequency > 16.0)] = 0.0
+    time = np.arange(count) * STEP
+    base = np.fft.irfft(white, count) * np.minimum((time / 10.0) ** 2, np.exp(-(time - 20.0) / 15))
+    base *= 2.0 / np.abs(base).max()
+    fine = np.concatenate([np.fft.rfft(base), np.zeros(count * (FINE - 1) // 2)])
+    return np.fft.irfft(fine, count * FINE) * FINE
+
+
+def shaken(base, story, yields):
+    """Accelerations (floors, n) of the chain with a story of Bouc and Wen's law (exponent one).
+
+    A share of its stiffness stays; it yields at a displacement, m. Semi-implicit Euler steps.
+    """
+    chain = np.diag(SPRING + np.append(SPRING[1:], 0.0))
+    chain -= np.diag(SPRING[1:], 1) + np.diag(SPRING[1:], -1)
+    squared, shapes = np.linalg.eigh(chain / np.sqrt(np.outer(MASS, MASS)))
+    root = np.sqrt(MASS)[:, None] * shapes
+    damping = root @ np.diag(2.0 * ZETA * np.sqrt(squared)) @ root.T
+    moved, speed, lag, step = np.zeros(3), np.zeros(3), 0.0, STEP / FINE
+    seen = np.zeros((3, base.size))
+    for n, pushed in enumerate(base):
+        shear = SPRING * np.diff(moved, prepend=0.0)
+        shear[story] = SHARE * shear[story] + (1.0 - SHARE) * SPRING[story] * lag
+        force = shear - np.append(shear[1:], 0.0) + damping @ speed
+        own = -force / MASS
+        seen[:, n] = own
+        speed = speed + step * (own - pushed)
+        moved = moved + step * speed
+        rate = np.diff(speed, prepend=0.0)[story]
+        lag += step * (rate - 0.5 * (abs(rate) * lag + rate * abs(lag)) / yields)
+    return seen
+
+
+def found_in(base, seen, seed):
+    """The diagnosis of a run with 2 % of noise, parted by strength."""
+    rng = np.random.default_rng(seed)
+    rows = np.vstack([base, seen])[:, ::FINE]
+    rows = rows + 0.02 * rows.std(axis=1, keepdims=True) * rng.standard_normal(rows.shape)
+    channels = tuple(FloorChannel(name, name) for name in ("base", *FLOORS))
+    prior = {"theta": {"lower": 0.5, "upper": 2.0}, "zeta": {"lower": 0.005, "upper": 0.1}}
+    building = from_document(
+        {
+            "name": "chain",
+            "kind": "shear",
+            "stories": [
+                {"name": f"S{n}", "mass": float(m), "stiffness": float(k)}
+                for n, (m, k) in enumerate(zip(MASS, SPRING, strict=True), 1)
+            ],
+            "frequency_grid": {"start": 0.1, "step": 0.1, "count": 120},
+            "prior": prior,
+            "damping": {"law": "constant", "ratio": ZETA},
+        }
+    )
+    grid = building.frequency_grid.frequencies_hz()
+    whole = observation_for(building.floors, Histories(STEP, channels, rows), grid)
+    reduced = lumped(structure_of(building))
+    blank = problem_of(reduced, building, ())
+    data = base_data([whole], blank.system, True, COMPARING)
+    fitted = fit_baseline(problem_of(reduced, building, (data,)))[0]
+    thirds = base_data(by_strength(whole, "x"), blank.system, True, COMPARING)
+    found = Diagnosis(fitted, NONE, (), (), (), (), fitted.remains(), (), "")
+    return judged_by_strength(found, thirds, DiagnosisSettings())
+
+
+@pytest.mark.parametrize("story", [0, 2])
+def test_a_story_that_yields_is_told_with_its_place(story):
+    base = motion(1)
+    linear = shaken(base, story, 1e9)
+    if story == 0:
+        assert found_in(base, linear, 2).verdict == NONE
+    # Yielding at two fifths of what it would reach.
+    forces = np.cumsum((MASS[:, None] * linear)[::-1], axis=0)[::-1]
+    most = np.abs(forces[story]).max() / SPRING[story]
+    found = found_in(base, shaken(base, story, 0.4 * most), 2)
+    assert found.verdict == "nonlinear"
+    assert found.leading.placed.label == f"amplitude_softening@S{story + 1}"
+    assert found.leading.size < -0.01
