@@ -65,7 +65,6 @@ T = TypeVar("T")
 Pair = tuple[Finding, Finding]
 
 _GLANCE = 2  # steps of every other effect before a name is given
-_AFAR = 4  # leading effects that are tried with large sizes in all stories
 
 
 def diagnose(
@@ -207,7 +206,7 @@ def _at_large_sizes(base: Fit, fits: list[Fit], scores: list[Score]) -> list[Fit
     problem = base.likelihood
     small = problem.on_fewer(FEWER_SHAPES).at_row(problem.error.first)
     ahead = sorted(fits, key=lambda fitted: -log_posterior(problem, fitted))
-    names = list(dict.fromkeys(fitted.placed[-1].effect.name for fitted in ahead))[:_AFAR]
+    names = list(dict.fromkeys(fitted.placed[-1].effect.name for fitted in ahead))[:4]
     tests = [
         test for test in scores if test.placed.place == "all" and test.placed.effect.name in names
     ]

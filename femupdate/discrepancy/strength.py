@@ -25,7 +25,6 @@ from femupdate.units import percent
 from femupdate.workers import in_threads
 
 _HINT = 3.0  # standard deviations of the score test from which a change is fitted
-_FOLLOWED = 3  # places that are
 
 
 def judged_by_strength(
@@ -84,7 +83,7 @@ def _changes(linear: Fit, thirds: FrfData, settings: DiagnosisSettings) -> tuple
     if abs(tests[0].statistic) < _HINT:
         return ()
     base = settle(problem, fit(problem, linear.placed, linear.z))
-    tests = [*tests[:_FOLLOWED], *(t for t in tests[_FOLLOWED:] if t.placed.place == "all")]
+    tests = [*tests[:3], *(test for test in tests[3:] if test.placed.place == "all")]
     fits = in_threads(lambda test: with_more(base, test.placed, np.array([test.size, 0.0])), tests)
     without = laplace(problem, base)
     findings = [

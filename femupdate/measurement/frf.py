@@ -43,11 +43,6 @@ from femupdate.measurement.thresholds import SPECTRUM
 # independent bins to either side over which the noise is averaged; with seven segments, mean square
 # of error over noise falls from 1.2 to 1.05
 _NOISE_BINS = 3
-# of the strongest mode, in a segment of a record that is parted by strength: with 12, 20 and 30 the
-# change of five Bouc-Wen sticks was told in 5, 5 and 4, that of four linear ones in none
-_PERIODS = 20.0
-_LEAST_SEGMENTS = 9  # three a third
-_SILENT = 0.02  # of the strongest segment, below which one is not used
 
 _TINY = float(np.finfo(np.float64).tiny)
 
@@ -64,8 +59,8 @@ def estimate_frf(
     A segment is as long as the inverse of the grid's step, or shorter where that would leave fewer
     than five independent ones. The sensors of a floor are averaged in time; H1 = S_xy / S_xx with
     Hann windows and half overlap (Welch 1967), complex H interpolated to the grid. The noise is
-    sd(ln|H|) = sqrt((1 - g2) / (2 g2 n)) (Bendat and Piersol 2010, section 9.2) with the
-    effective number n of overlapping segments, but never below `least_noise` of the thresholds.
+    sd(ln|H|) = sqrt((1 - g2) / (2 g2 n)) (Bendat and Piersol 2010, section 9.2) with the effective
+    number n of segments, at least `least_noise` of the thresholds.
 
     Args:
         frequency_hz: (m,) the building's grid, increasing.
@@ -97,11 +92,8 @@ def estimate_frf(
     trusted = _trusted(spectra, incoherent, noise, segments.effective)
     if half is not None:
         whole, segments = segments, segments.half(half)
-        # With fewer than two segments the coherence says nothing.
-        if segments.effective < 2.0:
-            raise MeasurementError(
-                f"{histories.source}: {whole.count} segments are too few to be parted in two halves"
-            )
+        if segments.effective < 2.0:  # the coherence says nothing
+            raise MeasurementError(f"{histories.source}: too few segments to be parted in halves")
         noise = noise * (whole.effective / segments.effective) ** 0.5
         spectra = welch_spectra(base, floors, step, segments)
     frf = spectra.cross / np.maximum(spectra.base, _TINY)
@@ -231,16 +223,19 @@ def by_strength(seen: Observation, direction: str) -> tuple[Observation, ...]:
         return ()
     base, floors, names = seen.histories.means(direction)
     floors, step = floors[[names.index(name) for name in seen.floors]], seen.histories.time_step
-    periods = round(_PERIODS / strongest_hz(floors, step) / step)
-    length = min(periods, 2 * base.size // (_LEAST_SEGMENTS + 1))
+    # With 12, 20 and 30 periods of the strongest mode the change of five yielding sticks was told
+    # in 5, 5 and 4, that of four linear ones in none. Nine segments are three a third.
+    periods, fewest = round(20.0 / strongest_hz(floors, step) / step), 9
+    length = min(periods, 2 * base.size // (fewest + 1))
     if length < 16 or periods > 2 * length:
         return ()
     segments = cut(base.size, step, length, length * step)
     motion = np.stack([floors[:, start : start + length] for start in segments.starts])
     power = (window_of(length) * motion**2).mean(axis=2)
     strength = np.sqrt((power / power.mean(axis=0)).mean(axis=1))
-    order = [k for k in strength.argsort() if strength[k] > _SILENT * strength.max()]
-    if len(order) < _LEAST_SEGMENTS:
+    # Silence of a fiftieth of the strongest is noise.
+    order = [k for k in strength.argsort() if strength[k] > 0.02 * strength.max()]
+    if len(order) < fewest:
         return ()
     thirds = [part.tolist() for part in np.array_split(order, 3)]
     levels = [np.log2(np.sqrt((strength[third] ** 2).mean())) for third in thirds]
