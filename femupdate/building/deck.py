@@ -54,11 +54,7 @@ class Card:
         return self.data[number] if number < len(self.data) else ""
 
     def whole(self, number: int, usual: int | None = None) -> int:
-        """A whole number.
-
-        Raises:
-            BuildingError: it is none, or missing where nothing is usual.
-        """
+        """A whole number."""
         text = self.text(number)
         if not text and usual is not None:
             return usual
@@ -71,11 +67,7 @@ class Card:
         return int(text)
 
     def real(self, number: int, usual: float | None = None) -> float:
-        """A number, with the short exponents of Nastran.
-
-        Raises:
-            BuildingError: it is none, or missing where nothing is usual.
-        """
+        """A number, with the short exponents of Nastran."""
         text = self.text(number)
         if not text and usual is not None:
             return usual
@@ -201,11 +193,7 @@ class Deck:
 
 
 def read_deck(file: Path) -> Deck:
-    """Read a file of bulk data; what is before BEGIN BULK may choose the set of SPC.
-
-    Raises:
-        BuildingError: there is no such file, it is not plain text, or a line is no card.
-    """
+    """Read a file of bulk data; what is before BEGIN BULK may choose the set of SPC."""
     if not os.path.isfile(file):
         raise BuildingError(f"{file}: there is no such file; correct the path")
     status = file.stat()

@@ -40,9 +40,6 @@ def deck_units(deck: Deck, units: str | None) -> tuple[str, str, str]:
 
     Args:
         units: as the user says them, such as "kN,m".
-
-    Raises:
-        BuildingError: they are no units; or none are said, and the materials do not tell them.
     """
     if units:
         force, _, length = (part.strip() for part in units.partition(","))
@@ -118,9 +115,6 @@ def draft_text(file: Path, units: str | None, beside: Path) -> str:
     Args:
         units: force and length, where the deck's materials do not tell them.
         beside: folder in which the text is to lie.
-
-    Raises:
-        BuildingError: as for `deck_units`, `deck_model` and `floor_levels`.
     """
     deck = read_deck(file)
     force, length, why = deck_units(deck, units)
@@ -193,11 +187,7 @@ ratio = 0.02
 
 
 def load_text(path: Path | str, units: str | None) -> tuple[str, str] | None:
-    """What to call a deck, and its draft as a building file; None of another file.
-
-    Raises:
-        BuildingError: as for `draft_text`.
-    """
+    """What to call a deck, and its draft as a building file; None of another file."""
     if not is_deck(path):
         return None
     building_text(path)  # which says what is no file
@@ -206,11 +196,7 @@ def load_text(path: Path | str, units: str | None) -> tuple[str, str] | None:
 
 
 def write_draft(deck: Path | str, units: str | None, path: Path) -> Path:
-    """Write the building file of a deck, and return its path.
-
-    Raises:
-        BuildingError: the first is no deck, or as for `draft_text`, or nothing can be written.
-    """
+    """Write the building file of a deck, and return its path."""
     if not is_deck(deck):
         raise BuildingError(f"{deck}: a draft is made of a deck of Nastran (.bdf, .nas); name one")
     building_text(deck)
@@ -221,11 +207,7 @@ def write_draft(deck: Path | str, units: str | None, path: Path) -> Path:
 
 
 def deck_words(path: Path, units: str | None) -> tuple[str, ...]:
-    """What is in a deck, a sentence each.
-
-    Raises:
-        BuildingError: as for `read_deck`, `deck_model` and `floor_levels`.
-    """
+    """What is in a deck, a sentence each."""
     deck = read_deck(path)
     try:
         force, length, why = deck_units(deck, units)

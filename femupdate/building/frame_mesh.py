@@ -32,11 +32,7 @@ from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 
 
 def mesh_frame(building: FrameBuilding, size: float, least: int = 1) -> BuildingMesh:
-    """Return the mesh of a frame; size and least as for `lattice_of`.
-
-    Raises:
-        BuildingError: as for `mesh_building`.
-    """
+    """Return the mesh of a frame; size and least as for `lattice_of`."""
     try:
         extra = column_lines(building) + opening_lines(building)
         if (building.walls or building.slabs) and (building.beams or building.columns):

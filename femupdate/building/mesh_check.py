@@ -86,9 +86,6 @@ def check_elements(
         cells: node indices of "line", "triangle" and "quad" cells.
         doubles_allowed: whether unmerged nodes in one place are meant.
         names: (N,) numbers of the nodes in the file; from 0 on where None.
-
-    Raises:
-        Complaint: flat, crossed or double elements, double nodes, or a node on another's side.
     """
     names = np.arange(len(nodes)) if names is None else names
     for kind, corners in cells.items():

@@ -61,9 +61,6 @@ def read_mesh(path: Path, tags: str | None) -> RawMesh:
 
     Args:
         tags: cell data that holds the groups' numbers, if any.
-
-    Raises:
-        Complaint: the file cannot be read, holds cells of another type, or no such cell data.
     """
     mesh = _read(path)
     _refuse_other_cells(mesh)

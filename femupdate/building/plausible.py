@@ -29,11 +29,7 @@ _WRONG_UNIT = 10.0  # times beyond what is usual, from where a named material is
 
 
 def doubts(building: Building) -> Iterator[str]:
-    """Yield what is odd about a building's figures, a sentence each.
-
-    Raises:
-        BuildingError: a figure cannot be; names its key.
-    """
+    """Yield what is odd about a building's figures, a sentence each."""
     yield from _names(building)
     if isinstance(building, ShearBuilding):
         return

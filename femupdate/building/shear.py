@@ -97,11 +97,7 @@ def shear_operators(building: Building) -> ShearOperators:
 
 
 def require_heights(building: Building) -> None:
-    """Refuse a base that turns under a stick whose heights are not known.
-
-    Raises:
-        BuildingError: a story has no height.
-    """
+    """Refuse a base that turns under a stick whose heights are not known."""
     if not isinstance(building, ShearBuilding):
         return
     unknown = [

@@ -94,9 +94,6 @@ def save_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
 
     Args:
         fingerprint: settings that a training must share to resume from it.
-
-    Raises:
-        StudyError: the file cannot be written.
     """
     metadata = {"numbers": json.dumps(run.numbers), "fingerprint": fingerprint}
     write_bytes(path, save(tensors_of(run), metadata=metadata))

@@ -191,12 +191,7 @@ def write_mesh(mesh: BuildingMesh, path: Path, modes: FullModes) -> None:
 def export_opensees(
     study: Study, building: Building, modes: int = 12, shell: str = "ASDShellQ4"
 ) -> Path:
-    """Write a Python script that rebuilds the building in OpenSeesPy, all stiffness factors 1.
-
-    Raises:
-        StudyError: the building is lumped, or the study cannot be written.
-        BuildingError, StructureError: the building has no mesh, or holds what OpenSees has not.
-    """
+    """Write a Python script that rebuilds the building in OpenSeesPy, all stiffness factors 1."""
     if building.kind == "shear":
         raise StudyError(
             f"{building.name} is a shear building of lumped masses, which has no mesh to export; "

@@ -78,9 +78,6 @@ def identify(
         columns: our column name to the file's column or channel.
         band_hz: in which modes are looked for; by default about the first peaks of the spectra.
         order: the largest of the models.
-
-    Raises:
-        MeasurementError: the record cannot be used or shows no mode, or pyOMA2 is missing.
     """
     recording = read_measured(path)
     floors = {
@@ -122,11 +119,7 @@ def identify(
 
 
 def draw_identified(found: Identified, path: Path) -> Path:
-    """Draw spectra, poles of every order, and the modes' shapes.
-
-    Raises:
-        ReportError: the picture cannot be written.
-    """
+    """Draw spectra, poles of every order, and the modes' shapes."""
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_poles import stabilisation
 

@@ -86,11 +86,7 @@ def inspect_files(
 
 
 def propose_mapping(file: Inspection, path: Path, unit: str | None = None) -> Path:
-    """Write which channels of a file are which floors, as far as it tells.
-
-    Raises:
-        MeasurementError: the file has no channels, or the mapping cannot be written.
-    """
+    """Write which channels of a file are which floors, as far as it tells."""
     channels = [each.channel for each in file.channels]
     if not channels:
         raise MeasurementError(f"{file.path}: there are no channels to map to floors")
@@ -98,11 +94,7 @@ def propose_mapping(file: Inspection, path: Path, unit: str | None = None) -> Pa
 
 
 def draw_inspection(file: Inspection, path: Path) -> Path:
-    """Draw the histories of a file, else its functions of frequency, else its modes.
-
-    Raises:
-        ReportError: the file holds none of them, or the picture cannot be written.
-    """
+    """Draw the histories of a file, else its functions of frequency, else its modes."""
     from femupdate.report.figure import save_figure
     from femupdate.report.plot_measured import inspected
 

@@ -117,11 +117,7 @@ def finer_part(building: FrameBuilding) -> StudyPart[FinerMesh]:
 
 
 def kept_finer(study: Study, building: Building) -> FinerMesh | None:
-    """That of a study, or None where it has none.
-
-    Raises:
-        StudyError: its file holds something else.
-    """
+    """That of a study, or None where it has none."""
     if not isinstance(building, FrameBuilding):
         return None
     return study.kept(finer_part(building), finer_origin(building))
@@ -269,11 +265,7 @@ def open_study(
 
 
 def open_calibrated(study: Study, progress: Progress = SILENT) -> StudyModel:
-    """Return the model of a study that has a posterior of just this model.
-
-    Raises:
-        StudyError: there is no posterior, or it is damaged or of another building.
-    """
+    """Return the model of a study that has a posterior of just this model."""
     study.require(MAIN_POSTERIOR, "calibrate")
     building = choose_building(study, None)
     study.check_fresh(MAIN_POSTERIOR, {"building": mechanics_hash(building)}, "calibrate")
@@ -319,11 +311,7 @@ def reduce_building(
 
 
 def require_named(study: Study, building: str | None) -> None:
-    """Make sure that a building is named or kept, where the default one is never what was meant.
-
-    Raises:
-        StudyError: there is none.
-    """
+    """Make sure that a building is named or kept, where the default one is never what was meant."""
     if building is None and not study.path(BUILDING_FILE).exists():
         raise StudyError(
             f"the study {study.folder} has no building yet; name one with --building, or run "

@@ -102,11 +102,7 @@ class PredictionSettings:
 
 
 def kept_prediction(study: Study, model: StudyModel) -> Prediction:
-    """What a study keeps of a prediction.
-
-    Raises:
-        StudyError: there is none, or it is damaged.
-    """
+    """What a study keeps of a prediction."""
     path = study.require("prediction", "predict --record FILE")
     return read_prediction(path, model.building, float(model.reduced.story_mass[0]))
 

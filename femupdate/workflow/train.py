@@ -100,11 +100,7 @@ class TrainReport(Result):
 
 
 def check_samples(samples: int, settings: TrainingSettings) -> None:
-    """Make sure that the samples not held out fill a batch.
-
-    Raises:
-        SurrogateError: they do not.
-    """
+    """Make sure that the samples not held out fill a batch."""
     if samples - max(1, round(settings.validation * samples)) < settings.batch:
         raise SurrogateError(
             f"{samples} samples are too few for batches of {settings.batch}; ask for more samples "
