@@ -89,31 +89,6 @@ def membrane_stiffness(
     Returns:
         (n, 12, 12) for u, v and the rotation about the normal, node by node.
     """
-    stiffness, _ = _with_internal_modes(plane, thickness, youngs_modulus, poisson_ratio)
-    coupling = stiffness[:, _INTERNAL, _NODAL]
-    condensed = stiffness[:, _NODAL, _NODAL] - np.swapaxes(coupling, 1, 2) @ _internal(stiffness)
-    return condensed[:, _NODE_BY_NODE[:, None], _NODE_BY_NODE]
-
-
-def membrane_strain(
-    plane: Floats, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
-) -> Floats:
-    """Strains (eps_x, eps_y, gamma_xy) at the Gauss points per unit motion of the corners.
-
-    The internal modes follow the corners as they do in the stiffness.
-
-    Returns:
-        (n, 4, 3, 12), columns in the order of `membrane_stiffness`, 1/m and -.
-    """
-    stiffness, strain = _with_internal_modes(plane, thickness, youngs_modulus, poisson_ratio)
-    followed = strain[..., _INTERNAL] @ _internal(stiffness)[:, None]
-    return (strain[..., _NODAL] - followed)[..., _NODE_BY_NODE]
-
-
-def _with_internal_modes(
-    plane: Floats, thickness: Floats, youngs_modulus: Floats, poisson_ratio: Floats
-) -> tuple[Floats, Floats]:
-    """Stiffness (n, 16, 16) and strains (n, g, 3, 16) before condensation."""
     gauss, centre = sample(plane, GAUSS_POINTS), sample(plane, CENTRE)
     # Gradients of 1 - xi^2 and 1 - eta^2, (n, g, 2, 2). The Jacobian of the centre, scaled by the
     # ratio of determinants, makes their mean vanish on any quadrilateral, which is what the patch
@@ -138,7 +113,9 @@ def _with_internal_modes(
     slip = _slip(centre, CENTRE, np.zeros((len(plane), 1, 2, 2)))
     penalty = 4.0 * (shear_modulus * thickness)[:, None] * centre.determinant
     stiffness += integrate(slip, slip, penalty)
-    return stiffness, strain
+    coupling = stiffness[:, _INTERNAL, _NODAL]
+    condensed = stiffness[:, _NODAL, _NODAL] - np.swapaxes(coupling, 1, 2) @ _internal(stiffness)
+    return condensed[:, _NODE_BY_NODE[:, None], _NODE_BY_NODE]
 
 
 def plane_stress(youngs_modulus: Floats, poisson_ratio: Floats) -> Floats:

@@ -43,7 +43,11 @@ def plate_stiffness(
         (n, 12, 12) for w and the rotations about x and y, node by node.
     """
     gauss = sample(plane, GAUSS_POINTS)
-    curvature = _curvature(gauss)
+    # Curvatures (x, y, twice xy) per unit coordinate, of u = z ry, v = -z rx.
+    curvature = np.zeros((*gauss.determinant.shape, 3, 12))
+    along_x, along_y = gauss.gradients[:, :, 0], gauss.gradients[:, :, 1]
+    curvature[:, :, 0, _RY], curvature[:, :, 2, _RY] = along_x, along_y
+    curvature[:, :, 1, _RX], curvature[:, :, 2, _RX] = -along_y, -along_x
     bending = plane_stress(youngs_modulus, poisson_ratio) * (thickness**3 / 12.0)[:, None, None]
     stiffness = integrate(curvature, bending[:, None] @ curvature, gauss.determinant)
     shear = _shear(plane, gauss)
@@ -95,26 +99,6 @@ def _linked_deflection(plane: Floats, points: Floats) -> Floats:
             deflection[:, :, _RY.start + node] -= sign * side[:, :1] * bubble
             deflection[:, :, _RX.start + node] += sign * side[:, 1:] * bubble
     return deflection
-
-
-def plate_curvature(plane: Floats) -> Floats:
-    """Curvatures (x, y, twice xy) at the Gauss points per unit motion of the corners.
-
-    Returns:
-        (n, 4, 3, 12), columns in the order of `plate_stiffness`, 1/m and 1/m2.
-    """
-    return _curvature(sample(plane, GAUSS_POINTS))[..., _NODE_BY_NODE]
-
-
-def _curvature(gauss: PlaneSamples) -> Floats:
-    """Curvatures (x, y, twice xy) per unit coordinate, (n, g, 3, 12), of u = z ry, v = -z rx."""
-    curvature = np.zeros((*gauss.determinant.shape, 3, 12))
-    along_x, along_y = gauss.gradients[:, :, 0], gauss.gradients[:, :, 1]
-    curvature[:, :, 0, _RY] = along_x
-    curvature[:, :, 1, _RX] = -along_y
-    curvature[:, :, 2, _RY] = along_y
-    curvature[:, :, 2, _RX] = -along_x
-    return curvature
 
 
 def _shear(plane: Floats, gauss: PlaneSamples) -> Floats:

@@ -10,7 +10,6 @@ from femupdate.fe.membrane import DRILLING_STABILISATION
 from femupdate.fe.opensees import OpenSeesPart, OpenSeesTable, sections
 
 # Names of the forces at one corner: per length in N/m, then moments per length in N.
-SHELL_FORCES = ("n_x", "n_y", "n_xy", "m_x", "m_y", "m_xy")
 
 
 @dataclass(frozen=True, kw_only=True)

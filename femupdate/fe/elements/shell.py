@@ -15,17 +15,13 @@ from femupdate.fe.membrane import (
     determinants,
     jacobians,
     membrane_stiffness,
-    membrane_strain,
-    plane_stress,
     shape_functions,
 )
-from femupdate.fe.plate import plate_curvature, plate_mass, plate_stiffness
-from femupdate.fe.surface import SHELL_FORCES, Surface
+from femupdate.fe.plate import plate_mass, plate_stiffness
+from femupdate.fe.surface import Surface
 
 _AT_ONCE = 512  # elements whose matrices fit the processor's cache
 _SEED = 20240
-# The parent square whose corners are the Gauss points sees the element's corners at sqrt(3).
-_TO_CORNERS = shape_functions(np.sqrt(3.0) * CORNERS)
 
 
 @dataclass(frozen=True)
@@ -45,19 +41,11 @@ class MeanPlanes:
 
 @dataclass(frozen=True, kw_only=True)
 class Shells(Surface):
-    """Four-node shells: incompatible modes with drilling rotations in the plane, MITC4 across it.
-
-    The forces are resultants at the corners in the axes of each element (see `mean_planes`), those
-    of the first corner first: n_x, n_y and n_xy per length, positive in tension, and moments m_x,
-    m_y and m_xy per length, positive where the upper face (the one towards local z) is in tension.
-    """
+    """Four-node shells: incompatible modes and drilling rotations in the plane, MITC4 across it."""
 
     name: ClassVar[str] = "shell"
     cell_type: ClassVar[str] = "quad"
     standard: ClassVar[bool] = True
-    force_names: ClassVar[tuple[str, ...]] = tuple(
-        f"{force}_{corner}" for corner in range(1, 5) for force in SHELL_FORCES
-    )
     opensees_types: ClassVar[tuple[str, ...]] = ("ASDShellQ4", "ShellMITC4", "ShellDKGQ")
 
     nodes: Integers = rows(4, dtype=np.int64)
@@ -104,21 +92,6 @@ class Shells(Surface):
         local[:, in_plane[:, None], in_plane] = membrane_stiffness(frame.plane, *self.elastic)
         motion = to_local(frame)
         return symmetric(np.swapaxes(motion, 1, 2) @ local @ motion)
-
-    def force_rows(self, points: Floats) -> Floats:
-        """Resultants at the corners per unit motion of the nodes, (n, 24, 24)."""
-        frame = mean_planes(self.corners(points))
-        elasticity = plane_stress(self.youngs_modulus, self.poisson_ratio)
-        local = np.zeros((len(self), 4, 6, 24))
-        # Curvatures are those of u = z ry, v = -z rx, which stretch the upper face where positive.
-        for forces, directions, factor, strain in (
-            (slice(0, 3), _IN_PLANE, self.thickness, membrane_strain(frame.plane, *self.elastic)),
-            (slice(3, 6), _OUT_OF_PLANE, self.thickness**3 / 12.0, plate_curvature(frame.plane)),
-        ):
-            at_gauss = (factor[:, None, None] * elasticity)[:, None] @ strain
-            at_corners = np.einsum("cg,ngik->ncik", _TO_CORNERS, at_gauss)
-            local[:, :, forces, directions] = at_corners
-        return np.asarray(local.reshape(-1, 24, 24) @ to_local(frame), dtype=np.float64)
 
     def _stiffness(self, plane: Floats) -> Floats:
         """Stiffness in local axes, (n, 24, 24)."""

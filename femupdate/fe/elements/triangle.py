@@ -9,7 +9,7 @@ from femupdate.arrays import Floats, Integers
 from femupdate.fe.element import ElementMatrices, area_vectors, repeated, rows
 from femupdate.fe.membrane import integrate, plane_stress
 from femupdate.fe.plate import SHEAR_CORRECTION
-from femupdate.fe.surface import SHELL_FORCES, Surface
+from femupdate.fe.surface import Surface
 
 _SIDES = np.array([[0, 1], [1, 2], [2, 0]])
 # Sides that meet in each corner: the one that starts there and the one that ends there.
@@ -35,17 +35,11 @@ class Triangles(Surface):
     Mech. Engrg. 192, 2125-2168. Plate: DKMT, discrete Kirchhoff-Mindlin (Katili 1993), Int. J.
     Numer. Meth. Engng 36, 1859-1883, for thin and thick plates. Inertias are those of the
     four-node shell.
-
-    The forces are resultants at the corners as for `Shells`; the local x axis runs along the first
-    side. Forces n are the mean over the element, moments m are linear in it.
     """
 
     name: ClassVar[str] = "triangle"
     cell_type: ClassVar[str] = "triangle"
     standard: ClassVar[bool] = True
-    force_names: ClassVar[tuple[str, ...]] = tuple(
-        f"{force}_{corner}" for corner in range(1, 4) for force in SHELL_FORCES
-    )
     opensees_types: ClassVar[tuple[str, ...]] = ("ASDShellT3",)
 
     nodes: Integers = rows(3, dtype=np.int64)
@@ -62,24 +56,6 @@ class Triangles(Surface):
             stiffness[:, directions[:, None], directions] = part
         local = ElementMatrices(stiffness, self._mass(shape.area))
         return local.moved_by(repeated(shape.axes, 6))
-
-    def force_rows(self, points: Floats) -> Floats:
-        """Resultants at the corners per unit motion of the nodes, (n, 18, 18)."""
-        shape = _Shape.of(self.corners(points))
-        elasticity = plane_stress(self.youngs_modulus, self.poisson_ratio)
-        lumping = _lumping(shape.plane, np.ones(len(self)))
-        mean = (
-            elasticity @ np.swapaxes(lumping, 1, 2) * (self.thickness / shape.area)[:, None, None]
-        )
-        curvature = _plate_curvature(
-            shape, _middle_rotations(shape, self.thickness, self.poisson_ratio)
-        )
-        bending = elasticity * (self.thickness**3 / 12.0)[:, None, None]
-        moment = np.einsum("cp,npik->ncik", np.linalg.inv(_MIDDLES), bending[:, None] @ curvature)
-        local = np.zeros((len(self), 3, 6, 18))
-        local[:, :, :3, self.directions(0, 1, 5)] = mean[:, None]
-        local[:, :, 3:, self.directions(2, 3, 4)] = moment
-        return np.asarray(local.reshape(-1, 18, 18) @ repeated(shape.axes, 6), dtype=np.float64)
 
     def check(self, points: Floats) -> None:
         """As `Elements.check`; a triangle needs an area as well."""

@@ -1,21 +1,12 @@
 """The vibration tests with their targets, scored."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 
 from femupdate.fe import FiniteElementModel
 
-from .forced import (
-    Peak,
-    PlateModes,
-    first_mode_only,
-    harmonic_peak,
-    plate_modes,
-    static_value,
-    step_peak,
-)
 from .peers import frequency_peer
 from .score import ElementTest, Score
 from .vibrations import (
@@ -30,7 +21,6 @@ from .vibrations import (
 )
 
 FREE = "NAFEMS R0015"
-FORCED = "NAFEMS R0016"
 
 # Distinct frequencies (Hz) with how many modes share each.
 TARGETS: dict[str, tuple[tuple[float, int], ...]] = {
@@ -71,12 +61,6 @@ _DISTORTED = (
     "shear, is softer there"
 )
 _SHORT_WAVE = "a half wave over little more than one element"
-_STRESS_13H = (
-    "the published stress does not go with the published displacement: in the first mode "
-    "sigma / w = pi^2 E t / (2 a^2 (1 - nu)) = 0.705 MPa/mm, which makes 32.0 MPa"
-)
-_COARSE_STRESS = "stress on the coarsest mesh, averaged from the four corners that meet"
-_THICK_21H = "16 modes of Mindlin's theory converge to 60.0 mm, 2.8 % above the published value"
 _SOFT = (
     "the target is the plate whose edges cannot twist; with only the deflection held, as the test "
     "says, solids find 44.1 Hz too (MathWorks' example of FV52)"
@@ -133,37 +117,3 @@ def _scores(
         peer = frequency_peer(name, number) if peers else None
         yield test.score(modes, mesh, target, value, peer)
         start += count
-
-
-def forced_scores(counts: Sequence[int] = (8, 16, 32)) -> Iterator[Score]:
-    """Forced vibration tests by superposition of 16 modes."""
-    for count in counts:
-        mesh = f"{count}x{count}"
-        thin = plate_modes(count, 0.05, 100.0)
-        name, targets = "13H thin plate, harmonic", (2.377, 45.42, 30.03)
-        yield from _peak(name, mesh, harmonic_peak(thin), targets, ("", _STRESS_13H))
-        yield from _step(mesh, thin)
-        thick = harmonic_peak(plate_modes(count, 1.0, 1e6))
-        name, targets = "21H thick plate, harmonic", (45.90, 58.33, 800.8)
-        yield from _peak(name, mesh, thick, targets, (_THICK_21H, _COARSE_STRESS))
-
-
-def _peak(
-    name: str, mesh: str, peak: Peak, targets: tuple[float, float, float], reasons: tuple[str, str]
-) -> Iterator[Score]:
-    """Frequency (Hz), displacement (mm) and stress (MPa), with reasons for the last two."""
-    at, displacement, stress = targets
-    yield ElementTest(name, "Hz", FORCED).score("frequency of the peak", mesh, at, peak.at)
-    test = ElementTest(name, "mm", FORCED, reasons[0])
-    yield test.score("peak displacement", mesh, displacement, 1e3 * peak.displacement)
-    test = ElementTest(name, "MPa", FORCED, reasons[1])
-    yield test.score("peak stress", mesh, stress, 1e-6 * peak.stress)
-
-
-def _step(mesh: str, plate: PlateModes) -> Iterator[Score]:
-    first, name = first_mode_only(plate), "13T thin plate, step"
-    test = ElementTest(name, "mm", FORCED)
-    yield test.score("peak, first mode", mesh, 3.523, 1e3 * step_peak(first).displacement)
-    yield test.score("static, first mode", mesh, 1.817, 1e3 * static_value(first))
-    test = ElementTest(name, "mm", "thin plate theory (Navier)")
-    yield test.score("static, 16 modes", mesh, 1.774, 1e3 * static_value(plate))

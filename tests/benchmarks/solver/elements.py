@@ -11,14 +11,14 @@ import numpy as np
 from femupdate.progress import SILENT, Progress
 
 from ..result import markdown_table
-from .dynamic_scores import forced_scores, vibration_scores
+from .dynamic_scores import vibration_scores
 from .peers import static_peers
 from .plot_convergence import ConvergencePanel
 from .score import Score
 from .static_scores import static_scores
 
 OURS = "femupdate"
-_EXPECTED = 240  # lines of the table, for the progress bar
+_EXPECTED = 217  # lines of the table, for the progress bar
 _SHOWN = ("ASDShellQ4", "ShellMITC4", "Pynite DKMQ")
 
 # Panels of the figure: title, test, case, the key of the peers' figures with {n} for the mesh.
@@ -48,7 +48,7 @@ def element_scores(progress: Progress = SILENT) -> tuple[Score, ...]:
     """Run all element tests, in about ten seconds."""
     progress.start("Element tests", _EXPECTED)
     found = []
-    for score in chain(static_scores(), vibration_scores(), forced_scores()):
+    for score in chain(static_scores(), vibration_scores()):
         found.append(score)
         progress.advance(note=score.test)
     return tuple(found)

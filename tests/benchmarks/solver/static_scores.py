@@ -14,7 +14,7 @@ from .membranes import (
     twisted_beam,
 )
 from .peers import COUPLED_LIMITS, coupled_wall_peers, static_peer
-from .score import ElementTest, Peer, Score, best_peer
+from .score import ElementTest, Score, best_peer
 from .surfaces import (
     Edges,
     Loading,
@@ -30,7 +30,6 @@ from .walls import (
     plain_wall,
     timoshenko_wall,
 )
-from .z_section import axial_stress
 
 MACNEAL = "MacNeal and Harder 1985"
 CANTILEVER_TARGETS = {
@@ -57,7 +56,6 @@ PLATE_TARGETS: dict[tuple[int, Edges, Loading], float] = {
     (5, "cl", "p"): 7.23,
 }
 COOK, SCORDELIS_LO, HEMISPHERE, HEMISPHERE_LIMIT, PINCHED = 23.96, 0.3024, 0.0940, 0.0935, 1.8248e-5
-LE5 = -108e6
 
 _TRAPEZOIDS = (
     "no four-node element that passes the patch test bends in its plane as a trapezoid or a "
@@ -92,7 +90,6 @@ def static_scores() -> Iterator[Score]:
     yield from _curved_shells()
     yield from _plain_wall()
     yield from _coupled_wall()
-    yield from _z_section()
 
 
 def _patch() -> Iterator[Score]:
@@ -187,12 +184,3 @@ def _coupled_wall() -> Iterator[Score]:
             test = ElementTest("Coupled wall, six stories", unit, source, reason)
             peer = best_peer(coupled_wall_peers(fine, k))
             yield test.score(name, mesh, COUPLED_LIMITS[k], values[k], peer)
-
-
-def _z_section() -> Iterator[Score]:
-    test = ElementTest("LE5 Z-section", "Pa", "NAFEMS TNSB rev. 3 (1990)")
-    coarse = best_peer({"Abaqus S4": -110.36e6 / LE5, "OptiStruct CQUAD4": -112.2e6 / LE5})
-    fine = Peer("Abaqus S4", -110.38e6 / LE5)
-    for along, across, mesh, peer in ((8, 1, "8x4", coarse), (32, 4, "32x16", fine)):
-        value = axial_stress(along, across)["tip"]
-        yield test.score("axial stress at A", mesh, LE5, value, peer)
