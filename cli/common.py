@@ -336,6 +336,8 @@ def _reporting(function: F) -> F:
             if verbose >= 2:
                 logging.getLogger(__name__).exception("traceback")
             raise Failure(str(error)) from error
+        except BrokenPipeError:  # such as `| head`; click ends quietly
+            raise
         except OSError as error:
             raise Failure(_os_failure(error)) from error
 

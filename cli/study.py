@@ -2,6 +2,7 @@
 
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -10,6 +11,7 @@ from femupdate.study import Study, locked
 from .answer import Answer
 from .common import output_option, plain_options, posterior_options, progress_bars, study_option
 from .group import GroupedCommand
+from .parameters import InputFile
 
 
 @click.command("status", cls=GroupedCommand)
@@ -63,9 +65,19 @@ def compare(before: str, after: str, picture: Path | None, study: Study) -> Answ
 
 @click.command("report", cls=GroupedCommand)
 @output_option("HTML file to write; default report.html in the study.", required=False)
+@click.option("--title", help="Title of the page; default that of the building.")
+@click.option("--author", help="Who wrote it; stands below the title.")
+@click.option("--client", help="For whom it is; stands below the title.")
+@click.option("--logo", type=InputFile(), help="Picture beside the title, PNG or JPEG.")
+@click.option(
+    "--add",
+    type=InputFile(),
+    multiple=True,
+    help="Picture (PNG, JPEG) or text (.md, .txt) as a section; may be given several times.",
+)
 @plain_options
 @posterior_options
-def report(study: Study, output: Path | None) -> Answer:
+def report(study: Study, output: Path | None, **more: Any) -> Answer:
     """Write one HTML page with everything that a study says, to hand on.
 
     The page needs no network and nothing beside it. It shows what was done and from which files,
@@ -73,8 +85,9 @@ def report(study: Study, output: Path | None) -> Answer:
     lacks, and all warnings. With --output, the study is only read.
 
     \b
-    Example:
+    Examples:
       femupdate report --study house -o house.html
+      femupdate report --study house --client "City of Kobe" --logo logo.png --add site.md
     """
     from femupdate import interface
 
@@ -83,4 +96,4 @@ def report(study: Study, output: Path | None) -> Answer:
             study.check_writable()
             stack.enter_context(locked(study.folder, "report"))
         bars = progress_bars(stack)
-        return Answer(interface.write_report(study, output, progress=bars))
+        return Answer(interface.write_report(study, output, progress=bars, **more))

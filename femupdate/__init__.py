@@ -32,8 +32,8 @@ _NOUNS = {
     "System": "dynamics.system",
 }
 _VERBS = (
-    *("calibrate", "compare", "diagnose", "inspect", "predict", "reduce", "repair", "simulate"),
-    *("train", "write_report"),
+    *("calibrate", "compare", "diagnose", "inspect", "predict", "reduce", "repair", "save_arrays"),
+    *("simulate", "train", "write_report"),
 )
 
 if _TYPE_CHECKING:
@@ -54,6 +54,7 @@ if _TYPE_CHECKING:
         predict,
         reduce,
         repair,
+        save_arrays,
         simulate,
         train,
         write_report,
@@ -96,6 +97,7 @@ __all__ = [
     "predict",
     "reduce",
     "repair",
+    "save_arrays",
     "simulate",
     "train",
     "write_report",

@@ -9,7 +9,7 @@ Every result has its figures as attributes, `as_dict()` for programs and `lines(
 study its folder will do. All raise `FemupdateError`, whose text says what to do.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -282,6 +282,37 @@ def simulate(
     return write_simulation(made, Path(path))
 
 
+def save_arrays(
+    path: File, time_step: float, columns: Mapping[str, Sequence[float]], *, unit: str = "m/s2"
+) -> Path:
+    """Write arrays as a measured file (CSV), which all functions take.
+
+    Args:
+        time_step: s.
+        columns: of equal length, by names as files have them: `base`, `2F`, ..., `RF`.
+        unit: of all.
+
+    Raises:
+        MeasurementError: a name is not known, or the lengths differ.
+    """
+    import numpy as np
+
+    from femupdate.errors import MeasurementError
+    from femupdate.measurement.histories import Histories
+    from femupdate.measurement.names import parse_channel
+    from femupdate.measurement.write import write_observation_histories
+    from femupdate.units import factor
+
+    channels = [(name, parse_channel(name)) for name in columns]
+    unknown = [name for name, channel in channels if channel is None]
+    if unknown or len({len(values) for values in columns.values()}) != 1:
+        wrong = f"{unknown[0]!r} is no channel" if unknown else "the columns differ in length"
+        raise MeasurementError(f"{wrong}; give base, 2F, ..., RF, all of one length")
+    values = factor(unit, "acceleration") * np.array([*columns.values()], dtype=float)
+    known = tuple(channel for _, channel in channels if channel is not None)
+    return write_observation_histories(path, Histories(time_step, known, values))
+
+
 def inspect(
     *files: File, unit: str | None = None, columns: Mapping[str, str] | None = None
 ) -> "InspectedFiles":
@@ -297,12 +328,24 @@ def inspect(
 
 
 def write_report(
-    study: Folder, path: File | None = None, *, progress: Progress = SILENT
+    study: Folder,
+    path: File | None = None,
+    *,
+    title: str | None = None,
+    author: str | None = None,
+    client: str | None = None,
+    logo: File | None = None,
+    add: Sequence[File] = (),
+    progress: Progress = SILENT,
 ) -> "ReportReport":
     """Write everything that a study says on one HTML page.
 
     Args:
         path: of the page; by default `report.html` in the study.
+        title: of the page; by default that of the building.
+        author, client: who stand below the title.
+        logo: PNG or JPEG file beside it.
+        add: pictures (PNG, JPEG) and texts (.md, .txt), a section of the page each.
 
     Raises:
         StudyError: the study holds no building, or what the page shows is damaged.
@@ -310,7 +353,16 @@ def write_report(
     """
     from femupdate.workflow.report import report_study
 
-    return report_study(_study(study), None if path is None else Path(path), progress)
+    return report_study(
+        _study(study),
+        None if path is None else Path(path),
+        progress,
+        title=title,
+        author=author,
+        client=client,
+        logo=None if logo is None else Path(logo),
+        added=[Path(file) for file in add],
+    )
 
 
 def _study(study: Folder) -> Study:

@@ -6,10 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from femupdate.errors import ReportError
 from femupdate.tables import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 _MOST_NOTES = 6  # that the terminal shows
 
@@ -79,7 +81,62 @@ Item = Note | Notes | Table
 
 
 class Result:
-    """Something found, which says of itself what it is by its items."""
+    """Something found, which says of itself what it is by its items.
+
+    At a prompt it shows what the terminal would, in a notebook its tables.
+    """
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """A dataclass keeps the `__repr__` that its class has already."""
+        super().__init_subclass__(**more)
+        cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        """What the terminal shows."""
+        return "\n".join(self.lines())
+
+    def _repr_html_(self) -> str:
+        """For notebooks."""
+        from html import escape
+
+        parts = []
+        for item in self.items():
+            if isinstance(item, Table):
+                cells = [
+                    "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in row)
+                    for row, tag in [(item.head, "th"), *((row, "td") for row in item.rows)]
+                ]
+                if item.rows and not item.detail:
+                    body = "</tr><tr>".join(cells)
+                    parts.append(f"<b>{escape(item.caption)}</b><table><tr>{body}</tr></table>")
+            elif not item.detail:
+                parts += [f"<p>{escape(line)}</p>" for line in item.lines()]
+        return "".join(parts)
+
+    def plot(self, name: str = "") -> "Figure":
+        """One of its figures, the first or that of the name.
+
+        Raises:
+            ReportError: it has none of that name.
+        """
+        pictures = {picture.name: picture for picture in self.figures()}
+        if (name or next(iter(pictures), "")) not in pictures:
+            raise ReportError(f"there is no figure {name!r}; there are {', '.join(pictures)}")
+        return pictures[name or next(iter(pictures))].figure()
+
+    def to_dataframe(self, name: str = "") -> "DataFrame":
+        """One of its tables, the first or that of the name, one observation a row.
+
+        Raises:
+            ReportError: it has none of that name.
+        """
+        from pandas import DataFrame
+
+        tables = {table.name: table for table in self.tables()}
+        if (name or next(iter(tables), "")) not in tables:
+            raise ReportError(f"there is no table {name!r}; there are {', '.join(tables)}")
+        head, rows = tables[name or next(iter(tables))].sheet()
+        return DataFrame(rows, columns=head)
 
     def items(self) -> Iterable[Item]:
         """Everything that there is to tell, in the order in which people read it."""

@@ -6,8 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
 from femupdate.arrays import Floats
-from femupdate.report.geometry import VIEW, Geometry, outline
-from femupdate.report.style import QUIET
+from femupdate.report.geometry import VIEW, Geometry, Landmarks, outline
+from femupdate.report.style import INK, QUIET
 
 
 def draw(
@@ -43,6 +43,20 @@ def draw(
     )
     panel.autoscale_view()
     panel.set_aspect("equal")
+
+
+def mark(panel: Axes, marks: Landmarks) -> None:
+    """Draw names and axes."""
+    if not marks.names:
+        return
+    lines = [project(axis)[0] for axis in marks.axes]
+    panel.add_collection(LineCollection(lines, colors=INK, linewidths=1.2))
+    places = project(marks.places)[0]
+    panel.update_datalim(places)
+    for name, (x, y) in zip(marks.names, places, strict=True):
+        beside = "center" if name in "xyz" else "right"
+        panel.text(x, y, name, ha=beside, va="center", fontsize=9, color=INK)
+    panel.autoscale_view()
 
 
 def project(points: Floats) -> tuple[Floats, Floats]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats, Integers, Pixels
-from femupdate.report.geometry import VIEW, Geometry, mesh_lines, outline
+from femupdate.report.geometry import VIEW, Geometry, Landmarks, mesh_lines, outline
 from femupdate.report.glyphs import Glyphs
 from femupdate.report.style import FAINT, INK, ORANGE, QUIET
 
@@ -16,7 +16,14 @@ TUBE = 0.006  # radius of a beam over the size of the building
 LIFT = 0.006  # of lines on a surface towards the eye, over the size: else they sink in and out
 
 
-def render(geometry: Geometry, moved: Floats, values: Floats, color_map: str, top: float) -> Pixels:
+def render(
+    geometry: Geometry,
+    moved: Floats,
+    values: Floats,
+    color_map: str,
+    top: float,
+    marks: Landmarks = Landmarks(),  # noqa: B008 - frozen
+) -> Pixels:
     """Return a picture (h, w, 3) of the building, white around.
 
     Args:
@@ -25,12 +32,17 @@ def render(geometry: Geometry, moved: Floats, values: Floats, color_map: str, to
         values: (N,) what colours it, from 0 to `top`.
         color_map: name of a matplotlib colour map.
         top: value of the last colour.
+        marks: names and axes beside the building.
     """
-    return next(render_sequence(geometry, [(moved, values)], color_map, top))
+    return next(render_sequence(geometry, [(moved, values)], color_map, top, marks))
 
 
 def render_sequence(
-    geometry: Geometry, states: Sequence[tuple[Floats, Floats]], color_map: str, top: float
+    geometry: Geometry,
+    states: Sequence[tuple[Floats, Floats]],
+    color_map: str,
+    top: float,
+    marks: Landmarks = Landmarks(),  # noqa: B008 - frozen
 ) -> Iterator[Pixels]:
     """Yield a picture (h, w, 3) of each state, all seen from where the first fills the picture.
 
@@ -57,20 +69,18 @@ def render_sequence(
             for points, lines, line_look in _wires(geometry, moved):
                 wires = _lines(pyvista, points, lines)
                 plotter.add_mesh(wires, color=INK, lighting=False, reset_camera=False, **line_look)
+            _mark(pyvista, plotter, marks)
             if number == 0:
                 _look_at(plotter)
             yield np.asarray(plotter.screenshot(return_img=True))[..., :3]
 
 
-def render_marked(
-    geometry: Geometry, glyphs: Glyphs, names: Sequence[str], places: Floats
-) -> Pixels:
+def render_marked(geometry: Geometry, glyphs: Glyphs, marks: Landmarks) -> Pixels:
     """Return a picture (h, w, 3) of a building in grey with signs on it, white around.
 
     Args:
         glyphs: drawn in a colour of their own.
-        names: written beside the building.
-        places: (f, 3) where.
+        marks: names and axes beside the building.
     """
     with _plotter() as (pyvista, plotter):
         if len(geometry.shells):
@@ -80,9 +90,9 @@ def render_marked(
         plotter.add_mesh(wires, color=QUIET, line_width=2.5, lighting=False)
         for mesh in _signs(pyvista, geometry, glyphs):
             plotter.add_mesh(mesh, color=ORANGE, ambient=0.35)
-        look = {"text_color": INK, "font_size": 34, "shape": None, "show_points": False}
-        plotter.add_point_labels(places, list(names), always_visible=True, **look)
-        return _seen(plotter)
+        _mark(pyvista, plotter, marks)
+        _look_at(plotter)
+        return np.asarray(plotter.screenshot(return_img=True))[..., :3]
 
 
 @contextmanager
@@ -108,9 +118,16 @@ def _look_at(plotter: Any) -> None:
     plotter.view_vector(VIEW, viewup=(0.0, 0.0, 1.0))
 
 
-def _seen(plotter: Any) -> Pixels:
-    _look_at(plotter)
-    return np.asarray(plotter.screenshot(return_img=True))[..., :3]
+def _mark(pyvista: Any, plotter: Any, marks: Landmarks) -> None:
+    if not marks.names:
+        return
+    look = {"text_color": INK, "font_size": 34, "shape": None, "show_points": False}
+    plotter.add_point_labels(marks.places, list(marks.names), always_visible=True, **look)
+    # Labels do not widen what the camera takes in: points that nobody sees do.
+    plotter.add_mesh(pyvista.PolyData(marks.places), opacity=0.0)
+    ends = np.arange(2 * len(marks.axes)).reshape(-1, 2)
+    axes = _lines(pyvista, marks.axes.reshape(-1, 3), ends)
+    plotter.add_mesh(axes, color=INK, line_width=3.0, lighting=False)
 
 
 def _quads(pyvista: Any, points: Floats, quads: Integers) -> Any:

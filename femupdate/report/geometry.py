@@ -1,6 +1,7 @@
 """The building as it is drawn: nodes, shells, beams, and the lines that show its outline."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,6 +67,33 @@ class Geometry:
     def _drawn(self) -> Floats:
         used = np.unique(np.concatenate([self.shells.ravel(), self.beams.ravel()]))
         return self.nodes[used]
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """What says where things are: names at places (k, 3), and axes (3, 2, 3) from end to tip."""
+
+    names: tuple[str, ...] = ()
+    places: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    axes: Floats = field(default_factory=lambda: np.zeros((0, 2, 3)))
+
+    @classmethod
+    def of(
+        cls, geometry: Geometry, floors: Sequence[tuple[str, float]], moved: float = 0.0
+    ) -> "Landmarks":
+        """Names of the floors (with their heights, m) left of them as seen, and the axes.
+
+        Args:
+            moved: how far the building moves as it is drawn, m, clear of the names.
+        """
+        low, high = geometry.nodes.min(axis=0), geometry.nodes.max(axis=0)
+        gap = 0.05 * geometry.size
+        left, back = low[0] - gap - moved, high[1] + gap + moved
+        beside = [[left, back, low[2] + height] for _, height in floors]
+        corner = np.array([high[0] + 3.5 * gap, low[1] - gap, low[2]])
+        axes = np.stack([np.stack([corner, corner + 2.6 * gap * side]) for side in np.eye(3)])
+        tips = corner + 3.4 * gap * np.eye(3)
+        return cls((*(name for name, _ in floors), *"xyz"), np.array([*beside, *tips]), axes)
 
 
 def deformed(geometry: Geometry, shape: Floats) -> Floats:

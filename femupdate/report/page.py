@@ -24,6 +24,7 @@ from femupdate.tables import Table
 BUDGET = 8_000_000  # bytes: what mail servers and phones still take
 _DIGITS = 5
 _DOTS = 110  # an inch
+_PNG, _JPEG = b"\x89PNG", b"\xff\xd8\xff"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +38,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Image:
-    """A picture that is drawn already, a PNG file."""
+    """A picture that is drawn already, a PNG or JPEG file."""
 
     path: Path
 
@@ -61,11 +62,13 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """A whole page; `made` says when and by what."""
+    """A whole page; `made` says when and by what, `credits` for whom and by whom."""
 
     title: str
     subtitle: str
     made: str
+    credits: tuple[str, ...] = ()
+    logo: Image | None = None
     sections: tuple[Section, ...]
 
 
@@ -79,6 +82,7 @@ def page_html(page: Page) -> str:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["data"] = lambda value: Markup(data_json(value))
+    environment.filters["css"] = lambda text: Markup(css_text(text))
     environment.filters["drawn"] = _picture_data
     environment.filters["prose"] = lambda text: Markup(prose_html(text))
     template = environment.from_string((assets / "page.html").read_text(encoding="utf-8"))
@@ -107,12 +111,53 @@ def _shows(block: Block) -> bool:
 def _picture_data(picture: Picture | Image) -> str:
     """A picture as the address of its own content."""
     if isinstance(picture, Image):
-        png = picture.path.read_bytes()
+        content = picture.path.read_bytes()
+        kind = "png" if content.startswith(_PNG) else "jpeg"
     else:
-        content = BytesIO()
-        picture.figure().savefig(content, format="png", dpi=_DOTS)
-        png = content.getvalue()
-    return f"data:image/png;base64,{b64encode(png).decode()}"
+        from femupdate.report.style import styled
+
+        drawn = BytesIO()
+        styled(picture.figure().savefig)(drawn, format="png", dpi=_DOTS)
+        content, kind = drawn.getvalue(), "png"
+    return f"data:image/{kind};base64,{b64encode(content).decode()}"
+
+
+def added_section(path: Path, name: str) -> Section:
+    """A section of the reader's own: a picture, or text whose paragraphs blank lines divide.
+
+    A first line that begins with "# " is its title, which is else the name of the file.
+
+    Raises:
+        ReportError: the file is neither.
+    """
+    title = path.stem.replace("_", " ")
+    head = path.read_bytes()[:8]
+    if head.startswith((_PNG, _JPEG)):
+        return Section(name, title, (Image(path),))
+    if path.suffix.lower() not in (".md", ".txt"):
+        raise ReportError(
+            f"{path} cannot stand on the page; give pictures as PNG or JPEG and text as .md or .txt"
+        )
+    parts = path.read_text(encoding="utf-8").strip().split("\n\n")
+    if parts[0].startswith("# "):
+        title, _, parts[0] = parts[0][2:].partition("\n")
+    return Section(name, title, tuple(Note(" ".join(part.split())) for part in parts))
+
+
+def require_picture(path: Path) -> Image:
+    """A PNG or JPEG file as it stands on the page.
+
+    Raises:
+        ReportError: it is none.
+    """
+    if not path.read_bytes()[:8].startswith((_PNG, _JPEG)):
+        raise ReportError(f"{path} is no picture; give a PNG or JPEG file")
+    return Image(path)
+
+
+def css_text(text: str) -> str:
+    """A text as a string of a style sheet, whatever is in it."""
+    return '"' + re.sub(r"[^\w .,()-]", lambda sign: f"\\{ord(sign[0]):x} ", text) + '"'
 
 
 def prose_html(text: str) -> str:

@@ -14,10 +14,10 @@ from femupdate.arrays import Floats
 from femupdate.report import drawing_matplotlib, drawing_pyvista
 from femupdate.report.drawing_matplotlib import project
 from femupdate.report.figure import add_head, new_figure, show
-from femupdate.report.geometry import Geometry, deformed, outline
+from femupdate.report.geometry import DEFORMATION, Geometry, Landmarks, deformed, outline
 from femupdate.report.glyphs import Glyphs
 from femupdate.report.rendering import Renderer, renders
-from femupdate.report.style import FAINT, INK, MAGNITUDE_MAP, ORANGE, QUIET, SPREAD_MAP, styled
+from femupdate.report.style import FAINT, MAGNITUDE_MAP, ORANGE, QUIET, SPREAD_MAP, styled
 
 
 @styled
@@ -26,6 +26,7 @@ def mode_shape_figure(
     shape_mean: Floats,
     *,
     shape_sd: Floats | None = None,
+    floors: Sequence[tuple[str, float]] = (),
     title: str = "Mode shape",
     renderer: Renderer = "auto",
 ) -> Figure:
@@ -36,6 +37,7 @@ def mode_shape_figure(
     Args:
         shape_mean: (N, 3) displacement of every node, any scale.
         shape_sd: (N,) standard deviation of the displacement, in the scale of the mean, or None.
+        floors: names and heights, m; without them no axes are drawn either.
         renderer: "auto", or one of the two by name.
     """
     magnitude, moved = np.linalg.norm(shape_mean, axis=1), deformed(geometry, shape_mean)
@@ -49,14 +51,21 @@ def mode_shape_figure(
         label = "Standard deviation, % of the largest displacement"
         top = percent.max() or 1.0
         fields.append(("Spread of the posterior", label, percent, top, SPREAD_MAP))
-    figure = new_figure(5.4 * len(fields), 6.3)
+    marks = Landmarks()
+    if floors:
+        marks = Landmarks.of(geometry, floors, 0.7 * DEFORMATION * geometry.size)
+    # As high as the building is, seen at this width, and the bar of colours.
+    seen = np.ptp(project(np.concatenate([moved, marks.places]))[0], axis=0)
+    high = float(np.clip(5.0 * seen[1] / seen[0] + 1.0, 3.0, 6.3))
+    figure = new_figure(5.4 * len(fields), high)
     panels = figure.subplots(1, len(fields), squeeze=False)[0]
     looks = [(geometry, moved, values, colors, top) for _, _, values, top, colors in fields]
     if renders(renderer):
-        show(panels, [drawing_pyvista.render(*look) for look in looks])
+        show(panels, [drawing_pyvista.render(*look, marks) for look in looks])
     else:
         for panel, look in zip(panels, looks, strict=True):
             drawing_matplotlib.draw(panel, *look)
+            drawing_matplotlib.mark(panel, marks)
     for panel, (heading, label, _, top, colors) in zip(panels, fields, strict=True):
         panel.set_axis_off()
         panel.set_title(heading)
@@ -74,9 +83,6 @@ def mode_shape_figure(
     return figure
 
 
-_LABEL_GAP = 0.05  # between a building and the names of its floors, over its size
-
-
 def draw_marked(
     panel: Axes,
     geometry: Geometry,
@@ -84,7 +90,7 @@ def draw_marked(
     floors: Sequence[tuple[str, float]],
     renderer: Renderer = "auto",
 ) -> None:
-    """Draw a building in grey, with signs and the names of its floors.
+    """Draw a building in grey, with signs, axes and the names of its floors.
 
     PyVista renders it; where that is not possible matplotlib draws the same.
 
@@ -96,13 +102,9 @@ def draw_marked(
         renderer: "auto", or one of the two by name.
     """
     panel.set_axis_off()
-    names = [name for name, _ in floors]
-    # The names stand left of every floor as it is seen.
-    low, high = geometry.nodes.min(axis=0), geometry.nodes.max(axis=0)
-    gap = _LABEL_GAP * geometry.size
-    places = np.array([[low[0] - gap, high[1] + gap, low[2] + height] for _, height in floors])
+    marks = Landmarks.of(geometry, floors)
     if renders(renderer):
-        show([panel], [drawing_pyvista.render_marked(geometry, glyphs, names, places)])
+        show([panel], [drawing_pyvista.render_marked(geometry, glyphs, marks)])
         return
     flat = project(geometry.nodes)[0]
     shells = PolyCollection(list(flat[geometry.shells]), facecolors=FAINT, alpha=0.25, zorder=1.0)
@@ -119,6 +121,5 @@ def draw_marked(
     balls = [project(centre[None])[0] + radius * rim for centre, radius in glyphs.balls]
     panel.add_collection(PolyCollection(balls, facecolors=ORANGE, zorder=5.0))
     panel.autoscale_view()
-    for name, (x, y) in zip(names, project(places)[0], strict=True):
-        panel.text(x, y, name, ha="right", va="center", fontsize=9, color=INK)
+    drawing_matplotlib.mark(panel, marks)
     panel.set_aspect("equal")

@@ -86,6 +86,23 @@ class CalibrationReport(Result):
         seen = on_all_floors(posterior.observation, model.building.floors)
         return response_curves(predicted, seen, _with_errors(model, posterior, predicted))
 
+    @property
+    def verdict(self) -> str:
+        """Whether the posterior can be used as it is."""
+        wrong = bool(self.posterior.warnings)
+        verdict = "to be used with care, as the notes say" if wrong else "the data are explained"
+        return f"Verdict: {verdict}."
+
+    @property
+    def story_stiffness(self) -> DrawnQuantity | None:
+        """Of the stories, where the file gives it; of a frame, `predict` computes it."""
+        building, factors = self.model.building, self.posterior.of("stiffness").samples
+        known = [getattr(story, "stiffness", None) for story in building.stories]
+        if None in known:
+            return None
+        values = 1e-6 * factors * np.array(known, dtype=float)
+        return DrawnQuantity("stiffness", "kN/mm", tuple(building.story_names), values)
+
     def items(self) -> Iterator[Item]:
         """The verdict, the posterior in a table, what to do, what it is worth, and notes."""
         posterior, seen = self.posterior, self.posterior.observation
@@ -101,9 +118,7 @@ class CalibrationReport(Result):
             f"{len(draws)} draws{took(self.seconds)}",
             {"likelihood": drawn.likelihood, "floors": seen.floors, "seconds": self.seconds},
         )
-        wrong = bool(posterior.warnings)
-        verdict = "to be used with care, as the notes say" if wrong else "the data are explained"
-        yield Note(f"  Verdict: {verdict}.")
+        yield Note(f"  {self.verdict}", page=False)
         q05, q95 = np.quantile(draws, [0.05, 0.95], axis=0)
         figures = {"mean": draws.mean(axis=0), "sd": draws.std(axis=0), "q05": q05, "q95": q95}
         yield Note(content={"parameters": posterior.names, **figures, "r_hat": self.r_hat})
@@ -113,7 +128,7 @@ class CalibrationReport(Result):
         files = " ".join(str(path) for path in self.files)
         look = f"`femupdate diagnose {files}` looks for what is missing."
         go = "`femupdate predict --record RECORD`, or `femupdate report` for the page."
-        yield Note(f"  Next: {look if wrong else go}", page=False)
+        yield Note(f"  Next: {look if posterior.warnings else go}", page=False)
         content: dict[str, Any] = {"evaluations": drawn.evaluations, "invalid": self.invalid}
         if drawn.log_evidence is not None:
             content["log_evidence"] = drawn.log_evidence
@@ -131,7 +146,8 @@ class CalibrationReport(Result):
         yield Note(f"  {self.path}", {"posterior": self.path, "files": self.files}, page=False)
         if seen.valid.any():
             yield self._quality()
-        yield from self._stiffness()
+        if (stiffness := self.story_stiffness) is not None:
+            yield tidy_table("story_stiffness", [stiffness])
         yield self._responses()
 
     def _worth(self) -> dict[str, Any]:
@@ -160,17 +176,6 @@ class CalibrationReport(Result):
             note="Points are left out for low coherence or little power in the base motion.",
             most=0,
         )
-
-    def _stiffness(self) -> Iterator[Table]:
-        """Stiffness of the stories, where the file gives it; of a frame, `predict` computes it."""
-        building, factors = self.model.building, self.posterior.of("stiffness").samples
-        known = [getattr(story, "stiffness", None) for story in building.stories]
-        if None not in known:
-            values = 1e-6 * factors * np.array(known, dtype=float)
-            places = tuple(building.story_names)
-            yield tidy_table(
-                "story_stiffness", [DrawnQuantity("stiffness", "kN/mm", places, values)]
-            )
 
     def _responses(self) -> Table:
         """|H| of every floor and frequency, blank where none was measured."""

@@ -21,13 +21,14 @@ from femupdate.report.glyphs import Glyphs, drawn
 from femupdate.report.page import Block, Image, Scene, Section
 from femupdate.report.page_scene import ElementField, MovingShape, scene_content, thinned_geometry
 from femupdate.report.prediction import Prediction
-from femupdate.report.quantities import DrawnQuantity, heights_of
-from femupdate.report.scale import interval_text, mass_scale, plus_minus
+from femupdate.report.quantities import DrawnQuantity
+from femupdate.report.scale import interval_text, plus_minus
 from femupdate.result import Note, Notes, Result
 from femupdate.study import BUILDING_FILE, REPAIRED, Artefact, Study, as_written, file_hash
 from femupdate.tables import Table
 from femupdate.units import percent
 from femupdate.workflow.calibration_report import CalibrationReport
+from femupdate.workflow.described import BuildingDescription
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes
 from femupdate.workflow.status import CURRENT, StatusReport, files_beside_of, sources_of
@@ -57,6 +58,12 @@ class PageStudy:
         full = find_modes(self.study, self.model)
         return posterior_modes(self.model, self.calibration.posterior, full, _MODES)
 
+    @cached_property
+    def description(self) -> BuildingDescription:
+        """The building, with the sensors that were used."""
+        seen = () if self.calibration is None else self.calibration.posterior.observation.floors
+        return BuildingDescription(self.model, tuple(seen))
+
     @property
     def searched(self) -> Study:
         """The study whose diagnosis and repair the page shows."""
@@ -82,7 +89,11 @@ def page_sections(page: PageStudy) -> Iterator[Section]:
         blocks += _kept_pictures(page.study, page.prediction.path, ("story_shear", "member_forces"))
     yield Section("prediction", "Prediction", tuple(blocks))
     yield Section("finder", "What the model lacks", tuple(_finder(page)))
-    yield Section("done", "How it was made", tuple(_done(page)))
+
+
+def appendix(page: PageStudy) -> Section:
+    """How it was made."""
+    return Section("done", "How it was made", tuple(_done(page)))
 
 
 def _told(result: Result | None, missing: str) -> Iterator[Block]:
@@ -102,8 +113,26 @@ def _kept_pictures(study: Study, made: Path, names: Sequence[str]) -> list[Image
 
 
 def _summary(page: PageStudy) -> Iterator[Block]:
+    """The verdict, what was measured, main figures, the model, and what limits all that."""
+    if page.calibration is not None:
+        yield Note(page.calibration.verdict)
     sentences = [*_of_posterior(page), *_of_prediction(page), *_of_finder(page)]
     yield Notes(tuple(sentences) or ("Nothing was calibrated yet.",))
+    if page.calibration is not None:
+        yield _stiffness(page, page.calibration)
+    if page.modes:
+        rows = [
+            (
+                mode.label,
+                mode.direction,
+                plus_minus(mode.tracked.frequency_mean, mode.tracked.frequency_sd),
+                percent(mode.effective_mass, 1),
+            )
+            for mode in page.modes
+        ]
+        head = ("mode", "direction", "frequency, Hz", "share of the mass")
+        yield Table.of(head, rows, name="frequencies", caption="Modes that move most of the mass")
+    yield next(iter(page.description.figures()))
     stale = [
         f"The {item.name} is {item.state}{': ' if item.reason else ''}{item.reason}. What this page"
         " shows of it does not hold."
@@ -112,36 +141,40 @@ def _summary(page: PageStudy) -> Iterator[Block]:
     ]
     warned = () if page.calibration is None else page.calibration.posterior.warnings
     yield Notes((*stale, *warned, *page.status.unfinished), warning=True)
+    yield Note(
+        "All figures hold for motion like that measured, in which the building responds linearly. "
+        "They say nothing of its strength."
+    )
+
+
+def _stiffness(page: PageStudy, calibration: CalibrationReport) -> Table:
+    """Stiffness factors, and stiffnesses of the stories where they are known."""
+    posterior = calibration.posterior
+    factors, titles = posterior.of("stiffness"), factor_titles(page.model.building)
+    known = calibration.story_stiffness
+    if known is None and page.prediction is not None:
+        known = page.prediction.quantities.get("stiffness")
+    rows: list[tuple[str, ...]] = [
+        (titles[name], _interval(draws))
+        for name, draws in zip(factors.names, factors.samples.T, strict=True)
+    ]
+    head = ["factor of", "times the building file"]
+    if known is not None and len(known.places) == len(rows):
+        head.append(known.heading)
+        rows = [(*row, cell) for row, cell in zip(rows, known.cells(), strict=True)]
+    note = "Mean, and 5 to 95 % in brackets."
+    return Table.of(head, rows, name="main_figures", caption="Stiffness", note=note)
 
 
 def _of_posterior(page: PageStudy) -> Iterator[str]:
     if page.calibration is None:
         return
     posterior = page.calibration.posterior
-    seen, factors, effects = (
-        posterior.observation,
-        posterior.of("stiffness"),
-        posterior.of("effect"),
-    )
+    seen, effects = posterior.observation, posterior.of("effect")
     titles = parameter_titles(page.model.building, posterior.names)
-    draws = factors.samples
-    mean = draws.mean(axis=0)
-    source = f"{seen.source}, floors {', '.join(seen.floors)}" if seen.floors else seen.source
-    if len(mean) == 1:
-        yield f"Measured {source}: the stiffness is {_interval(draws[:, 0])} times the file's."
-    else:
-        least, most = int(mean.argmin()), int(mean.argmax())
-        spread = 100.0 * draws.std(axis=0) / mean
-        low, high = titles[factors.names[least]], titles[factors.names[most]]
-        yield (
-            f"Calibrated to {source}. Of the stiffness in the building file, {low} has least, "
-            f"{_interval(draws[:, least])} times, and {high} most, {_interval(draws[:, most])} "
-            "times (5 to 95 % in brackets)."
-        )
-        yield (
-            f"The data determine the factors to {spread.min():.2g} to {spread.max():.2g} % (one "
-            "standard deviation)."
-        )
+    yield f"Measured: {seen.source}" + (
+        f", floors {', '.join(seen.floors)}." if seen.floors else "."
+    )
     listed = []
     for name, sizes in zip(effects.names, effects.samples.T, strict=True):
         known, (where, _, what) = effect_parameter(name), titles[name].partition(": ")
@@ -152,13 +185,6 @@ def _of_posterior(page: PageStudy) -> Iterator[str]:
             listed.append(f"{where}: {_interval(factor * sizes)} {unit} ({known.text or what})")
     if listed:
         yield f"The model holds effects: {'; '.join(listed)}."
-    if page.modes:
-        mode = max(page.modes, key=lambda mode: mode.effective_mass)
-        yield (
-            f"The mode that moves most of the mass, {mode.name}, is at "
-            f"{mode.tracked.frequency_mean:.2f} Hz (standard deviation "
-            f"{mode.tracked.frequency_sd:.2g} Hz) and moves {percent(mode.effective_mass)} of it."
-        )
 
 
 def _interval(draws: np.ndarray) -> str:
@@ -197,31 +223,13 @@ def _of_finder(page: PageStudy) -> Iterator[str]:
 
 
 def _building(page: PageStudy) -> Iterator[Block]:
-    building = page.model.building
-    yield Note(f"{building.title or building.name}: {len(building.story_names)} stories.")
-    yield from (Note(" ".join(part.split())) for part in building.description.split("\n\n"))
-    heights, above = heights_of(building), page.model.reduced.story_mass
-    scale = mass_scale(above)
-    nominal = "nominal " if building.forces_are_relative else ""
-    rows = [
-        (
-            name,
-            floor,
-            "not given" if heights is None else f"{heights[k]:.3g}",
-            f"{above[k] / scale.factor:.4g}",
-        )
-        for k, (name, floor) in enumerate(zip(building.story_names, building.floors, strict=True))
-    ]
-    yield Table.of(
-        ("story", "floor above", "height, m", f"{nominal}mass above its middle, {scale.unit}"),
-        rows,
-        name="stories",
-        caption="Stories, from the bottom",
-    )
-    listed = building_effects(building).placed
-    yield Notes(tuple(f"The building file lists: {placed.in_words}." for placed in listed))
+    yield from page.description.items()
+    _, *plans = page.description.figures()
+    yield from plans
     if page.modes:
         yield mode_table(page.modes)
+        made = page.study.result("posterior.nc")
+        yield from _kept_pictures(page.study, made, ("mode_", "modes"))
     yield _scene(page)
 
 

@@ -155,13 +155,14 @@ def draw_modes(
             title="Mode shapes of the posterior" if several else "Mode shapes, all factors 1",
         )
         return (save_figure(figure, folder / f"{name}s.png"),) * len(modes)
-    geometry = _geometry(model)
+    geometry, building = _geometry(model), model.building
+    floors = list(zip(("base", *building.floors), levels_with_base(building), strict=True))
     progress.start("Drawing mode shapes", len(modes))
     paths = []
     for mode in modes:
         mean, spread = mean_shape(node_displacements(model.reduced, mode.tracked.recognised))
         sd = spread if several else None
-        figure = mode_shape_figure(geometry, mean, shape_sd=sd, title=_title(mode))
+        figure = mode_shape_figure(geometry, mean, shape_sd=sd, floors=floors, title=_title(mode))
         paths.append(save_figure(figure, folder / f"{name}_{_file_label(mode)}.png"))
         progress.advance()
     return tuple(paths)

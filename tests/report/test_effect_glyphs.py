@@ -83,5 +83,5 @@ def test_without_a_renderer_the_same_is_drawn():
     panel = Figure().subplots()
     floors = list(zip(building.structure.floors, building.structure.levels, strict=True))
     draw_marked(panel, geometry, glyphs, floors, "matplotlib")
-    assert [text.get_text() for text in panel.texts] == ["2F", "3F", "4F", "RF"]
+    assert [text.get_text() for text in panel.texts] == ["2F", "3F", "4F", "RF", *"xyz"]
     assert sum(len(c.get_paths()) for c in panel.collections) >= len(geometry.shells) + 2

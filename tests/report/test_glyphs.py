@@ -38,9 +38,9 @@ def test_a_marked_building_shows_signs_and_floors():
     panel = Figure().subplots()
     signs = ball(HIGH, 0.1) + sign("spring", LOW, HIGH) + sign("surfaces", [np.ones((4, 3))])
     draw_marked(panel, geometry, signs, [("RF", 3.0)], "matplotlib")
-    shells, edges, faces, lines, balls = panel.collections
+    shells, edges, faces, lines, balls, _ = panel.collections
     drawn = [len(one.get_paths()) for one in (shells, faces, lines, balls)]
     assert drawn == [1, 1, 1, 1]
     assert len(edges.get_segments()) == 4, "the beam lies on an edge of the shell"
-    assert [text.get_text() for text in panel.texts] == ["RF"]
+    assert [text.get_text() for text in panel.texts] == ["RF", *"xyz"]
     assert signs == signs + Glyphs()

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femupdate.errors import StudyError
+from femupdate.errors import ReportError, StudyError
+from femupdate.report.figure import new_figure, save_figure
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow import report_study
 
@@ -59,6 +60,55 @@ def test_the_page_says_what_the_study_holds(written, study):
     assert "drift ratio" not in html
 
 
+def test_the_first_section_has_verdict_figures_and_the_model(written):
+    html = written.path.read_text(encoding="utf-8")
+    first = html[html.index('id="summary"') : html.index('id="building"')]
+    places = [first.index(part) for part in ("Verdict:", "Stiffness", 'alt="model"', "nothing of")]
+    assert places == sorted(places)
+    assert "stiffness, kN/mm" in first
+
+
+@pytest.fixture
+def bare(tmp_path, tower_file):
+    """A study of a building alone."""
+    from femupdate.workflow import open_study
+
+    made = Study(tmp_path / "bare")
+    open_study(made, str(tower_file))
+    return made
+
+
+def test_a_client_has_title_names_logo_and_own_sections(bare, tmp_path):
+    logo = tmp_path / "logo.png"
+    save_figure(new_figure(0.5, 0.3), logo)
+    text = tmp_path / "site.md"
+    text.write_text("# On <site>\n\nTwo walls\nwere removed.\n", encoding="utf-8")
+    report = report_study(
+        bare,
+        tmp_path / "page.html",
+        title='A "tower" <1>',
+        author="Jo",
+        client="The city",
+        logo=logo,
+        added=[text, logo],
+    )
+    html = report.path.read_text(encoding="utf-8")
+    assert report.sections[-3:] == ("On <site>", "logo", "How it was made")
+    assert "<p>Two walls were removed.</p>" in html
+    assert "Client: The city</p>" in html
+    assert '@top-left { content: "A \\22 tower\\22  \\3c 1\\3e "; }' in html
+    assert html.count('alt="Logo"') == 1
+
+
+@pytest.mark.parametrize(("name", "how"), [("a.pdf", "added"), ("a.txt", "logo")])
+def test_what_cannot_stand_on_the_page_is_refused(bare, tmp_path, name, how):
+    path = tmp_path / name
+    path.write_text("%PDF", encoding="utf-8")
+    with pytest.raises(ReportError, match=r"a\.(pdf|txt) (cannot stand|is no picture)"):
+        report_study(bare, tmp_path / "page.html", **{how: [path] if how == "added" else path})
+    assert not (tmp_path / "page.html").exists()
+
+
 def test_something_stale_is_told_on_the_page(study, tmp_path):
     copy = Study(shutil.copytree(study.folder, tmp_path / "copy"))
     entries = json.loads(copy.path("study.json").read_text(encoding="utf-8"))
@@ -70,12 +120,8 @@ def test_something_stale_is_told_on_the_page(study, tmp_path):
     assert "The prediction is stale: the posterior changed since" in report.path.read_text("utf-8")
 
 
-def test_a_study_without_a_posterior_has_a_page_too(tmp_path, tower_file):
-    from femupdate.workflow import open_study
-
-    made = Study(tmp_path)
-    open_study(made, str(tower_file))
-    html = report_study(made).path.read_text(encoding="utf-8")
+def test_a_study_without_a_posterior_has_a_page_too(bare):
+    html = report_study(bare).path.read_text(encoding="utf-8")
     assert "There is no posterior yet" in html
     assert "Nothing was predicted" in html
 
@@ -90,15 +136,11 @@ def test_a_study_without_a_posterior_has_a_page_too(tmp_path, tower_file):
         ("repair.json", '{"rounds": 7}'),
     ],
 )
-def test_what_another_version_wrote_is_refused(name, text, tmp_path, tower_file):
-    from femupdate.workflow import open_study
-
-    study = Study(tmp_path / "study")
-    open_study(study, str(tower_file))
-    write_text(study.path(name), text)
+def test_what_another_version_wrote_is_refused(name, text, bare):
+    write_text(bare.path(name), text)
     with pytest.raises(StudyError, match=rf"{name} is not what femupdate writes there"):
-        report_study(study)
-    assert not study.result("report.html").exists()
+        report_study(bare)
+    assert not bare.result("report.html").exists()
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,137 @@
+"""The building at rest: a view with grid, floors, sensors and axes, and plans of its stories."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from femupdate.arrays import Floats
+from femupdate.building.mesh import BuildingMesh
+from femupdate.report.drawing_matplotlib import project
+from femupdate.report.figure import add_head, new_figure, panel_grid
+from femupdate.report.geometry import Geometry
+from femupdate.report.glyphs import Glyphs
+from femupdate.report.scenes import draw_marked
+from femupdate.report.style import FAINT, GREEN, INK, ORANGE, QUIET, styled
+
+Lines = Sequence[Mapping[str, float]]
+"""Names and places, m, of the grid lines at a constant x and of those at a constant y."""
+
+_BUBBLE = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": QUIET}
+
+
+@styled
+def building_view(
+    geometry: Geometry, glyphs: Glyphs, floors: Sequence[tuple[str, float]], grid: Lines = ()
+) -> Figure:
+    """Draw the building at rest with its sensors, floors (name and height, m), grid and axes."""
+    seen = np.ptp(project(geometry.nodes)[0], axis=0)
+    figure = new_figure(6.8, float(np.clip(4.6 * seen[1] / seen[0] + 0.6, 2.6, 6.0)))
+    panel = figure.subplots()
+    # The mark of a grid line stands where the name of the base would.
+    draw_marked(panel, geometry, glyphs, floors[1:] if grid else floors, "matplotlib")
+    low, high = geometry.nodes.min(axis=0), geometry.nodes.max(axis=0)
+    gap = 0.09 * geometry.size
+    for axis, lines in enumerate(grid):
+        for name, place in lines.items():
+            ends = np.array([low, high])
+            ends[:, axis], ends[0, 1 - axis], ends[1, 2] = place, low[1 - axis] - gap, low[2]
+            flat = project(ends)[0]
+            panel.plot(*flat.T, color=QUIET, linewidth=0.7, linestyle=(0.0, (8.0, 2.0, 2.0, 2.0)))
+            panel.text(
+                flat[0, 0], flat[0, 1], name, ha="center", va="center", fontsize=7.5, bbox=_BUBBLE
+            )
+    add_head(figure, "The model at rest", note="Orange: sensors and the direction they measure")
+    return figure
+
+
+@styled
+def story_plans(mesh: BuildingMesh, names: Sequence[str], grid: Lines = ()) -> Figure:
+    """Draw the plan of every story that differs from the others, with what it owns."""
+    plans = [_members(mesh, story) for story in range(len(names))]
+    alike: dict[bytes, list[int]] = {}
+    for story, plan in enumerate(plans):
+        key = b"|".join(np.unique(part.round(3), axis=0).tobytes() for part in plan.values())
+        alike.setdefault(key, []).append(story)
+    columns = min(len(alike), 3)
+    nodes = mesh.model.nodes
+    spread = np.ptp(nodes[:, :2], axis=0)
+    width = 8.6 / max(columns, 1.6)
+    high = float(np.clip(width * spread[1] / max(spread[0], 1e-9), 1.4, 6.0)) + 0.3
+    figure, panels = panel_grid(len(alike), columns, (width, high), "x, m", "y, m")
+    sensors = np.concatenate([np.ravel(rows) for rows in mesh.floor_nodes.values()]).astype(int)
+    for panel, stories in zip(panels, alike.values(), strict=True):
+        _draw_plan(panel, plans[stories[0]], np.unique(nodes[sensors, :2].round(6), axis=0), grid)
+        panel.set_title(_ranges(stories, names), pad=14.0)
+    add_head(figure, "Plans", note="What stands in a story, and the beams above it")
+    return figure
+
+
+def _members(mesh: BuildingMesh, story: int) -> dict[str, Floats]:
+    """Columns (n, 2), and beams, walls and braces as segments (n, 2, 2), in plan."""
+    model, owner = mesh.model, np.array([*(factor.story for factor in mesh.factors), -1])
+    groups = [
+        owner[
+            np.concatenate(
+                [[], *(e.group for e in model.elements if e.dimension() == size)]
+            ).astype(int)
+        ]
+        for size in (1, 2)
+    ]
+    bars = model.nodes[model.lines[groups[0] == story]]
+    rise = np.abs(bars[:, 1, 2] - bars[:, 0, 2])
+    run = np.linalg.norm(bars[:, 1, :2] - bars[:, 0, :2], axis=1)
+    faces = model.nodes[model.faces[groups[1] == story]]
+    upright = faces[np.ptp(faces[..., 2], axis=1) > 1e-6]
+    # A wall in plan is the longest distance between two of its corners.
+    walls = np.stack([upright[:, [0, 2], :2], upright[:, [1, 3], :2]], axis=1)
+    longest = np.linalg.norm(walls[:, :, 1] - walls[:, :, 0], axis=-1).argmax(axis=1)
+    return {
+        "column": bars[run <= 0.05 * rise][:, 0, :2],
+        "beam": bars[rise <= 0.05 * run][:, :, :2],
+        "brace": bars[(run > 0.05 * rise) & (rise > 0.05 * run)][:, :, :2],
+        "wall": walls[np.arange(len(walls)), longest],
+    }
+
+
+def _draw_plan(panel: Axes, plan: Mapping[str, Floats], sensors: Floats, grid: Lines) -> None:
+    for axis, lines in enumerate(grid):
+        for name, place in lines.items():
+            (panel.axvline if axis == 0 else panel.axhline)(place, color=FAINT, linewidth=0.8)
+            at, frame = (place, 1.0), panel.get_xaxis_transform()
+            if axis == 1:
+                at, frame = (1.0, place), panel.get_yaxis_transform()
+            look: dict[str, Any] = {"fontsize": 7, "bbox": _BUBBLE, "ha": "center", "va": "center"}
+            panel.annotate(name, at, xycoords=frame, **look).set_in_layout(False)
+    looks: dict[str, Any] = {
+        "beam": (QUIET, 1.0, "-"),
+        "brace": (GREEN, 1.6, "--"),
+        "wall": (INK, 3.2, "-"),
+    }
+    for name, (color, wide, dashes) in looks.items():
+        if len(plan[name]):
+            look = {"colors": color, "linewidths": wide, "linestyles": dashes}
+            drawn = LineCollection(list(plan[name]), label=name, **look)
+            panel.add_collection(drawn)
+    if len(plan["column"]):
+        panel.plot(*plan["column"].T, "s", color=INK, markersize=5.0, label="column")
+    panel.plot(*sensors.T, "^", color=ORANGE, markersize=6.5, label="sensor")
+    panel.grid(visible=False)
+    panel.autoscale_view()
+    panel.margins(0.08)
+    panel.set_aspect("equal")
+
+
+def _ranges(stories: Sequence[int], names: Sequence[str]) -> str:
+    """Such as "S1 to S3, S5"."""
+    runs: list[list[int]] = []
+    for story in stories:
+        if runs and story == runs[-1][-1] + 1:
+            runs[-1].append(story)
+        else:
+            runs.append([story])
+    texts = [names[run[0]] + (f" to {names[run[-1]]}" if len(run) > 1 else "") for run in runs]
+    return ", ".join(texts)

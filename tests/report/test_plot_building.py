@@ -1,0 +1,34 @@
+"""Plans and the view of a building at rest."""
+
+import numpy as np
+
+from femupdate.building.document import from_document, to_document
+from femupdate.building.files import load_building
+from femupdate.building.mesh import mesh_building
+from femupdate.report.plot_building import story_plans
+
+
+def drawn(document):
+    building = from_document(document)
+    lines = (building.grid.x, building.grid.y)
+    return story_plans(mesh_building(building), building.story_names, lines)
+
+
+def test_stories_that_are_alike_share_a_plan():
+    document = to_document(load_building("six_story_wall_frame"))
+    assert [panel.get_title("left") for panel in drawn(document).axes] == ["S1 to S6"]
+    document["walls"] = [{**wall, "stories": ["S1", "S2", "S4"]} for wall in document["walls"]]
+    panels = drawn(document).axes
+    titles = [panel.get_title("left") for panel in panels if panel.get_visible()]
+    assert titles == ["S1 to S2, S4", "S3, S5 to S6"]
+    with_walls, without = ({line.get_label() for line in panel.collections} for panel in panels[:2])
+    assert with_walls - without == {"wall"}
+
+
+def test_a_wall_is_drawn_from_end_to_end():
+    document = to_document(load_building("six_story_wall_frame"))
+    (walls,) = (c for c in drawn(document).axes[0].collections if c.get_label() == "wall")
+    ends = np.concatenate(walls.get_segments())
+    # Two walls along x from Y1 to Y2, on X2 and X3: 1.8 m each.
+    assert np.ptp(ends[:, 0]) == np.float64(1.8)
+    assert sorted(set(ends[:, 1].round(6))) == [1.5, 3.0]
