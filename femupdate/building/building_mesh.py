@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from femupdate.arrays import Floats, Integers
 from femupdate.building.blocks import DeadWall
@@ -112,6 +113,8 @@ class BuildingMesh:
     # of a deck: names of its walls, whose numbers `parts` holds, and what became of its cards
     walls: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    # of a mesh that was split: weights (nodes, n) of the n nodes that it had before
+    of_coarser: csr_array | None = None
 
 
 def finished(

@@ -12,9 +12,10 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import csr_array, csr_matrix, diags, eye_array
 
 from femupdate.arrays import Floats, Singles
+from femupdate.building.building_mesh import BuildingMesh
 from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, reduced_on
 from femupdate.dynamics.snapshots import (
     STATIC_WEIGHT,
@@ -63,7 +64,10 @@ def on_nodes_of(coarse: Structure, reduced: ReducedStructure) -> ReducedModel:
     """The reduced model of a finer mesh, its node shapes at the nodes of the coarse one."""
     shapes = reduced.model.node_shapes
     assert shapes is not None
-    between = interpolation(_nodes(reduced.structure), _nodes(coarse))
+    wanted = _nodes(coarse)
+    if _mesh(reduced.structure).of_coarser is not None:  # it has the nodes of the coarse one first
+        return replace(reduced.model, node_shapes=shapes[: len(wanted)])
+    between = interpolation(_nodes(reduced.structure), wanted)
     moved = _interpolated(between, shapes).astype(np.float32)
     return replace(reduced.model, node_shapes=moved)
 
@@ -76,6 +80,8 @@ def interpolation(known: Floats, wanted: Floats) -> csr_matrix:
         wanted: (m, 3) points.
     """
     known, wanted = np.round(known, _DIGITS), np.round(wanted, _DIGITS)
+    if np.array_equal(known, wanted):
+        return csr_matrix(eye_array(len(known)))
     lines = [np.unique(known[:, axis]) for axis in range(3)]
     shape = tuple(len(line) for line in lines)
     number = np.full(shape, -1)
@@ -106,12 +112,16 @@ def _between(
     return (below, 1.0 - share), (below + 1, share)
 
 
-def _nodes(structure: Structure) -> Floats:
+def _mesh(structure: Structure) -> BuildingMesh:
     assert structure.mesh is not None
-    return structure.mesh.model.nodes
+    return structure.mesh
 
 
-def _interpolated(between: csr_matrix, shapes: NDArray[np.float32]) -> Floats:
+def _nodes(structure: Structure) -> Floats:
+    return _mesh(structure).model.nodes
+
+
+def _interpolated(between: csr_matrix | csr_array, shapes: NDArray[np.float32]) -> Floats:
     """Displacements (m, 3, r) of other nodes, from (n, 3, r)."""
     return np.stack([between @ shapes[:, axis].astype(np.float64) for axis in range(3)], axis=1)
 
@@ -121,7 +131,10 @@ def _loads(coarse: Structure, shapes: NDArray[np.float32], fine: Structure) -> F
     operators, nodes = fine.operators, _nodes(fine)
     assert operators is not None
     moved = np.zeros((len(nodes), DOF_PER_NODE, shapes.shape[2]))
-    moved[:, :3] = _interpolated(interpolation(_nodes(coarse), nodes), shapes)
+    between = _mesh(fine).of_coarser
+    if between is None:
+        between = interpolation(_nodes(coarse), nodes)
+    moved[:, :3] = _interpolated(between, shapes)
     return operators.gather(operators.mass_full @ moved.reshape(-1, shapes.shape[2]))
 
 

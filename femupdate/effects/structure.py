@@ -20,6 +20,7 @@ from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import mesh_building
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.shear import ShearBuilding, shear_operators
+from femupdate.building.split_mesh import split_mesh
 from femupdate.effects.infill import Infill, infills
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import AffineOperators, assemble
@@ -225,18 +226,25 @@ def require_story_factors(building: Building) -> None:
         )
 
 
-def structure_of(building: Building, mesh_size: float | None = None) -> Structure:
+def structure_of(
+    building: Building, mesh_size: float | None = None, *, halved: bool = False
+) -> Structure:
     """Assemble a building's full model.
 
     Args:
         mesh_size: m; the building's own where None.
+        halved: on a mesh half as wide as its own, of a mesh that was read as well.
 
     Raises:
         BuildingError, StructureError: the building cannot be meshed or stand.
     """
     if isinstance(building, ShearBuilding):
         return _stick(building)
-    return _frame(building, mesh_size)
+    if halved and isinstance(building, FrameBuilding):
+        mesh_size = 0.5 * building.mesh.size
+    mesh = mesh_building(building, mesh_size)
+    split = halved and isinstance(building, MeshBuilding)
+    return _frame(building, split_mesh(mesh) if split else mesh, mesh_size)
 
 
 def _stick(building: ShearBuilding) -> Structure:
@@ -264,8 +272,9 @@ def _stick(building: ShearBuilding) -> Structure:
     )
 
 
-def _frame(building: FrameBuilding | MeshBuilding, mesh_size: float | None) -> Structure:
-    mesh = mesh_building(building, mesh_size)
+def _frame(
+    building: FrameBuilding | MeshBuilding, mesh: BuildingMesh, mesh_size: float | None
+) -> Structure:
     operators = assemble(mesh.model)
     rows = np.zeros((len(mesh.floors), operators.dof))
     for row, nodes in zip(rows, mesh.floor_nodes.values(), strict=True):

@@ -217,7 +217,9 @@ def fine_model(
         places = ("",) * len(channels)
         return FineModel(building, structure_of(building), channels, places, None)
     sensed, size, channels, places = sensor_places(building, mesh_size, sensors)
-    return FineModel(sensed, structure_of(sensed, size), channels, places, size)
+    halved = isinstance(sensed, MeshBuilding)
+    structure = structure_of(sensed, size, halved=halved)
+    return FineModel(sensed, structure, channels, places, size)
 
 
 def truth_of(

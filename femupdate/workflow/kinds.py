@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from femupdate.building.document import Building
-from femupdate.building.frame import FrameBuilding
 from femupdate.dynamics.force_response import RestFlexibility, rest_flexibility
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.structure import Structure, structure_of
@@ -32,7 +31,7 @@ from femupdate.progress import Progress
 from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
 from femupdate.units import STANDARD_GRAVITY, percent
-from femupdate.workflow.model import FINER, REDUCED, StudyModel, half_mesh_size
+from femupdate.workflow.model import FINER, REDUCED, StudyModel
 from femupdate.workflow.observed import ObservationSource, as_one, direction_of, runs_of
 
 
@@ -383,8 +382,7 @@ def _full_and_reduced(model: StudyModel) -> tuple[Structure, ReducedModel]:
     building, finer = model.building, model.finer
     if finer is None:
         return structure_of(building), model.reduced
-    assert isinstance(building, FrameBuilding)
-    return structure_of(building, half_mesh_size(building)), finer.model
+    return structure_of(building, halved=True), finer.model
 
 
 def check_level(model: StudyModel, data: FrfData, one: Observation) -> None:

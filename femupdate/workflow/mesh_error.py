@@ -1,4 +1,4 @@
-"""The error of a frame's mesh, learned once from a mesh twice as fine and kept in the study."""
+"""The error of a mesh, learned once from a mesh twice as fine and kept in the study."""
 
 import json
 from dataclasses import asdict, replace
@@ -9,6 +9,8 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.document import Building, without_effects
 from femupdate.building.frame import FrameBuilding
+from femupdate.building.own_mesh import MeshBuilding
+from femupdate.building.shear import ShearBuilding
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error
 from femupdate.discrepancy.search import check_sizes
 from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
@@ -24,28 +26,33 @@ from femupdate.seeds import even_points
 from femupdate.study import Study, StudyPart, write_text
 from femupdate.workflow.effects import finder_origin, open_structure
 from femupdate.workflow.model import (
+    FINER_PART,
     FinerMesh,
     StudyModel,
     finer_origin,
-    finer_part,
-    half_mesh_size,
     on_kept_finer,
 )
 
 MESH_ERROR = "mesh error"
 _THETAS = 8  # sets of factors at which meshes are compared
 _INNER = 1.5  # by which the ends of the prior are left out
+# Nodes from which a mesh that was read is taken as fine enough: to halve it would take minutes and
+# gigabytes.
+_LARGE = 10_000
 
 
 def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT) -> StudyModel:
     """The model of a frame on a mesh twice as fine, which is made once and kept.
 
-    A stick comes back as it is, as does a mesh that was read.
+    A stick comes back as it is, as does a mesh that was read and is large.
     """
     plain, model = without_effects(model.building), on_kept_finer(study, model)
-    if not isinstance(plain, FrameBuilding) or model.finer is not None:
+    if isinstance(plain, ShearBuilding) or model.finer is not None:
         return model
-    coarse, fine = structure_of(plain), structure_of(plain, half_mesh_size(plain))
+    coarse = structure_of(plain)
+    if is_large(coarse):
+        return model
+    fine = structure_of(plain, halved=True)
     target = reduction_target(plain)
     # Where meshes are compared, nothing but the mesh may differ.
     everywhere = log_even_samples(replace(target, samples=THRESHOLDS.carried))
@@ -57,8 +64,14 @@ def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT
         top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
         error = learn_mesh_error(model.reduced, found, _thetas(plain), top_hz)
         finer = FinerMesh(found.model, error, tuple(found.terms(e) for e in error.placed))
-    study.keep(finer_part(plain), finer_origin(plain), finer)
+    study.keep(FINER_PART, finer_origin(plain), finer)
     return on_kept_finer(study, model)
+
+
+def is_large(structure: Structure) -> bool:
+    """Whether a mesh that was read is too large to be halved, so that its error is not learned."""
+    read = isinstance(structure.building, MeshBuilding)
+    return read and structure.mesh is not None and len(structure.mesh.model.nodes) > _LARGE
 
 
 def open_mesh_error(
@@ -72,7 +85,7 @@ def open_mesh_error(
         structure: the full model on the finder's mesh.
     """
     plain = without_effects(model.building)
-    if not isinstance(plain, FrameBuilding):
+    if isinstance(plain, ShearBuilding) or is_large(structure):
         return None
 
     def learn() -> MeshError:
@@ -84,7 +97,8 @@ def open_mesh_error(
         coarse, target, thetas = structure_of(plain), reduction_target(plain), _thetas(plain)
         found = on_finer_mesh(coarse, model.reduced, structure, target, thetas, progress)
         top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
-        return learn_mesh_error(found.model, fine, thetas, top_hz).of_mesh(THRESHOLDS.finer)
+        ratio = THRESHOLDS.finer if isinstance(plain, FrameBuilding) else 1.0
+        return learn_mesh_error(found.model, fine, thetas, top_hz).of_mesh(ratio)
 
     return study.cached(MESH_ERROR_PART, finder_origin(plain), learn)
 

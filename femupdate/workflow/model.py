@@ -15,6 +15,7 @@ from torch import Tensor
 from femupdate.building.document import Building, mechanics_hash, without_effects
 from femupdate.building.files import load_building, save_building
 from femupdate.building.frame import FrameBuilding
+from femupdate.building.shear import ShearBuilding
 from femupdate.discrepancy.mesh_error import MeshError, OpenMesh, corrected_model
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.damping import DampingLaw, damping_law
@@ -98,37 +99,23 @@ class FinerMesh:
         }
 
 
-def half_mesh_size(building: FrameBuilding) -> float:
-    """Of the finer mesh, m."""
-    return MESH_ERROR.half * building.mesh.size
-
-
-def finer_part(building: FrameBuilding) -> StudyPart[FinerMesh]:
-    """The finer mesh of a building, as a study keeps it."""
-    size = half_mesh_size(building)
-    return StudyPart(
-        FINER,
-        "finer_mesh.npz",
-        "calibrate",
-        FinerMesh.write,
-        FinerMesh.read,
-        lambda _: {"mesh_m": size},
-    )
+FINER_PART = StudyPart(FINER, "finer_mesh.npz", "calibrate", FinerMesh.write, FinerMesh.read)
+"""The finer mesh of a building, as a study keeps it."""
 
 
 def kept_finer(study: Study, building: Building) -> FinerMesh | None:
     """That of a study, or None where it has none."""
-    if not isinstance(building, FrameBuilding):
+    if isinstance(building, ShearBuilding):
         return None
-    return study.kept(finer_part(building), finer_origin(building))
+    return study.kept(FINER_PART, finer_origin(building))
 
 
-def finer_origin(building: FrameBuilding) -> dict[str, str]:
+def finer_origin(building: Building) -> dict[str, str]:
     """What it is made from, for the study's record."""
-    return {
-        "building": mechanics_hash(without_effects(building)),
-        "mesh_m": f"{half_mesh_size(building):.4g}",
-    }
+    origin = {"building": mechanics_hash(without_effects(building))}
+    if isinstance(building, FrameBuilding):
+        origin["mesh_m"] = f"{MESH_ERROR.half * building.mesh.size:.4g}"
+    return origin
 
 
 def _terms(data: Mapping[str, NDArray[Any]], count: int) -> tuple[Terms, ...]:

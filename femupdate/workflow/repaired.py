@@ -2,7 +2,6 @@
 
 from femupdate.building.document import Building, without_effects
 from femupdate.building.files import save_building
-from femupdate.building.frame import FrameBuilding
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.repair import Repair
 from femupdate.dynamics.reduced import ReducedStructure
@@ -18,10 +17,10 @@ from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import CalibrationSettings, Sampled
 from femupdate.workflow.mesh_error import MESH_ERROR_PART
 from femupdate.workflow.model import (
+    FINER_PART,
     CertifiedModel,
     StudyModel,
     finer_origin,
-    finer_part,
     keep_model,
 )
 from femupdate.workflow.observed import ObservationSource
@@ -60,8 +59,8 @@ def keep_repaired(
         keep_basis(kept, reduced, building)
     if mesh is not None:
         kept.keep(MESH_ERROR_PART, finder_origin(building), mesh)
-    if model.finer is not None and isinstance(building, FrameBuilding):
-        kept.keep(finer_part(building), finer_origin(building), model.finer)
+    if model.finer is not None:
+        kept.keep(FINER_PART, finer_origin(building), model.finer)
     return kept
 
 

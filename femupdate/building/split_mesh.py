@@ -1,0 +1,146 @@
+"""A mesh twice as fine: every surface in four, every line in two, in place."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import csr_array, eye_array, vstack
+
+from femupdate.arrays import Flags, Integers
+from femupdate.building.building_mesh import BuildingMesh
+from femupdate.fe.element import Elements
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.model import DOF_PER_NODE, RigidLinks
+
+
+def split_mesh(mesh: BuildingMesh) -> BuildingMesh:
+    """The mesh with new nodes in the middle of every edge and every quadrilateral.
+
+    Nodes keep their numbers. A new one is held, or follows a rigid body, as all of those between
+    which it lies do; masses and springs stay where they are.
+    """
+    model, count = mesh.model, len(mesh.model.nodes)
+    pairs = [np.sort(_edges(block), axis=2).reshape(-1, 2) for block in model.elements]
+    edges, number = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)
+    middles = np.split(count + number.ravel(), np.cumsum([len(pair) for pair in pairs])[:-1])
+    centres = [block.nodes for block in model.elements if block.cell_type == "quad"]
+    quads = np.concatenate([np.zeros((0, 4), dtype=np.int64), *centres])
+    weights = vstack([eye_array(count), _mean_of(edges, count), _mean_of(quads, count)]).tocsr()
+    split = [
+        _split(block, own.reshape(len(block), -1), first)
+        for block, own, first in zip(
+            model.elements, middles, _first_centres(model.elements, count + len(edges)), strict=True
+        )
+    ]
+    parents = [edges, quads]
+    fixed = np.concatenate([model.fixed, *(model.fixed[own].all(axis=1) for own in parents)])
+    at_base = np.isin(edges, mesh.base_nodes).all(axis=1)
+    return replace(
+        mesh,
+        model=replace(
+            model,
+            nodes=weights @ model.nodes,
+            fixed=fixed,
+            elements=tuple(split),
+            links=_links(model.links, parents, count),
+        ),
+        base_nodes=np.concatenate([mesh.base_nodes, count + np.flatnonzero(at_base)]),
+        parts=None
+        if mesh.parts is None
+        else tuple(
+            np.repeat(own, len(new) // len(old))
+            for own, old, new in zip(mesh.parts, model.elements, split, strict=True)
+        ),
+        of_coarser=weights,
+    )
+
+
+def _edges(block: Elements) -> Integers:
+    """Both ends of every edge, (n, e, 2)."""
+    nodes = block.nodes
+    if block.dimension() == 1:
+        return nodes[:, None]
+    return np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2)
+
+
+def _mean_of(nodes: Integers, count: int) -> csr_array:
+    """Weights (m, count) that take the mean of (m, k) nodes each."""
+    rows = np.repeat(np.arange(len(nodes)), nodes.shape[1])
+    values = np.full(nodes.size, 1.0 / nodes.shape[1])
+    return csr_array((values, (rows, nodes.ravel())), shape=(len(nodes), count))
+
+
+def _first_centres(blocks: tuple[Elements, ...], first: int) -> Iterator[int]:
+    """Number of the node in the middle of the first quadrilateral of each block."""
+    for block in blocks:
+        yield first
+        first += len(block) if block.cell_type == "quad" else 0
+
+
+def _split(block: Elements, middle: Integers, first_centre: int) -> Elements:
+    """The parts of elements, those of one beside each other.
+
+    Args:
+        middle: (n, e) nodes in the middle of their edges.
+        first_centre: node in the middle of the first, of quadrilaterals.
+    """
+    corner = block.nodes
+    if isinstance(block, Beams):
+        ends = [np.column_stack(pair) for pair in ((corner[:, 0], middle), (middle, corner[:, 1]))]
+        return _beams(block.taken(np.repeat(np.arange(len(block)), 2)), _beside(ends))
+    before = np.roll(middle, 1, axis=1)
+    if corner.shape[1] == 3:
+        inner = [middle]
+        last: tuple[Integers, ...] = ()
+    else:
+        inner = []
+        last = (first_centre + np.arange(len(block)),)
+    parts = [
+        np.column_stack([corner[:, k], middle[:, k], *last, before[:, k]])
+        for k in range(corner.shape[1])
+    ]
+    taken = block.taken(np.repeat(np.arange(len(block)), 4))
+    return replace(taken, nodes=_beside([*parts, *inner]))
+
+
+def _beams(halves: Beams, nodes: Integers) -> Beams:
+    """Halves of beams, whose arms and pins are at the ends of the whole ones."""
+    offset, released = halves.offset, halves.released
+    if offset is not None:
+        offset = offset.copy()
+        between = offset[::2].mean(axis=1)
+        offset[::2, 1] = offset[1::2, 0] = between
+    if released is not None:
+        released = released.copy()
+        released[::2, DOF_PER_NODE:] = released[1::2, :DOF_PER_NODE] = False
+    return replace(halves, nodes=nodes, offset=offset, released=released)
+
+
+def _beside(parts: list[Integers]) -> Integers:
+    """Nodes of all parts of the first element, then of the second, and so on."""
+    return np.stack(parts, axis=1).reshape(-1, parts[0].shape[1])
+
+
+def _links(links: RigidLinks, parents: list[Integers], count: int) -> RigidLinks:
+    """The links, and those of new nodes all of whose parents belong to one rigid body."""
+    bodies: dict[int, dict[int, Flags]] = {}
+    for master, slave, tied in zip(
+        links.master.tolist(), links.slave.tolist(), links.tied, strict=True
+    ):
+        bodies.setdefault(slave, {})[master] = tied
+        bodies.setdefault(master, {}).setdefault(master, np.ones(DOF_PER_NODE, dtype=np.bool_))
+    rows: list[tuple[int, int, Flags]] = []
+    numbered = enumerate((one for group in parents for one in group.tolist()), count)
+    for number, nodes in numbered if bodies else ():
+        of_nodes = [bodies.get(node, {}) for node in nodes]
+        for master in set(of_nodes[0]).intersection(*of_nodes[1:]):
+            tied = np.logical_and.reduce([body[master] for body in of_nodes])
+            rows.append((master, number, tied))
+    if not rows:
+        return links
+    master, slave, tied = zip(*rows, strict=True)
+    return RigidLinks(
+        master=np.concatenate([links.master, master]),
+        slave=np.concatenate([links.slave, slave]),
+        tied=np.concatenate([links.tied, np.array(tied)]),
+    )

@@ -1,0 +1,80 @@
+"""A mesh that was read, split in place."""
+
+import numpy as np
+from femupdate.benchmarks.bulk_data import bulk_data
+from femupdate.benchmarks.frame_coverage import BUILDING
+
+from femupdate.building import load_building, mesh_building
+from femupdate.building.split_mesh import split_mesh
+from femupdate.effects.structure import structure_of
+from femupdate.fe import assemble, lowest_modes
+
+
+def frequencies(model, count=6):
+    return lowest_modes(assemble(model), np.ones(model.groups), count).frequency_hz
+
+
+def in_order(nodes):
+    rounded = np.round(nodes, 6)
+    return rounded[np.lexsort(rounded.T)]
+
+
+def test_a_read_building_is_split_into_its_own_mesh_of_half_the_size(tmp_path):
+    building, size = load_building(str(BUILDING)), 0.5
+    coarse, fine = mesh_building(building, size), mesh_building(building, size / 2.0)
+    path = tmp_path / "model.bdf"
+    path.write_text(bulk_data(coarse.model))
+    read = load_building(path)
+    model = structure_of(read, halved=True).mesh.model
+    np.testing.assert_allclose(in_order(model.nodes), in_order(fine.model.nodes), atol=1e-5)
+    np.testing.assert_allclose(frequencies(model), frequencies(fine.model), rtol=1e-6)
+    assert np.array_equal(model.nodes[: len(coarse.model.nodes)], mesh_building(read).model.nodes)
+
+
+# A plate of triangles and quadrilaterals on an offset beam with a pin, and a rigid pair.
+DECK = """\
+BEGIN BULK
+MAT1,1,3.+10,,.2,2500.
+PSHELL,1,1,.2,1
+PBAR,2,1,.09,6.75-4,6.75-4,1.1-3
+GRID,1,,0.,0.,0.
+GRID,2,,4.,0.,0.
+GRID,3,,0.,0.,3.
+GRID,4,,4.,0.,3.
+GRID,5,,0.,4.,3.
+GRID,6,,4.,4.,3.
+GRID,7,,8.,0.,3.
+GRID,8,,4.,0.,3.4
+CBAR,1,2,1,3,0.,1.,0.
+CBAR,2,2,2,4,0.,1.,0.
+CBAR,3,2,3,4,0.,0.,1.,,
+,,5,0.,0.,-.3,0.,0.,-.3
+CQUAD4,4,1,3,4,6,5
+CTRIA3,5,1,4,7,6
+RBE2,6,4,123456,8
+RBE2,8,3,123456,5
+CONM2,7,8,,900.
+SPC1,1,123456,1,2
+ENDDATA
+"""
+
+
+def test_mass_supports_and_rigid_bodies_stay(tmp_path):
+    path = tmp_path / "model.bdf"
+    path.write_text(DECK)
+    mesh = mesh_building(load_building(path))
+    split = split_mesh(mesh)
+    for axis in range(3):
+        masses = []
+        for model in (mesh.model, split.model):
+            operators = assemble(model)
+            unit = operators.rigid_translation(axis)
+            masses.append(unit @ (operators.mass_full @ unit))
+        np.testing.assert_allclose(masses[1], masses[0], rtol=1e-12)
+    np.testing.assert_allclose(frequencies(split.model, 3), frequencies(mesh.model, 3), rtol=0.1)
+    nodes, links = split.model.nodes, split.model.links
+    (between,) = np.flatnonzero((nodes == [0.0, 2.0, 3.0]).all(axis=1))
+    assert links.master[links.slave == between].tolist() == [2]
+    weights = split.of_coarser
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0)
+    np.testing.assert_allclose(weights @ mesh.model.nodes, split.model.nodes)
