@@ -126,8 +126,8 @@ class _Reading:
         self.turns: dict[int, Floats] = {}
         for k, card in enumerate(cards.values()):
             origin, axes = deck.system(card.whole(1, 0), card)
-            own = np.array([card.real(2 + i, 0.0) for i in range(3)])
-            self.points.append(length * (origin + own @ axes) - [0.0, 0.0, base])
+            given = np.array([card.real(2 + i, 0.0) for i in range(3)])
+            self.points.append(length * (origin + given @ axes) - [0.0, 0.0, base])
             if card.whole(5, 0):
                 self.turns[k] = deck.system(card.whole(5), card)[1]
         self.properties = deck.by_number("PSHELL", *_LINES)

@@ -320,10 +320,10 @@ def _set_by_clock(reference: _Sensor, others: Sequence[_Sensor]) -> list[_Sensor
 
     step, count = reference.channel.time_step, reference.values.size
     options = {"fs": 1.0 / step, "nperseg": count // 12}
-    frequency, own = welch(reference.values, **options)
+    frequency, power = welch(reference.values, **options)
     moved = welch(others[-1].values, **options)[1]
-    shown = own > 1e-4 * own.max()
-    size = np.where(shown, np.sqrt(moved / np.maximum(own, 1e-300)), 0.0)
+    shown = power > 1e-4 * power.max()
+    size = np.where(shown, np.sqrt(moved / np.maximum(power, 1e-300)), 0.0)
     size /= max(float(np.median(size[shown][:_LEAST_BINS])), 1e-300)
     peak = next((k for k in range(1, len(size) - 1) if _is_peak(size, k, 2.0)), None)
     if peak is None:
@@ -456,12 +456,12 @@ def _response(reference: _Sensor, sensor: _Sensor, part: int, parts: int) -> _Re
     # Twelve segments of Welch's method, half overlapping.
     segment = reference.values.size // 12 // parts
     options = {"fs": 1.0 / reference.channel.time_step, "nperseg": segment}
-    frequency, own = welch(x, **options)
+    frequency, power = welch(x, **options)
     other, cross = welch(y, **options)[1], csd(x, y, **options)[1]
-    own = np.maximum(own, 1e-300)
-    seen = np.abs(cross) ** 2 / np.maximum(own * other, 1e-300)
+    power = np.maximum(power, 1e-300)
+    seen = np.abs(cross) ** 2 / np.maximum(power * other, 1e-300)
     averages = 0.9 * size / segment  # half-overlapping Hann segments: 1.9 per two lengths
-    return _Response(frequency, cross / own * scale, own, seen, averages)
+    return _Response(frequency, cross / power * scale, power, seen, averages)
 
 
 def _first_mode(top: _Response, based: bool) -> float | None:

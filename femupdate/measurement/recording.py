@@ -226,8 +226,8 @@ class Recording:
         """The same without the lines of its file, which are of no use once it is read."""
         file = replace(self.file, lines=())
         table, modes = (
-            None if one is None else replace(one, file=file)
-            for one in (self.table, self.mode_table)
+            None if table is None else replace(table, file=file)
+            for table in (self.table, self.mode_table)
         )
         return replace(self, file=file, table=table, mode_table=modes)
 

@@ -28,7 +28,7 @@ def write_observation_histories(
         comments: lines that say where the numbers come from; each gets a # in front.
         digits: significant ones of the accelerations.
     """
-    names, values = [one.name for one in histories.channels], histories.acceleration
+    names, values = [channel.name for channel in histories.channels], histories.acceleration
     buffer = io.StringIO()
     buffer.writelines(f"# {line}\n" for comment in comments for line in comment.splitlines())
     buffer.write(",".join([TIME, *names]) + "\n")
@@ -151,7 +151,7 @@ def _number(theirs: str, channels: Sequence[RecordedChannel]) -> int | None:
     plain = theirs.removeprefix("-")
     if plain.isdecimal() and int(plain) <= len(channels):
         return int(plain) - 1
-    return next((k for k, one in enumerate(channels) if one.name == plain), None)
+    return next((k for k, channel in enumerate(channels) if channel.name == plain), None)
 
 
 def _told(channel: RecordedChannel) -> str:

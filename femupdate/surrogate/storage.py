@@ -154,8 +154,8 @@ TRAINED = StudyPart(
 
 def find_surrogate(study: Study, building: Building) -> tuple[Surrogate, Path] | None:
     """The study's own surrogate, or the shipped one, if it was trained for this building."""
-    own = study.kept(TRAINED, {"building": mechanics_hash(building)})
-    return _shipped(building) if own is None else (own, study.path(TRAINED.file))
+    kept = study.kept(TRAINED, {"building": mechanics_hash(building)})
+    return _shipped(building) if kept is None else (kept, study.path(TRAINED.file))
 
 
 def require_surrogate(study: Study, building: Building, asked: str | None = None) -> Surrogate:

@@ -120,11 +120,11 @@ def build_study(
     say_building(study, building, chosen, progress)
     kept = study.path(BUILDING_FILE)
     if kept.exists() and study.posteriors():  # whose building stays
-        own = load_building(kept)
-        if mechanics_hash(own) != mechanics_hash(chosen):
-            which = "another version of " if own.name == chosen.name else "the building "
+        held = load_building(kept)
+        if mechanics_hash(held) != mechanics_hash(chosen):
+            which = "another version of " if held.name == chosen.name else "the building "
             raise StudyError(
-                f"the study {study.folder} already holds a posterior of {which}{own.name}; choose "
+                f"the study {study.folder} already holds a posterior of {which}{held.name}; choose "
                 f"another folder for {chosen.name} with --study, or delete this one"
             )
     structure = structure_of(chosen)

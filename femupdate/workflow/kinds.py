@@ -125,12 +125,12 @@ class Measured:
 
     def _force_notes(self) -> list[str]:
         told = []
-        for one in self.forced:
+        for seen in self.forced:
             told.append(
-                f"{one.source}: {one.quantity} of {', '.join(one.floors)} under a"
-                f" {one.excitation.name}, taken to act through the middle of its sensors."
+                f"{seen.source}: {seen.quantity} of {', '.join(seen.floors)} under a"
+                f" {seen.excitation.name}, taken to act through the middle of its sensors."
             )
-            told += [f"{one.source}: {note}" for note in one.notes]
+            told += [f"{seen.source}: {note}" for note in seen.notes]
         if self.forced and self.nominal_masses:
             told.append(
                 "The building's masses are nominal (masses_known = false), but the level of a force"
@@ -148,13 +148,13 @@ class Measured:
         if not self.modes:
             return []
         errors = self.errors
-        notes = [f"{one.source}: {note}" for one in self.modes for note in one.notes]
+        notes = [f"{table.source}: {note}" for table in self.modes for note in table.notes]
         notes.append(
             f"The model's natural frequencies are taken to err by {errors.model_frequency:.2g}"
             f" and its shapes by {errors.model_shape:.2g} of the largest component (standard"
             " deviations); --mode-error changes the first."
         )
-        notes += [note for one in self.modes for note in _assumed(one, errors)]
+        notes += [note for table in self.modes for note in _assumed(table, errors)]
         return notes
 
 
@@ -199,8 +199,8 @@ def with_rest(study: Study, model: StudyModel, measured: Measured, progress: Pro
     if not measured.forced:
         return measured
     measured = replace(measured, rest=open_rest(study, model, progress))
-    for one in measured.forced:
-        check_level(model, forced_data(one, model.system.floors, measured.rest), one)
+    for seen in measured.forced:
+        check_level(model, forced_data(seen, model.system.floors, measured.rest), seen)
     return measured
 
 
@@ -222,7 +222,7 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
             continue
         found = (read,) if isinstance(read, Histories) else read
         if found[0].excitation.force:
-            forced += [seen for one in found for seen in _forced(building, source, one)]
+            forced += [seen for given in found for seen in _forced(building, source, given)]
         else:
             base.append(path)
             doubts += _doubts(path, read, direction) if isinstance(read, Histories) else ()
@@ -241,16 +241,20 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
     if not base:
         _require_sensors(source, others.base.floors)
         return others
-    own = replace(source, path=base[0], further=tuple(base[1:]))
-    runs = runs_of(building, own, halves)
+    shaken = replace(source, path=base[0], further=tuple(base[1:]))
+    runs = runs_of(building, shaken, halves)
     return replace(
-        others, base=as_one(building, runs), runs=runs, doubts=tuple(doubts), base_paths=own.paths
+        others,
+        base=as_one(building, runs),
+        runs=runs,
+        doubts=tuple(doubts),
+        base_paths=shaken.paths,
     )
 
 
 def _doubts(path: Path, read: Histories, direction: str) -> list[str]:
     """Whether channels of a record are late, drift, are swapped or reversed, in sentences."""
-    there = [k for k, one in enumerate(read.channels) if one.direction == direction]
+    there = [k for k, channel in enumerate(read.channels) if channel.direction == direction]
     channels = [
         RecordedChannel(
             name=read.channels[k].name,
@@ -313,8 +317,8 @@ def no_base_motion(
     building: Building, modes: Sequence[IdentifiedModes], forced: Sequence[Observation]
 ) -> Observation:
     """An observation of the floors of other kinds that holds no FRFs under base motion."""
-    seen = {name for one in modes for name in one.floors}
-    seen |= {name for one in forced for name in one.floors}
+    seen = {name for table in modes for name in table.floors}
+    seen |= {name for response in forced for name in response.floors}
     floors = tuple(name for name in building.floors if name in seen)
     frequency = building.frequency_grid.frequencies_hz()
     empty = np.full((len(floors), frequency.size), np.nan)
@@ -385,7 +389,7 @@ def _full_and_reduced(model: StudyModel) -> tuple[Structure, ReducedModel]:
     return structure_of(building, halved=True), finer.model
 
 
-def check_level(model: StudyModel, data: FrfData, one: Observation) -> None:
+def check_level(model: StudyModel, data: FrfData, seen: Observation) -> None:
     """Refuse responses in another unit or quantity than their file says.
 
     The masses of the building are known, so that no stiffness of the prior moves the level of the
@@ -400,7 +404,7 @@ def check_level(model: StudyModel, data: FrfData, one: Observation) -> None:
     level, spread = _level(away, omega, 0)
     if level <= math.log(_FORCE_LEVEL):
         return
-    raise MeasurementError(_sentence(one, away, omega, spread))
+    raise MeasurementError(_sentence(seen, away, omega, spread))
 
 
 def check_base_level(model: StudyModel, base: Observation) -> None:
@@ -441,13 +445,13 @@ def _level(away: Tensor, omega: Tensor, power: int) -> tuple[float, float]:
     return float(middle[nearest].abs()), float(scatter[nearest])
 
 
-def _sentence(one: Observation, away: Tensor, omega: Tensor, spread: float) -> str:
+def _sentence(seen: Observation, away: Tensor, omega: Tensor, spread: float) -> str:
     """What looks wrong, and what would be right."""
-    floors = ", ".join(one.floors)
-    said = f"{one.source}: the {one.quantity} of {floors} under a {one.excitation.name}"
+    floors = ", ".join(seen.floors)
+    said = f"{seen.source}: the {seen.quantity} of {floors} under a {seen.excitation.name}"
     level, _ = _level(away, omega, 0)
     best, guess = math.inf, ""
-    power = _QUANTITIES.index(one.quantity)
+    power = _QUANTITIES.index(seen.quantity)
     for shift in range(-power, 3 - power):
         for words, factor in {"": 1.0, **_FACTORS}.items():
             if shift == 0 and factor == 1.0:

@@ -88,13 +88,13 @@ class FinerMesh:
 
     def _term_arrays(self) -> dict[str, NDArray[Any]]:
         """Stiffness of the terms, one after the other, with the number of the effect of each."""
-        parts = [(k, one) for k, terms in enumerate(self.terms) for one in terms.stiffness]
+        parts = [(k, term) for k, terms in enumerate(self.terms) for term in terms.stiffness]
         size = self.model.size
-        matrices = [one.matrix.numpy().astype(np.float32) for _, one in parts]
+        matrices = [term.matrix.numpy().astype(np.float32) for _, term in parts]
         return {
             "term_owner": np.array([k for k, _ in parts], dtype=np.int64),
-            "term_story": np.array([one.story for _, one in parts], dtype=np.int64),
-            "term_series": np.array([one.series for _, one in parts], dtype=np.float64),
+            "term_story": np.array([term.story for _, term in parts], dtype=np.int64),
+            "term_series": np.array([term.series for _, term in parts], dtype=np.float64),
             "term_matrix": np.array(matrices, dtype=np.float32).reshape(-1, size, size),
         }
 
@@ -323,16 +323,16 @@ def choose_building(study: Study, name: str | None) -> Building:
     kept = study.path(BUILDING_FILE)
     if not kept.exists():
         return load_building(name or DEFAULT_BUILDING)
-    own = load_building(kept)
+    held = load_building(kept)
     if name is None:
-        return own
+        return held
     asked = load_building(name)
-    if mechanics_hash(asked) != mechanics_hash(own):
+    if mechanics_hash(asked) != mechanics_hash(held):
         raise StudyError(
-            f"the study {study.folder} holds the building {own.name}, not {asked.name} as asked "
+            f"the study {study.folder} holds the building {held.name}, not {asked.name} as asked "
             "(or another version of it); choose another folder with --study, or delete this one"
         )
-    return own
+    return held
 
 
 def _study_model(building: Building, reduced: CertifiedModel) -> StudyModel:

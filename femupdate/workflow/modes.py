@@ -201,7 +201,7 @@ def posterior_modes(
     chosen = _heaviest(model, reference, count)
     if wanted:
         numbers = _numbers(model, full, origin)
-        chosen = [numbers.index(one) for one in wanted if one in numbers]
+        chosen = [numbers.index(number) for number in wanted if number in numbers]
     named = _named(model, full, found, reference, chosen, origin)
     if influence is None:
         return named
@@ -217,11 +217,11 @@ def _influence(model: StudyModel, posterior: Posterior, at: ReducedModes) -> Flo
     seen = on_all_floors(posterior.observation, model.building.floors)
     if not seen.valid.any():
         return None
-    vectors, own = at.vectors[0], at.frequency_hz[0][:, None]
+    vectors, natural = at.vectors[0], at.frequency_hz[0][:, None]
     ratio = float(posterior.zeta.mean())
     gain = (model.reduced.floor_shapes @ vectors) * (model.reduced.excitation @ vectors)
     f = seen.frequency_hz
-    terms = f**2 / (own**2 - f**2 + 2j * ratio * own * f)
+    terms = f**2 / (natural**2 - f**2 + 2j * ratio * natural * f)
     whole = 1.0 + gain @ terms
     used, noise = seen.valid, seen.noise_sd
     return np.array(
@@ -236,7 +236,7 @@ def _numbers(model: StudyModel, full: FullModes, origin: np.ndarray) -> list[int
     """Number of every reduced mode that comes from `origin` (r,) at factors 1."""
     at_one = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters))).vectors[0]
     numbers = full.numbers_of(model.reduced, at_one)
-    once = [one if numbers.index(one) == k else None for k, one in enumerate(numbers)]
+    once = [n if numbers.index(n) == k else None for k, n in enumerate(numbers)]
     return [once[k] for k in origin]
 
 

@@ -22,11 +22,6 @@ CASES = {
         '[supports]\nbase = "springs"\nkx = "1 N/m"\n\n[mesh]',
         "supports.kx: the whole building would move at 0.0.* Hz on this spring",
     ),
-    "springs without rocking stiffness": (
-        "[mesh]",
-        '[supports]\nbase = "springs"\nkx = "1e8 N/m"\nkry = "1 N m/rad"\n\n[mesh]',
-        "supports.kry: the whole building would move at",
-    ),
     "path with backslashes": (
         'name = "small"',
         'name = "C:\\temp"',
@@ -37,11 +32,6 @@ CASES = {
         'name = "C:\\models"',
         "this is not valid TOML: Unescaped .*in double quotes a backslash starts a special",
     ),
-    "path with a name after U": (
-        'name = "small"',
-        'name = "C:\\Users"',
-        "this is not valid TOML: .*in double quotes a backslash starts a special character",
-    ),
     "no kind": ('kind = "frame"\n', "", "kind: the key is missing"),
     "wrong kind": ('"frame"', '"fram"', "kind: 'fram' is not a kind.*did you mean 'frame'"),
     "unknown key": (
@@ -49,16 +39,13 @@ CASES = {
         'thicknes = "150 mm"\n\n[[walls]]',
         r"walls\[0\]\.thicknes: unknown key; did you mean 'thickness'\?",
     ),
-    "unknown table": ("[mesh]", "[mash]", "mash: unknown key; did you mean 'mesh'"),
     "unknown key without a likeness": (
         "[damping]",
         "[damping]\nxyz = 1",
         "damping.xyz: unknown key; the known ones are",
     ),
     "missing key": ('height = "2.8 m"\n', "", r"stories\[1\]\.height: the key is missing; add it"),
-    "missing table": ('[mesh]\nsize = "1 m"\n', "", "mesh: the key is missing"),
     "missing unit": ('"2.8 m"', "2.8", r"stories\[1\]\.height: 2.8 has no unit.*such as \"1.5 m\""),
-    "unit forgotten in the text": ('"2.8 m"', '"2.8"', r"stories\[1\]\.height: '2.8' is not a len"),
     "wrong unit": (
         '"25 GPa"',
         '"25 m"',
@@ -69,25 +56,12 @@ CASES = {
         'thickness = "-100 mm"',
         r"walls\[1\]\.thickness: '-100 mm' is not a positive length",
     ),
-    "zero": ('size = "1 m"', 'size = "0 m"', "mesh.size: '0 m' is not a positive length"),
     "too great": ('size = "1 m"', 'size = "1e999 m"', "mesh.size: '1e999 m' is too large"),
     "mesh too fine": ('size = "1 m"', 'size = "1 mm"', "mesh.size: .*nodes; write a larger size"),
-    "list for a length": (
-        'size = "1 m"',
-        'size = ["1 m"]',
-        r"mesh.size: \['1 m'\] is not a length",
-    ),
     "text for a number": ("ratio = 0.02", 'ratio = "two"', "damping.ratio: 'two' is not a number"),
-    "flag for a number": ("ratio = 0.02", "ratio = true", "damping.ratio: True is not a number"),
     "not a number": ("ratio = 0.02", "ratio = nan", "damping.ratio: nan is not a finite number"),
     "per cent for a ratio": ("ratio = 0.02", "ratio = 2", "damping.ratio: 2 must lie below 1"),
-    "fraction for a count": (
-        "count = 300",
-        "count = 300.5",
-        "frequency_grid.count: 300.5 is not a",
-    ),
     "count of one": ("count = 300", "count = 1", "frequency_grid.count: 1 must lie between"),
-    "number for a name": ('name = "low"', "name = 1", r"stories\[0\]\.name: 1 is not a name"),
     "text for a flag": (
         'role = "non_structural"',
         'stiffness = "no"',
@@ -137,11 +111,6 @@ CASES = {
         '[[beams]]\nsection = "beam"\nrigid_ends = ["2 m", "1 m"]',
         r"beams\[0\]\.rigid_ends: they leave nothing of the span B to C on P, 3 m",
     ),
-    "unknown hinge": (
-        '[[beams]]\nsection = "beam"',
-        '[[beams]]\nsection = "beam"\nhinges = "left"',
-        r"beams\[0\]\.hinges: 'left' is not known; write one of 'start', 'end' or 'both'",
-    ),
     "springs without stiffness": (
         "[mesh]",
         '[supports]\nbase = "springs"\n\n[mesh]',
@@ -152,20 +121,10 @@ CASES = {
         '[supports]\nkry = "5 MN m/rad"\n\n[mesh]',
         r'supports\.kry: it needs base = "springs", not \'fixed\'',
     ),
-    "rotational stiffness in the wrong unit": (
-        "[mesh]",
-        '[supports]\nbase = "springs"\nkry = "5 MN/m"\n\n[mesh]',
-        r"supports\.kry: unknown unit 'MN/m' for rotational stiffness; use one of N m/rad",
-    ),
     "flange thicker than the beam": (
         '[sections.beam]\nshape = "rectangle"',
         '[sections.beam]\nshape = "T"\nflange_width = "1 m"\nflange_thickness = "0.5 m"',
         r"sections\.beam\.flange_thickness: 0.5 m must be less than the depth, 0.4 m",
-    ),
-    "unknown diaphragm": (
-        'y = ["P", "Q"]\n',
-        'y = ["P", "Q"]\ndiaphragm = "stiff"\n',
-        r"slabs\[0\]\.diaphragm: 'stiff' is not known; write one of 'rigid'",
     ),
     "unknown grid line": (
         'along = "P"',
@@ -182,18 +141,7 @@ CASES = {
         'to = "Q"',
         r"walls\[0\]\.to: 'Q' does not cross 'P'; write one of A, B, C",
     ),
-    "wall of no length": ('to = "B"', 'to = "A"', r"walls\[0\]\.to: it starts and ends at 'A'"),
-    "slab line of the other family": (
-        'x = ["A", "C"]',
-        'x = ["A", "P"]',
-        r"slabs\[0\]\.x\[1\]: no grid line is named 'P'",
-    ),
     "slab of no width": ('x = ["A", "C"]', 'x = ["A", "A"]', r"slabs\[0\]\.x: it starts and ends"),
-    "slab of three lines": (
-        'x = ["A", "C"]',
-        'x = ["A", "B", "C"]',
-        r"slabs\[0\]\.x: the list has 3 entries; write 2",
-    ),
     "unknown story": (
         'role = "non_structural"',
         'stories = ["hihg"]',
@@ -225,11 +173,6 @@ CASES = {
         'total = "60 t"\nfloors = []',
         r"floor_mass\[0\]\.floors: the",
     ),
-    "name twice in a list": (
-        'total = "60 t"',
-        'total = "60 t"\nfloors = ["2F", "2F"]',
-        r"floor_mass\[0\]\.floors: a name is listed twice",
-    ),
     "all beside a name": (
         'total = "60 t"',
         'total = "60 t"\nfloors = ["2F", "*"]',
@@ -248,7 +191,6 @@ CASES = {
         'section = "bean"',
         r"beams\[0\]\.section: no section is named 'bean'.*did you mean 'beam'",
     ),
-    "star for a section": ('section = "beam"', 'section = "*"', r"beams\[0\]\.section: .*one name"),
     "no such material": (
         'depth = "500 mm"',
         'depth = "500 mm"\nmaterial = "steel"',
@@ -270,11 +212,6 @@ CASES = {
         "[sections.beam]",
         r"sections\.beam\.shape: the key is missing",
     ),
-    "unknown shape": (
-        '[sections.beam]\nshape = "rectangle"',
-        '[sections.beam]\nshape = "round"',
-        r"sections\.beam\.shape: 'round' is not known; write one of",
-    ),
     "key of another shape": (
         'depth = "400 mm"',
         'area = "1 m2"',
@@ -285,7 +222,6 @@ CASES = {
         "lower = 4",
         r"prior\.theta\.lower: 4 must lie below upper = 3; exchange the two",
     ),
-    "prior from zero": ('lower = "1/3"', "lower = 0", r"prior\.theta\.lower: 0 must be greater"),
     "prior divided by zero": ('"1/3"', '"1/0"', r"prior\.theta\.lower: '1/0' is not a number"),
     "zeta beyond critical": (
         "upper = 0.05",
@@ -297,7 +233,6 @@ CASES = {
         "[prior.stories.top]\nlower = 1\nupper = 2\n[prior.zeta]",
         r"prior\.stories\.top: no story is named 'top' \(known: low, high\)",
     ),
-    "unknown law": ('law = "constant"', 'law = "modal"', r"damping\.law: 'modal' is not known"),
     "no law": ('law = "constant"\n', "", r"damping\.law: the key is missing"),
     "nuisance with Rayleigh": (
         'law = "constant"',
@@ -309,23 +244,12 @@ CASES = {
         '[damping]\nlaw = "rayleigh"\nanchors = ["5 Hz", "5 Hz"]',
         r"damping\.anchors: the two frequencies must",
     ),
-    "one anchor": (
-        ZETA + '\n[damping]\nlaw = "constant"',
-        '[damping]\nlaw = "rayleigh"\nanchors = ["5 Hz"]',
-        r"damping\.anchors\[1\]: the key is missing",
-    ),
     "sensor off the grid": ('"Q-B"]', '"Q-Z"]', r"sensors\.points\[1\]: no grid line is named 'Z'"),
     "sensor on parallel lines": ('"Q-B"]', '"A-B"]', r"sensors\.points\[1\]: 'A' and 'B' are par"),
-    "sensor on one line": ('"Q-B"]', '"Q"]', r"sensors\.points\[1\]: 'Q' is not an intersection"),
     "sensor on no floor": (
         "[frequency_grid]",
         '[sensors.floors]\n4F = ["A-P"]\n[frequency_grid]',
         r"sensors\.floors\.4F: no floor is named '4F'",
-    ),
-    "wrong direction": (
-        'direction = "x"',
-        'direction = "z"',
-        r"sensors\.direction: 'z' is not kno",
     ),
     "two walls in one place": (
         'along = "C"\nfrom = "P"\nto = "Q"\nthickness = "100 mm"\nrole = "non_structural"',
