@@ -133,16 +133,14 @@ def without_needless(base: Fit, current: Fit, rounds: list[Round]) -> tuple[Fit,
     """The model without what others have made needless, and the rounds that stay.
 
     Where a third effect imitates two, it may be the first that is added. Beside the two, nothing
-    of it is left: it lies within two standard deviations of nothing.
+    of it is left: it is not clear of nothing.
     """
     first, squares = len(base.known), base.chi2
-    values, sd = current.sizes()
-    sizes, kept = list(values[:first]), list[Round]()
-    for one in rounds:
-        parameters = one.finding.placed.effect.parameters
-        part = slice(first, first + len(parameters))
+    values, sizes, kept = current.known, list(base.known), list[Round]()
+    for number, one in enumerate(rounds, start=len(base.placed)):
+        part = slice(first, first + len(one.finding.placed.effect.parameters))
         first = part.stop
-        if parameters and abs(values[part][0] - parameters[0].neutral) < 2.0 * sd[part][0]:
+        if not _clear(current, number):
             continue
         sizes += list(values[part])
         kept.append(replace(one, chi2_before=squares))
@@ -154,6 +152,17 @@ def without_needless(base: Fit, current: Fit, rounds: list[Round]) -> tuple[Fit,
     problem, placed = current.likelihood, (*base.placed, *(one.finding.placed for one in kept))
     start = extended(problem, current, placed, np.array(sizes))
     return settle(problem, fit(problem, placed, start)), kept
+
+
+def _clear(fitted: Fit, number: int) -> bool:
+    """Whether an effect of a fit lies three standard deviations or more from none."""
+    counts = [len(placed.effect.parameters) for placed in fitted.placed]
+    if not counts[number]:
+        return True
+    at = sum(counts[: number % len(counts)])
+    values, sd = fitted.sizes()
+    away = values[at] - fitted.placed[number].effect.parameters[0].neutral
+    return bool(abs(away) >= 3.0 * sd[at])
 
 
 def next_effect(
@@ -170,8 +179,11 @@ def next_effect(
     if elsewhere is None:
         # The log density of the halves is certified already. Two at once are judged together.
         first, last = found.findings[0], [*found.findings[:1], *found.pair][-1]
+        if first.placed.effect.instrument and first.tested is not None and first.tested.certified:
+            # What is certain of an instrument is mended before the structure is judged by it.
+            return first, ()
         worse = missed_in_turn(last.fitted) >= missed_in_turn(found.base)
-        return (None, (first,)) if worse else (first, ())
+        return (None, (first,)) if worse or not _clear(first.fitted, -1) else (first, ())
     base, rivals = found.base, 0
     if found.twins:
         labels = [finding.placed.label for finding in found.findings]

@@ -91,7 +91,8 @@ def _histories(source: ObservationSource, direction: str) -> Histories:
 
 
 _BEYOND = 0.5  # doublings of the amplitude outside of the records that are worth a word
-_LEVELS, _SPAN = "level_m_s2", "level_span"  # in the settings of a posterior
+# In the settings of a posterior.
+_LEVELS, _SPAN, _PEAK = "level_m_s2", "level_span", "base_peak_m_s2"
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +124,9 @@ def level_settings(
         placed: its effects; nothing is kept where none of them depends on a level.
         span: levels of the records from which the effect was found, doublings above the first.
     """
+    kept = {_PEAK: base_peak(model, source)}
     if not (changes_with_level(placed) or any(changes_in_run(place.effect) for place in placed)):
-        return {}
+        return kept
     try:
         levels = record_levels(model, source)
         if not changes_with_level(placed):
@@ -132,8 +134,32 @@ def level_settings(
             middle = 2.0 ** run_levels(model, source).middle
             levels = {floor: middle * level for floor, level in levels.items()}
     except MeasurementError:  # a table of FRFs has none
-        return {}
-    return {_LEVELS: levels, _SPAN: [min(span, default=0.0), max(span, default=0.0)]}
+        return kept
+    return {**kept, _LEVELS: levels, _SPAN: [min(span, default=0.0), max(span, default=0.0)]}
+
+
+def base_peak(model: StudyModel, source: ObservationSource) -> float:
+    """Largest acceleration of the base in a source's first histories, m/s2; zero without any."""
+    try:
+        data = _histories(source, direction_of(model.building))
+        return (
+            0.0 if data.force else float(np.abs(data.means(direction_of(model.building))[0]).max())
+        )
+    except MeasurementError:
+        return 0.0
+
+
+def far_stronger(settings: Mapping[str, Any], peak: float) -> tuple[str, ...]:
+    """A warning where the base (peak, m/s2) moves far more than in a posterior's record."""
+    known = float(settings.get(_PEAK, 0.0))
+    # Two doublings: a hotel lost 3 % of its frequency and an overpass 9 % of its stiffness in each.
+    if known <= 0.0 or peak < 4.0 * known:
+        return ()
+    return (
+        f"The base peaks at {peak:.3g} m/s², {peak / known:.2g} times what it did in the record "
+        f"behind the kept posterior ({known:.3g} m/s²). Buildings are softer and damp more when "
+        "shaken so much harder, and may be damaged: its factors and intervals hold none of that.",
+    )
 
 
 def changes_with_level(placed: tuple[Placed, ...]) -> bool:

@@ -5,14 +5,14 @@ import time
 from dataclasses import replace
 
 from femupdate.effects.registry import building_effects
-from femupdate.errors import InferenceError
+from femupdate.errors import InferenceError, StudyError
 from femupdate.inference.latent_likelihood import encoder_input
 from femupdate.inference.posterior import save_posterior
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
 from femupdate.study import Study
 from femupdate.surrogate.storage import find_surrogate
-from femupdate.workflow.amplitude import level_settings
+from femupdate.workflow.amplitude import base_peak, far_stronger, level_settings
 from femupdate.workflow.calibrate_effects import fitted_effects, with_levels
 from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
 from femupdate.workflow.conclusion import concluded
@@ -27,6 +27,7 @@ from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel, choose_building
 from femupdate.workflow.observed import ObservationSource, check_readable
 from femupdate.workflow.sampling import sample_exact, sample_latent
+from femupdate.workflow.summary import kept_posterior
 
 
 def calibrate_study(
@@ -74,6 +75,8 @@ def calibrate_study(
         sampled = sample_latent(study, model, measured, settings, sampling, progress)
     if why:
         sampled = replace(sampled, notes=(why, *sampled.notes))
+    if harder := _since_the_last(study, model, source):
+        sampled = replace(sampled, notes=(*harder, *sampled.notes))
     report = concluded(
         model, measured, settings, sampled, drawing, study.result("posterior.nc")
     ).with_settings(level_settings(model, model.system.placed, source, measured.levels))
@@ -82,6 +85,15 @@ def calibrate_study(
     study.record(POSTERIOR, "posterior.nc", "calibrate", origin, made)
     report.write_summary(study)
     return replace(report, seconds=time.monotonic() - started, files=source.paths)
+
+
+def _since_the_last(study: Study, model: StudyModel, source: ObservationSource) -> tuple[str, ...]:
+    """A warning where the record is far stronger than that of the posterior in its place."""
+    try:
+        before = kept_posterior(study, model.building)
+    except StudyError:
+        return ()
+    return far_stronger(before.settings, base_peak(model, source))
 
 
 def check_calibration(

@@ -28,6 +28,7 @@ from femupdate.effects.registry import CATALOGUE
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood
+from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import with_unit
 from femupdate.result import Item, Note, Notes, Picture, Result
@@ -38,7 +39,7 @@ from femupdate.workflow.effects import finder_basis
 from femupdate.workflow.finder_data import Given, read_given
 from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import ObservationSource
+from femupdate.workflow.observed import ObservationSource, direction_of
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -240,8 +241,7 @@ def diagnose_study(
     given = read_given(study, model, source, second, progress)
     finder = finder_model(study, model, progress)
     data = given.data(model.system, use_phase)
-    thirds = given.by_strength(model, use_phase)
-    problem, found = search(finder, data, chosen, progress, thirds)
+    problem, found = search(finder, data, chosen, progress, given.run)
     report = DiagnosisReport(
         diagnosis=found,
         problem=problem,
@@ -261,18 +261,19 @@ def search(
     data: Sequence[Data],
     settings: DiagnosisSettings,
     progress: Progress,
-    thirds: FrfData | None = None,
+    run: Observation | None = None,
 ) -> tuple[Likelihood, Diagnosis]:
     """Fit the model as it is, and look for what it lacks.
 
     Args:
-        thirds: the run parted by strength, where it can be.
+        run: from which the data are, where it is but one.
     """
     problem, base = prepared(finder, data, settings.seed, progress)
     progress.start("Looking for what is missing", 4)
     problem, found = sought(finder, problem, base, settings, progress)
-    found = judged_by_strength(with_pair(found, settings, progress), thirds, settings)
-    return problem, found
+    found, along = with_pair(found, settings, progress), direction_of(finder.building)
+    phase = any(isinstance(kind, FrfData) and kind.phase is not None for kind in data)
+    return problem, judged_by_strength(found, run, along, settings, phase)
 
 
 def keep_found(

@@ -4,15 +4,15 @@ from dataclasses import dataclass, replace
 
 from femupdate.dynamics.system import System
 from femupdate.inference.data import Data
-from femupdate.inference.frf_data import COMPARING, FrfData
-from femupdate.measurement.frf import by_strength
+from femupdate.inference.frf_data import COMPARING
+from femupdate.measurement.observation import Observation
 from femupdate.progress import Progress
 from femupdate.study import Study
 from femupdate.workflow.amplitude import level_between
 from femupdate.workflow.kinds import Measured, measured_of, with_rest
 from femupdate.workflow.likelihoods import base_data, data_of_forces, data_of_modes
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import ObservationSource, direction_of
+from femupdate.workflow.observed import ObservationSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +64,11 @@ class Given:
             )
         return (*kinds, *data_of_modes(self.measured, system))
 
-    def by_strength(self, model: StudyModel, use_phase: bool = True) -> FrfData | None:
-        """A single run parted by the strength of its motion; None where it cannot be."""
-        if self.second is not None or len(self.measured.runs) != 1:
-            return None
-        parts = by_strength(self.measured.runs[0], direction_of(model.building))
-        return base_data(parts, model.system, use_phase, COMPARING) if parts else None
+    @property
+    def run(self) -> Observation | None:
+        """The run under base motion, where there is but one."""
+        alone = self.second is None and len(self.measured.runs) == 1
+        return self.measured.runs[0] if alone else None
 
 
 def read_given(

@@ -42,6 +42,7 @@ from femupdate.workflow.amplitude import (
     at_own_level,
     changes_with_level,
     changing_note,
+    far_stronger,
     mean_level,
 )
 from femupdate.workflow.mesh_error import open_system
@@ -216,8 +217,10 @@ def _summary(
     progress: Progress,
 ) -> tuple[HistorySummary, list[str]]:
     """Summary of the histories of draws, and what is to be said of their level."""
-    theta, zeta, told = values.of_structure, values.zeta, []
-    if changes_with_level(system.placed):
+    theta, zeta, told = values.of_structure, values.zeta, list[str]()
+    if not changes_with_level(system.placed):
+        told += far_stronger(posterior.settings, motion.peak)
+    else:
         progress.start("Finding the level of the motion", len(zeta))
         found = at_own_level(
             system,

@@ -236,8 +236,7 @@ def repair_study(
     other = None if holdout is None else read_held(study, model, holdout, progress)
     finder, model = finder_model(study, model, progress), on_kept_finer(study, model)
     data = given.data(model.system, use_phase)
-    thirds = given.by_strength(model, use_phase)
-    problem, found = search(finder, data, settings, progress, thirds)
+    problem, found = search(finder, data, settings, progress, given.run)
     kept_out, elsewhere = None, None
     if holdout is not None and other is not None:
         kept_out = _kept_out(model, finder, holdout, other, use_phase, source if second else None)

@@ -11,7 +11,7 @@ from femupdate.building import from_document
 from femupdate.dynamics import ConstantDamping, System, motion_level, reduced_on
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.measurement import GroundMotion
-from femupdate.workflow.amplitude import at_own_level, own_level
+from femupdate.workflow.amplitude import at_own_level, far_stronger, own_level
 
 MASS, SPRING, STEP = 2000.0, 8e5, 0.005
 SOFTER, MORE_DAMPING = -0.12, 0.25
@@ -149,3 +149,13 @@ def test_silence_does_not_lower_a_level():
     np.testing.assert_allclose(both, 3.0 / np.sqrt(2.0) * np.array([1.0, 2.0]), rtol=2e-3)
     assert float(motion_level(wave)) == pytest.approx(3.0 / np.sqrt(2.0), rel=2e-3)
     assert float(motion_level(np.zeros(50))) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("peak", "warned"), [(0.3, False), (0.5, True), (6.1, True)], ids=["alike", "above", "77 times"]
+)
+def test_a_motion_far_stronger_than_the_record_of_the_posterior_is_told(peak, warned):
+    said = far_stronger({"base_peak_m_s2": 0.08}, peak)
+    assert bool(said) == warned
+    assert all(f"{peak / 0.08:.2g} times" in sentence for sentence in said)
+    assert far_stronger({"base_peak_m_s2": 0.0}, peak) == far_stronger({}, peak) == ()
