@@ -68,7 +68,7 @@ def driven_shapes(
     last: list[Floats] | None = None
     count, looked = 0, 0
     while count < most:
-        block, moved = _orthonormal(fresh, basis[:, :count], mass)
+        block, moved = orthonormal(fresh, basis[:, :count], mass)
         basis[:, count : count + block.shape[1]] = block
         count += block.shape[1]
         exhausted = block.shape[1] == 0
@@ -99,7 +99,7 @@ def driven_shapes(
     raise StructureError(f"{most} shapes do not give the response up to {top_hz:g} Hz; lower that")
 
 
-def _orthonormal(fresh: Floats, basis: Floats, mass: csc_matrix) -> tuple[Floats, Floats]:
+def orthonormal(fresh: Floats, basis: Floats, mass: csc_matrix) -> tuple[Floats, Floats]:
     """Vectors (n, c) orthonormal in the mass to each other and to a basis, and mass times them."""
     moved = symmetric_times(mass, fresh)
     before = np.einsum("ij,ij->j", fresh, moved)

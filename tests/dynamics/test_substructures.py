@@ -1,0 +1,68 @@
+"""Parts of a structure against its full matrices, which sparse solvers of SciPy take whole."""
+
+import pickle
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.sparse.linalg import spsolve
+
+from femupdate.dynamics.substructures import substructures
+
+THETA = np.array([0.6, 2.2])
+
+
+@pytest.fixture(scope="module")
+def structure(small_frame):
+    return small_frame(1.0).structure
+
+
+@pytest.fixture(scope="module")
+def parts(structure):
+    return substructures(structure, 60.0)
+
+
+@pytest.fixture(scope="module")
+def motions(structure, parts):
+    """Random coordinates (q, 3) and loads (n, 3)."""
+    rng = np.random.default_rng(1)
+    loads = rng.standard_normal((len(structure.axis), 3))
+    return rng.standard_normal(parts.condensed(loads).shape), loads
+
+
+def test_nothing_is_left_out_of_a_static_solution(structure, parts, motions):
+    _, loads = motions
+    expected = spsolve(structure.stiffness(THETA), loads)
+    found = pickle.loads(pickle.dumps(parts)).at(THETA).displacement(loads)
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
+
+
+def test_mass_and_stiffness_are_projected(structure, parts, motions):
+    """T^T M T and T^T K T, and their inverse, by shapes and loads of the full model."""
+    shapes, loads = motions
+    full, joined = parts.expanded(shapes), parts.at(THETA)
+    np.testing.assert_allclose(np.vdot(parts.condensed(loads), shapes), np.vdot(loads, full))
+    np.testing.assert_allclose(parts @ shapes, parts.condensed(structure.mass @ full), atol=1e-7)
+    held = parts.condensed(structure.stiffness(THETA) @ full)
+    np.testing.assert_allclose(joined.times(shapes), held, atol=1e-9 * np.abs(held).max())
+    np.testing.assert_allclose(joined.apply(joined.times(shapes)), shapes, atol=1e-6)
+
+
+def test_modes_come_from_above_and_nearer_with_inertia(structure, parts):
+    """Rayleigh and Ritz: more shapes never raise a frequency."""
+    exact = eigh(structure.stiffness(THETA).toarray(), structure.mass.toarray(), eigvals_only=True)
+
+    def errors(part):
+        unit = np.eye(len(part.condensed(structure.rigid_force)))
+        values, vectors = eigh(part.at(THETA).times(unit), part @ unit)
+        return values[:8] / exact[:8] - 1.0, vectors[:, :8]
+
+    coarse, shapes = errors(parts)
+    fine, _ = errors(parts.with_inertia(shapes))
+    assert (fine > -1e-8).all()
+    assert coarse.max() < 0.03
+    assert fine.max() < 0.05 * coarse.max()
+
+
+def test_a_coarse_mesh_is_all_joints(small_frame):
+    assert substructures(small_frame(3.0).structure, 60.0) is None
