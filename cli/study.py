@@ -45,18 +45,21 @@ def compare(before: str, after: str, picture: Path | None, study: Study) -> Answ
 
     Both are posteriors of one building, each from a measurement of its own. They are named as
     `femupdate calibrate --name` named them in the study, or as study folders or posterior files.
-    Changes nothing.
+    Of two files of modes it tells which belong together, with MAC and COMAC; `femupdate render`
+    writes those of a posterior to tables/shapes.csv. Changes nothing.
 
     \b
     Examples:
       femupdate calibrate before.csv --name before
       femupdate calibrate after.csv --name after
       femupdate compare before after
+      femupdate compare study/tables/shapes.csv identified.csv
     """
     from femupdate import interface
+    from femupdate.workflow.compare_modes import ModeComparison
 
     report = interface.compare(study, before, after)
-    if picture is None:
+    if picture is None or isinstance(report, ModeComparison):
         return Answer(report)
     from femupdate.report.figure import save_figure
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from femupdate.simulation.simulate import WrittenSimulation
     from femupdate.workflow.calibration_report import CalibrationReport
     from femupdate.workflow.compare import CompareReport
+    from femupdate.workflow.compare_modes import ModeComparison
     from femupdate.workflow.diagnose import DiagnosisReport
     from femupdate.workflow.inspect_files import InspectedFiles
     from femupdate.workflow.model import StudyModel
@@ -240,18 +241,25 @@ def repair(
     return repair_study(opened, model, source, kept_out, chosen, progress, use_phase, other)
 
 
-def compare(study: Folder, before: str, after: str) -> "CompareReport":
-    """Which stories changed between two posteriors.
+def compare(study: Folder, before: str, after: str) -> "CompareReport | ModeComparison":
+    """Which stories changed between two posteriors, or how alike two sets of modes are.
 
     Args:
-        before, after: names of posteriors of the study, study folders or posterior files.
+        before, after: names of posteriors of the study, study folders or posterior files; or two
+            files of modes.
 
     Raises:
         StudyError: there is no such posterior.
         InferenceError: they come from the same measurement.
+        MeasurementError: files are of no modes, or share no two floors.
     """
     from femupdate.workflow.compare import compare_states, find_state
 
+    files = [Path(name) for name in (before, after)]
+    if all(file.is_file() and file.suffix != ".nc" for file in files):
+        from femupdate.workflow.compare_modes import compare_modes
+
+        return compare_modes(*files)
     opened = _study(study)
     return compare_states(find_state(before, opened), find_state(after, opened))
 

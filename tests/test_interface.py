@@ -5,10 +5,12 @@ import io
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import femupdate
-from femupdate.errors import BuildingError, MeasurementError
+from femupdate.errors import BuildingError, MeasurementError, ReportError
+from femupdate.measurement import read_observation_file
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "how-to" / "python.md"
 
@@ -35,6 +37,12 @@ def test_the_recipes_run_and_a_softened_story_is_found(tmp_path, monkeypatch, ca
         exec(block, names)
     assert names["change"].named == ("theta_2",)
     assert names["report"].diagnosis.verdict == "none"
+    assert list(names["frame"]["parameter"]) == ["theta_1", "theta_2", "theta_3", "zeta"]
+    assert len(names["figure"].axes) > 0
+    assert repr(names["found"]).startswith("Exact posterior of shear_3dof")
+    assert "<td>theta_1</td>" in names["found"]._repr_html_()
+    with pytest.raises(ReportError, match="no figure 'x'; there are frf_fit"):
+        names["found"].plot("x")
     assert "Roof: " in capsys.readouterr().out
 
 
@@ -46,6 +54,18 @@ def test_what_is_wrong_is_said_at_once(tmp_path):
     assert not (tmp_path / "new").exists()
     with pytest.raises(AttributeError, match="no attribute 'calibrated'"):
         _ = femupdate.calibrated
+
+
+def test_arrays_become_a_file_that_reads_back(tmp_path):
+    rows = np.random.default_rng(0).standard_normal((2, 80))
+    columns = dict(zip(("base", "RF"), rows, strict=True))
+    path = femupdate.save_arrays(tmp_path / "run.csv", 0.01, columns, unit="cm/s2")
+    histories = read_observation_file(path)
+    np.testing.assert_allclose(histories.acceleration, 0.01 * rows, rtol=1e-8)
+    assert histories.time_step == pytest.approx(0.01)
+    for wrong in ({"base": [1.0], "attic": [2.0]}, {"base": [1.0], "RF": [1.0, 2.0]}):
+        with pytest.raises(MeasurementError, match="give base, 2F"):
+            femupdate.save_arrays(tmp_path / "wrong.csv", 0.01, wrong)
 
 
 def test_every_public_name_is_told():

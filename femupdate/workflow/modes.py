@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -111,6 +112,26 @@ def mode_table(modes: Sequence[StudyMode], pictures: Sequence[Path] = ()) -> Tab
         note=note,
         key="modes",
     )
+
+
+def shape_table(model: StudyModel, posterior: Posterior, modes: Sequence[StudyMode]) -> Table:
+    """Mass-normalised shapes at the floors, 1/sqrt(kg), as a table of modes that is read again."""
+    shapes = [mode.tracked.recognised @ model.reduced.floor_shapes.T for mode in modes]
+    mean, sd = (
+        np.array([getattr(shape, of)(axis=0) for shape in shapes]) for of in ("mean", "std")
+    )
+    floors, zeta = model.reduced.floors, posterior.zeta_samples
+    damping: list[Any] = ["", ""] if zeta is None else [zeta.mean(), zeta.std()]
+    figures = {
+        "mode": [mode.label for mode in modes],
+        "frequency_hz": [mode.tracked.frequency_mean for mode in modes],
+        "frequency_sd_hz": [mode.tracked.frequency_sd for mode in modes],
+        "damping": [damping[0]] * len(modes),
+        "damping_sd": [damping[1]] * len(modes),
+        **dict(zip(floors, mean.T, strict=True)),
+        **{f"{floor}_sd": column for floor, column in zip(floors, sd.T, strict=True)},
+    }
+    return Table(name="shapes", columns=tuple(Column(v, csv=k) for k, v in figures.items()))
 
 
 def full_modes(model: StudyModel) -> FullModes:

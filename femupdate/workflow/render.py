@@ -20,6 +20,7 @@ from femupdate.report.scale import plus_minus
 from femupdate.report.scenes import mode_shape_figure
 from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import Study
+from femupdate.tables import Table
 from femupdate.units import capital
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.modes import (
@@ -28,6 +29,7 @@ from femupdate.workflow.modes import (
     mode_table,
     modes_of_model,
     posterior_modes,
+    shape_table,
 )
 from femupdate.workflow.summary import kept_posterior
 
@@ -42,18 +44,22 @@ class RenderReport(Result):
         pictures: of every mode.
         animations: of the modes, as GIF files, where they were asked for.
         at_one: pictures of modes at factors 1, which the posterior's model does not have.
+        shapes: their shapes at the floors.
     """
 
     modes: tuple[StudyMode, ...]
     pictures: tuple[Path, ...]
     animations: tuple[Path, ...] = ()
     at_one: tuple[Path, ...] = ()
+    shapes: Table | None = None
 
     def items(self) -> Iterator[Item]:
         """A table and the pictures."""
         modes = mode_table(self.modes, self.pictures)
         if self.modes:
             yield modes
+            if self.shapes is not None:
+                yield self.shapes
             yield Notes((modes.note,))
         else:
             yield Note(content={"modes": []})
@@ -115,7 +121,8 @@ def render_study(
             path = study.path("pictures", f"model_mode_{number}.png")
             at_one.append(save_figure(figure, path))
     moving = _animate(study, model, tracked, progress) if animated and tracked else ()
-    return RenderReport(tracked, drawn, moving, tuple(at_one))
+    shapes = shape_table(model, posterior, tracked) if tracked else None
+    return RenderReport(tracked, drawn, moving, tuple(at_one), shapes)
 
 
 def draw_model(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+import femupdate
 from femupdate.dynamics import ReducedModes, track_mode
 from femupdate.effects import structure_of
 from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
@@ -33,6 +34,18 @@ def test_the_modes_of_a_lumped_building(tower, tower_model, tower_modes):
     # All modes of sticks fit one picture.
     assert report.pictures == (tower.path("pictures", "modes.png"),) * 2
     shown(report.pictures[0])
+
+
+def test_shapes_are_normalised_by_mass_and_read_again(tower, tower_model, tmp_path):
+    report = render_study(tower, tower_model, samples=40, seed=1)
+    frame = report.to_dataframe("shapes")
+    floors = list(tower_model.reduced.floors)
+    mass = [story.mass for story in tower_model.building.stories]
+    # phi' M phi = 1 of every draw, and of their mean but for the spread.
+    np.testing.assert_allclose((frame[floors] ** 2) @ mass, 1.0, atol=2e-3)
+    frame.to_csv(tmp_path / "shapes.csv", index=False)
+    same = femupdate.compare(tower, *[str(tmp_path / "shapes.csv")] * 2)
+    np.testing.assert_allclose(np.diag(same.mac), 1.0)
 
 
 @pytest.fixture

@@ -1,0 +1,55 @@
+"""compare, of two files of modes: partners, MAC and COMAC against their definitions."""
+
+import numpy as np
+import pytest
+
+import femupdate
+from femupdate.errors import MeasurementError
+
+# Of three equal masses on equal springs, fixed below: sin((2 k - 1) pi j / 7), j = 1, 2, 3.
+SHAPES = np.sin(np.outer((1, 3, 5), (1, 2, 3)) * np.pi / 7)
+HERTZ = np.array([1.0, 2.8, 4.05])
+
+
+def written(path, hertz, shapes, floors=("2F", "3F", "RF")):
+    rows = [
+        f"{k},{f},{','.join(map(str, row))}"
+        for k, (f, row) in enumerate(zip(hertz, shapes, strict=True), 1)
+    ]
+    path.write_text("\n".join([f"mode,frequency_hz,{','.join(floors)}", *rows]), encoding="utf-8")
+    return str(path)
+
+
+def test_the_same_modes_in_another_order_scale_and_sign_are_partners(tmp_path):
+    order = [2, 0, 1]
+    one = written(tmp_path / "one.csv", HERTZ, SHAPES)
+    two = written(tmp_path / "two.csv", 1.1 * HERTZ[order], -3.0 * SHAPES[order])
+    found = femupdate.compare(tmp_path, one, two)
+    assert found.pairs == [(0, 1), (1, 2), (2, 0)]
+    # Shapes of equal masses are orthogonal.
+    np.testing.assert_allclose(found.mac, np.eye(3)[:, order], atol=1e-12)
+    np.testing.assert_allclose(found.comac, 1.0)
+    np.testing.assert_allclose([row["change"] for row in found.as_dict()["pairs"]], 0.1)
+
+
+def test_comac_shows_the_floor_that_differs(tmp_path):
+    changed = SHAPES.copy()
+    changed[:, 1] *= [1.0, 0.6, 1.5]
+    one = written(tmp_path / "one.csv", HERTZ, SHAPES)
+    found = femupdate.compare(tmp_path, one, written(tmp_path / "two.csv", HERTZ, changed))
+    unit, other = ([row / np.sqrt(sum(row**2)) for row in rows] for rows in (SHAPES, changed))
+    for floor in range(3):
+        pairs = [(unit[k][floor], other[k][floor]) for k in range(3)]
+        whole = sum(abs(a * b) for a, b in pairs) ** 2
+        parts = sum(a**2 for a, _ in pairs) * sum(b**2 for _, b in pairs)
+        assert found.comac[floor] == pytest.approx(whole / parts)
+    assert found.comac.argmin() == 1
+
+
+def test_a_mode_without_a_partner_and_files_without_floors_in_common_are_told(tmp_path):
+    one = written(tmp_path / "one.csv", HERTZ, SHAPES)
+    fewer = femupdate.compare(tmp_path, one, written(tmp_path / "two.csv", HERTZ[:2], SHAPES[:2]))
+    assert fewer.as_dict()["alone"] == ["mode 3 of one.csv has no partner."]
+    other = written(tmp_path / "three.csv", HERTZ, SHAPES, ("4F", "5F", "RF"))
+    with pytest.raises(MeasurementError, match="1 floors in common"):
+        femupdate.compare(tmp_path, one, other)
