@@ -11,8 +11,7 @@ from torch import Tensor
 
 from femupdate.building.document import Building
 from femupdate.dynamics.force_response import RestFlexibility, rest_flexibility
-from femupdate.dynamics.reduced import ReducedModel
-from femupdate.effects.structure import Structure, structure_of
+from femupdate.effects.structure import structure_of
 from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import FrfData, base_logs, forced_data, log_responses
 from femupdate.inference.mode_data import ModalErrors
@@ -239,7 +238,13 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
         nominal_masses=building.forces_are_relative,
     )
     if not base:
-        _require_sensors(source, others.base.floors)
+        floors = others.base.floors
+        missing = [name for name in source.sensors if name not in floors]
+        if missing:
+            raise MeasurementError(
+                f"{source.path}: there is no {', '.join(missing)} to use; the files have"
+                f" {', '.join(floors) or 'frequencies alone'} of what was asked for"
+            )
         return others
     shaken = replace(source, path=base[0], further=tuple(base[1:]))
     runs = runs_of(building, shaken, halves)
@@ -303,16 +308,6 @@ def _chosen(
     return modes
 
 
-def _require_sensors(source: ObservationSource, floors: Sequence[str]) -> None:
-    """Refuse a floor that is asked for and that no file has."""
-    missing = [name for name in source.sensors if name not in floors]
-    if missing:
-        raise MeasurementError(
-            f"{source.path}: there is no {', '.join(missing)} to use; the files have"
-            f" {', '.join(floors) or 'frequencies alone'} of what was asked for"
-        )
-
-
 def no_base_motion(
     building: Building, modes: Sequence[IdentifiedModes], forced: Sequence[Observation]
 ) -> Observation:
@@ -353,7 +348,11 @@ def open_rest(study: Study, model: StudyModel, progress: Progress) -> RestFlexib
         return None
 
     def make() -> RestFlexibility:
-        structure, reduced = _full_and_reduced(model)
+        building, finer = model.building, model.finer
+        if finer is None:
+            structure, reduced = structure_of(building), model.reduced
+        else:  # without what corrects its mesh
+            structure, reduced = structure_of(building, halved=True), finer.model
         lower, upper = model.prior.lower.numpy(), model.prior.upper.numpy()
         return rest_flexibility(structure, reduced, lower, upper, progress)
 
@@ -379,14 +378,6 @@ REST = StudyPart(
     read_rest,
     lambda rest: {"error": rest.error, "lacked": rest.lacked},
 )
-
-
-def _full_and_reduced(model: StudyModel) -> tuple[Structure, ReducedModel]:
-    """The full model behind the reduced one, and this without what corrects its mesh."""
-    building, finer = model.building, model.finer
-    if finer is None:
-        return structure_of(building), model.reduced
-    return structure_of(building, halved=True), finer.model
 
 
 def check_level(model: StudyModel, data: FrfData, seen: Observation) -> None:

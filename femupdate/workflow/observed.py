@@ -23,19 +23,6 @@ from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.study import file_hash
 
 
-@dataclass(frozen=True, eq=False)
-class OpenedFile:
-    """A measured file as it was when it was read.
-
-    Attributes:
-        path: where it was read.
-    """
-
-    path: Path
-    sha256: str
-    recording: Recording
-
-
 @dataclass(frozen=True)
 class ObservationSource:
     """Where an observation comes from and how to read it.
@@ -48,7 +35,8 @@ class ObservationSource:
         further: files of other runs, read in the same way, to be explained together.
         force: floor at which a force acts, for responses to it whose columns do not say it.
         mode_error: standard deviation of the model's own ln f, for identified modes; default None.
-        files: what was read of them (see `opened`); each is read whenever it is needed where empty.
+        files: hash and content of those that were read (see `opened`); others are read whenever
+            they are needed.
     """
 
     path: Path
@@ -59,7 +47,9 @@ class ObservationSource:
     further: tuple[Path, ...] = ()
     force: str | None = None
     mode_error: float | None = None
-    files: tuple[OpenedFile, ...] = field(default=(), repr=False, compare=False)
+    files: Mapping[Path, tuple[str, Recording]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -79,12 +69,12 @@ class ObservationSource:
         """
         if self.files:
             return self
-        files = []
+        files = {}
         for path in self.paths:
             read_head(path)  # says what is wrong with a path that cannot be hashed
             # The hash comes first, so that a file that changes meanwhile counts as changed.
-            files.append(OpenedFile(path, file_hash(path), read_measured(path).without_text()))
-        return replace(self, files=tuple(files))
+            files[path] = file_hash(path), read_measured(path).without_text()
+        return replace(self, files=files)
 
     def read(self, path: Path, direction: str, noise: float = SPECTRUM.default_noise) -> AnyKind:
         """What one of the files holds, for a direction of the motion.
@@ -107,14 +97,14 @@ class ObservationSource:
         return base_motion_in(self._recording(self.path), self.unit, self.columns, noise)
 
     def _recording(self, path: Path) -> Recording:
-        kept = {file.path: file.recording for file in self.files}
-        return kept.get(path) or read_measured(path)
+        return self.files[path][1] if path in self.files else read_measured(path)
 
     def made_from(self) -> dict[str, str]:
         """Hash of every file as it was read, for the record of what is made from them."""
         names = ("observation", *(f"observation {k}" for k in range(2, len(self.paths) + 1)))
-        kept = {file.path: file.sha256 for file in self.files}
-        hashes = [kept.get(path) or file_hash(path) for path in self.paths]
+        hashes = [
+            self.files[path][0] if path in self.files else file_hash(path) for path in self.paths
+        ]
         return dict(zip(names, hashes, strict=True))
 
     def files_as_settings(self) -> dict[str, Any]:
@@ -147,8 +137,8 @@ def as_one(building: Building, runs: Sequence[Observation]) -> Observation:
     said = agreement(runs, building.floors).sentence()
     notes = [f"{run.source}: {note}" for run in runs for note in run.notes]
     halves = tuple(pooled(runs[number::2], building.floors) for number in (0, 1))
-    one = pooled(runs, building.floors)
-    return replace(one, notes=(f"{together} {said}", *notes), halves=halves)
+    pool = pooled(runs, building.floors)
+    return replace(pool, notes=(f"{together} {said}", *notes), halves=halves)
 
 
 def runs_of(
@@ -162,8 +152,17 @@ def runs_of(
     Raises:
         MeasurementError: a file cannot be used, belongs to another building, or two are the same.
     """
-    halves = halves and len(source.paths) == 1
-    runs: Sequence[Observation] = [_whole(building, one, halves) for one in source.runs]
+    grid, direction = building.frequency_grid.frequencies_hz(), direction_of(building)
+    runs: Sequence[Observation] = [
+        observation_for(
+            building.floors, run.read_base_motion(building.observation.noise_sd), grid, direction
+        )
+        for run in source.runs
+    ]
+    if any(run.rotation is not None for run in runs):
+        require_heights(building)
+    if halves and len(runs) == 1:
+        runs = [with_halves(runs[0], direction)]
     if len({run.source for run in runs}) < len(runs):
         named = zip(runs, source.paths, strict=True)
         runs = [replace(run, source=str(path)) for run, path in named]
@@ -180,25 +179,15 @@ def runs_of(
     return tuple(runs)
 
 
-def _whole(building: Building, source: ObservationSource, halves: bool) -> Observation:
-    """All floors of one file, over the whole grid."""
-    data = source.read_base_motion(building.observation.noise_sd)
-    grid, direction = building.frequency_grid.frequencies_hz(), direction_of(building)
-    seen = observation_for(building.floors, data, grid, direction)
-    if seen.rotation is not None:
-        require_heights(building)
-    return with_halves(seen, direction) if halves else seen
-
-
 def _require_different(runs: Sequence[Observation]) -> None:
     """Refuse a run that is given twice: counted twice it would make a posterior too narrow."""
-    for one, other in combinations(runs, 2):
-        if one.floors == other.floors and np.array_equal(
-            one.log_frf, other.log_frf, equal_nan=True
+    for run, other in combinations(runs, 2):
+        if run.floors == other.floors and np.array_equal(
+            run.log_frf, other.log_frf, equal_nan=True
         ):
-            same = one.source == other.source
-            files = f"{one.source} is given twice" if same else f"{other.source} holds the same"
-            rest = "" if same else f" measurement as {one.source}"
+            same = run.source == other.source
+            files = f"{run.source} is given twice" if same else f"{other.source} holds the same"
+            rest = "" if same else f" measurement as {run.source}"
             raise MeasurementError(
                 f"{files}{rest}; give every run once, or it counts as if it were two"
             )
