@@ -32,7 +32,7 @@ def listing() -> Answer:
 @click.argument("folder", type=click.Path(path_type=Path), default="examples")
 @plain_options
 def examples(folder: Path) -> Answer:
-    """Copy the shipped example files into FOLDER, by default ./examples.
+    """Copy the shipped example and building files into FOLDER, by default ./examples.
 
     Files that are there already stay as they are.
 

@@ -29,13 +29,18 @@ class CopiedExamples(Result):
 
 
 def copy_examples(folder: Path) -> CopiedExamples:
-    """Copy the shipped example files into a folder; no file there is replaced.
+    """Copy the shipped examples and building files into a folder; no file there is replaced.
 
     Raises:
         StudyError: a file cannot be written.
     """
     copied, kept = [], []
-    for name, source in _shipped(files("femupdate.examples")):
+    models = [
+        (Path("models") / name, source)
+        for name, source in _shipped(files("femupdate.models"))
+        if name.suffix == ".toml"
+    ]
+    for name, source in (*_shipped(files("femupdate.examples")), *models):
         target = folder / name
         if target.exists():
             kept.append(target)

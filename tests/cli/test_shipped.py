@@ -38,6 +38,7 @@ def test_examples_are_copied_and_nothing_is_replaced(femupdate, tmp_path, snapsh
     record = folder / "records" / "ridgecrest_2019_clc_90.csv"
     assert str(record) in answer["copied"]
     assert record.stat().st_size > 10_000
+    assert load_building(folder / "models" / "shear_4dof.toml").kind == "shear"
     assert not (folder / "__init__.py").exists()
     before = snapshot(folder)
     again = femupdate("examples", folder)
