@@ -61,21 +61,20 @@ def judged_by_strength(
         for part in by_strength(run, direction)
     ]
     changed = _told_by_thirds(found, reduce(together, parts), settings) if parts else found
-    if changed.verdict != NAMED:
+    if changed.verdict not in (NAMED, NONE):
         return changed
-    first = found.findings[0]
-    missed = missed_in_run(first.fitted, run, direction)
+    named = found.verdict == NAMED
+    missed = missed_in_run(found.findings[0].fitted if named else found.base, run, direction)
     if missed < _MISSED:
         return found
-    return replace(
-        found,
-        verdict=UNKNOWN,
-        sentence=(
-            f"{first.in_words}, or so the response functions say; but the model with it misses "
-            f"{percent(missed)} of the strong part of the run beyond the noise of its weak part. "
-            "The structure may change while it shakes, or something else is missing."
-        ),
+    doubt = (
+        f"{percent(missed)} of the strong part of the run beyond the noise of its weak part: the "
+        "structure may change while it shakes, or something else is missing."
     )
+    if not named:
+        return replace(found, sentence=f"{found.sentence} Yet it misses {doubt}")
+    text = f"{found.findings[0].in_words}, or so the response functions say; but with it the model"
+    return replace(found, verdict=UNKNOWN, sentence=f"{text} misses {doubt}")
 
 
 def missed_in_run(fitted: Fit, run: Observation, direction: str) -> float:

@@ -11,7 +11,16 @@ from typing import Any
 import torch
 
 from femupdate.discrepancy.diagnose import with_pair
-from femupdate.discrepancy.findings import PARTLY, Diagnosis, Finding, grouped, mass_in_words
+from femupdate.discrepancy.findings import (
+    NONE,
+    NONLINEAR,
+    PARTLY,
+    UNKNOWN,
+    Diagnosis,
+    Finding,
+    grouped,
+    mass_in_words,
+)
 from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.search import (
@@ -25,6 +34,7 @@ from femupdate.discrepancy.strength import judged_by_strength
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.effects.effect import EffectParameter
 from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.tolerances import TOLERANCES
 from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood
@@ -308,8 +318,54 @@ def _notes(given: Given, data: Sequence[Data], found: Diagnosis) -> Iterator[str
     if given.measured.has_base:
         base = found.base
         yield from screen_channels(given.measured.base, base.system, base.theta()[0])
+    yield from _of_tolerances(found)
+    yield from _of_gravity(found.base)
     if found.verdict == PARTLY and not found.pair:
         yield "The effect explains only a part: `repair` adds it and looks for what is beside it."
+
+
+def _of_tolerances(found: Diagnosis) -> Iterator[str]:
+    """How what was found compares with what is known to a tolerance alone."""
+    base, first = found.base, found.leading
+    for key, what in TOLERANCES.items():
+        used = [
+            f"{placed.place} {100.0 * base.known_of(number)[0]:+.2g} %"
+            if key != "delay"
+            else f"{placed.place} {1e3 * base.known_of(number)[0]:+.2g} ms"
+            for number, placed in enumerate(base.placed)
+            if placed.effect.name == f"{key}_tolerance"
+        ]
+        if used:
+            yield f"Within the stated tolerance of {what} the model takes {', '.join(used)}."
+    told = first is not None and found.verdict not in (NONE, UNKNOWN, NONLINEAR)
+    if not told or first is None or first.placed.effect.instrument:
+        return
+    moved = first.changes.frequency
+    if base.likelihood.building.tolerances is None and 0.0 < moved < 0.01:
+        yield (
+            f"It moves no natural frequency by more than {percent(moved, 2)}; masses that are off "
+            f"by {percent(2.0 * moved, 2)} do as much. Where they are known no better, state it "
+            "under [tolerances], and names must go beyond it."
+        )
+
+
+def _of_gravity(base: Fit) -> Iterator[str]:
+    """What P-Delta takes from a stick, which its factors make up for wholly."""
+    structure, effect = base.likelihood.reduced.structure, CATALOGUE["p_delta"]
+    known = structure.is_stick and effect.places(structure)
+    if not known or any(placed.effect is effect for placed in base.placed):
+        return
+    springs = effect.terms(structure, "all").springs
+    assert springs is not None
+    stiffness = [float(term[k, k]) for k, term in enumerate(structure.stiffness_terms)]
+    share = -springs.stiffness / (base.theta()[0] * stiffness)
+    if share.max() >= 0.02:
+        most = structure.building.story_names[int(share.argmax())]
+        yield (
+            f"Gravity takes {percent(float(share.max()))} of the stiffness of {most} (P-Delta), "
+            "which the factors absorb: stories that are drawn equal come out unequal. List p_delta "
+            "at all under [[effects]]."
+        )
 
 
 def _at_limits(model: StudyModel, base: Fit) -> tuple[str, ...]:

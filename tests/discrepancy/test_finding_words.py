@@ -62,8 +62,8 @@ def test_added_mass_is_told_in_its_own_unit_too(unit_mass, nominal, told):
         ),
         (
             ("damping_law", "proportional", -0.155, 0.02),
-            "Damping falls with frequency, by 15.5 % against a law proportional to frequency "
-            "(± 2 %)",
+            "Damping falls with frequency, as by the mass part of Rayleigh's law: by 15.5 % "
+            "against a law proportional to frequency (± 2 %)",
         ),
         (
             ("wall_stiffness", "S2", -0.25, 0.02),

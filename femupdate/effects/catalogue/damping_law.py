@@ -36,7 +36,10 @@ class OtherDampingLaw(Effect):
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
         if size < 0.0 and place != "rayleigh":
-            return f"Damping falls with frequency, by {-100.0 * size:.3g} % against {_LAWS[place]}"
+            against = f"{-100.0 * size:.3g} % against {_LAWS[place]}"
+            return (
+                f"Damping falls with frequency, as by the mass part of Rayleigh's law: by {against}"
+            )
         return f"Damping follows {_LAWS[place]} by {100.0 * size:.3g} %"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
