@@ -56,13 +56,13 @@ def frame_modes(
     mesh_size: float,
     shell: str,
 ) -> Modes:
-    """Modes by OpenSees, or by MYSTRAN where the kind of shell is one of its.
+    """Modes by OpenSees, or by MYSTRAN where the kind of shell is its own.
 
     Args:
         building: a frame.
         effects: name, place and size of effects of mass or of members, in the catalogue's words.
         mesh_size: m.
-        shell: ASDShellQ4 or ShellMITC4 of OpenSees, MIN4T or MITC4+ of MYSTRAN.
+        shell: ASDShellQ4 or ShellMITC4 of OpenSees, MIN4T of MYSTRAN.
     """
     fine = fine_model(building, mesh_size, building.sensors.points)
     structure = fine.structure
@@ -71,7 +71,7 @@ def frame_modes(
     for name, place, size in effects:
         model = changed(structure, model, CATALOGUE[name], place, size)
     nodes = {floor: [int(node) for node in mesh.floor_nodes[floor]] for floor in mesh.floors}
-    if shell not in ("MIN4T", "MITC4+"):
+    if shell != "MIN4T":
         modal = opensees_modes(model, theta, shell, structure.direction, list(nodes.items()))
         omega = np.sqrt(np.diag(modal.stiffness_constant))
         return Modes(omega, modal.floor_shapes * modal.excitation)

@@ -227,7 +227,7 @@ TASKS = (
     Task(words="the walls of both stories that have one, by OpenSees", shell="ASDShellQ4",
          building="frame3.toml", members=(("wall_stiffness", "all", -0.5),), shaking=_WHITE,
          missing=(effect("walls", "S1", "S2", size=-0.5),)),
-    Task(words="the mass of 3F, by MYSTRAN", shell="MITC4+", building="frame3.toml",
+    Task(words="the mass of 3F, by MYSTRAN", shell="MIN4T", building="frame3.toml",
          members=(("added_mass", "3F", 0.1),), missing=(effect("mass", "3F", size=0.1),)),
 )  # fmt: skip
 
