@@ -9,7 +9,6 @@ _PUBLIC = {
     "driven_shapes": "driven",
     "edge_joints": "joints",
     "element_for": "registry",
-    "element_forces": "model",
     "element_kinds": "registry",
     "Elements": "element",
     "factorize": "factorization",

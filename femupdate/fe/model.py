@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.errors import StructureError
-from femupdate.fe.element import Elements, group_factors, rows
+from femupdate.fe.element import Elements, rows
 
 DOF_PER_NODE = 6
 DOF_NAMES = ("ux", "uy", "uz", "rx", "ry", "rz")
@@ -203,31 +203,3 @@ def _nodes(indices: Integers) -> str:
     rest = len(indices) - _LISTED
     more = f" and {rest} more" if rest > 0 else ""
     return f"node{'s' if len(indices) > 1 else ''} {named}{more}"
-
-
-def element_forces(
-    model: FiniteElementModel,
-    elements: Elements,
-    displacement: Floats,
-    theta: Floats,
-    chosen: Integers | None = None,
-) -> Floats:
-    """Forces inside the elements of one block, (n, r), in the order of their `force_names`.
-
-    Args:
-        displacement: (6N,) or (N, 6), m and rad.
-        chosen: (n,) which elements of the block; default all.
-
-    Raises:
-        StructureError: the displacement has another size, or elements of this kind give no forces.
-    """
-    motion = np.asarray(displacement, dtype=float)
-    if motion.size != model.dof:
-        raise StructureError(
-            f"the displacement has {motion.size} values; the model has {model.dof} degrees of "
-            "freedom, six per node"
-        )
-    some = elements if chosen is None else elements.taken(chosen)
-    moved = motion.reshape(-1, 6)[some.nodes].reshape(len(some), -1)
-    rows = some.force_rows(model.nodes)
-    return np.einsum("n,nrd,nd->nr", group_factors(some.group, theta), rows, moved, optimize=True)
