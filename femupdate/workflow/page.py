@@ -118,9 +118,13 @@ def _summary(page: PageStudy) -> Iterator[Block]:
         yield Note(page.calibration.verdict)
     sentences = [*_of_posterior(page), *_of_prediction(page), *_of_finder(page)]
     yield Notes(tuple(sentences) or ("Nothing was calibrated yet.",))
+    yield next(iter(page.description.figures()))
     if page.calibration is not None:
         yield _stiffness(page, page.calibration)
     if page.modes:
+        shares = np.sort([mode.effective_mass for mode in page.modes])[::-1]
+        # The fewest that move 90 % of the mass, as codes ask of a modal analysis.
+        least = shares[min(int(np.searchsorted(shares.cumsum(), 0.9)), len(shares) - 1)]
         rows = [
             (
                 mode.label,
@@ -129,10 +133,10 @@ def _summary(page: PageStudy) -> Iterator[Block]:
                 percent(mode.effective_mass, 1),
             )
             for mode in page.modes
+            if mode.effective_mass >= least
         ]
         head = ("mode", "direction", "frequency, Hz", "share of the mass")
         yield Table.of(head, rows, name="frequencies", caption="Modes that move most of the mass")
-    yield next(iter(page.description.figures()))
     stale = [
         f"The {item.name} is {item.state}{': ' if item.reason else ''}{item.reason}. What this page"
         " shows of it does not hold."
