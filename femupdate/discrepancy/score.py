@@ -124,6 +124,13 @@ def _score_at(base: Fit, placed: Placed, start: tuple[float, ...], changed: Tens
         return Score(placed, start, 0.0, 0.0, 0.0, 1.0, None)
     effect = base.residual - changed  # change of the prediction
     residual, jacobian = base.residual, base.jacobian
+    # What the base knows beforehand, as tolerances, follows an effect only at a cost.
+    held = base.steps.precision.diagonal()
+    if bool((held > 0.0).any()):
+        root = torch.diag(held.sqrt())
+        jacobian = torch.cat([jacobian, root])
+        residual = torch.cat([residual, root @ (base.steps.mean - base.z)])
+        effect = torch.cat([effect, torch.zeros_like(held)])
     alone = effect - jacobian @ least_squares(jacobian, effect)
     whole, left = float(effect @ effect), float(alone @ alone)
     absorbed = 1.0 - left / whole if whole > _NOTHING else 1.0
