@@ -44,7 +44,7 @@ def with_effects(number: str, task: Mapping[str, Any], folder: Path) -> None:
     measured = FOLDER / "tasks" / number / "measured.csv"
     building = FOLDER / task["building"]
     started = time.process_time()
-    femupdate.calibrate(study, measured, building=building, exact=True)
+    femupdate.calibrate(study, measured, building=building, exact=True, anyway=True)
     report = femupdate.repair(study, measured)
     done = report.repair
     verdict = "effects" if done.rounds else done.last.verdict
@@ -77,7 +77,8 @@ def without_effects(number: str, task: Mapping[str, Any], folder: Path) -> None:
     study = folder / "studies" / number
     measured = FOLDER / "tasks" / number / "measured.csv"
     started = time.process_time()
-    found = femupdate.calibrate(study, measured, building=FOLDER / task["building"], exact=True)
+    building = FOLDER / task["building"]
+    found = femupdate.calibrate(study, measured, building=building, exact=True, anyway=True)
     factors = found.posterior.samples
     _forecast(number, study, folder)
     _write(number, folder, started, {
@@ -129,10 +130,13 @@ def enter(name: str, number: str, folder: Path) -> None:
 
 def _places(effect: str, place: str, building: Path) -> list[str]:
     """A place as a list: floors of an exchange, all stories, no place of a law, or itself."""
+    known = load_building(building)
     if effect == "damping_law":
         return []
+    if effect == "story_damper":  # named by the floor above it
+        return [known.story_names[known.floors.index(place.partition("/")[0])]]
     if place == "all":
-        return list(load_building(building).story_names)
+        return list(known.story_names)
     return place.split(",")
 
 

@@ -100,10 +100,10 @@ def _spring(low: int, high: int, share: float) -> Any:
 
 
 def _appendage(level: int, share: float, tuning: float, zeta: float) -> Any:
-    """Something on a floor with a share of the whole mass, tuned to the first frequency."""
+    """Something on a floor with a share of its mass, tuned to the first frequency."""
 
     def change(stick: Stick) -> Stick:
-        kg, turning = share * float(stick.mass.sum()), tuning * stick.modes()[0][0]
+        kg, turning = share * float(stick.mass[level - 1]), tuning * stick.modes()[0][0]
         return replace(stick, appendage=(level, kg, kg * turning**2, 2.0 * zeta * kg * turning))
 
     return change
@@ -195,8 +195,8 @@ TASKS = (
          missing=(effect("brace", "3F-5F"),)),
     Task(words="the roof's sensor is late", stick=_as_it_is, channels=_late(6, 0.004),
          missing=(effect("delay", "RF", size=0.004),)),
-    Task(words="something at 6F vibrates by itself", stick=_appendage(5, 0.015, 2.2, 0.02),
-         shaking=_WHITE, missing=(effect("appendage", "6F", size=0.015),)),
+    Task(words="something at 6F vibrates by itself", stick=_appendage(5, 0.09, 2.2, 0.02),
+         shaking=_WHITE, missing=(effect("appendage", "6F", size=0.09),)),
     Task(words="the mass of the roof, and a late sensor at 3F", stick=_heavier(fRF=0.1),
          channels=_late(2, 0.005),
          missing=(effect("mass", "RF", size=0.1), effect("delay", "3F", size=0.005))),
