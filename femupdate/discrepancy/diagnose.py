@@ -220,6 +220,8 @@ def _at_large_sizes(base: Fit, fits: list[Fit], scores: list[Score]) -> list[Fit
         return _further(fit(small, together, fit(small, together, z, STEPS, steps).z, 0))
 
     begun = [(test.placed, size) for test in tests for size in _sizes_about(test.placed)]
+    if not begun:
+        return []
     tried = sorted(in_threads(lambda pair: held(*pair), begun), key=lambda near: near.misfit)
     known = min(fit(small, fitted.placed, fitted.z, 0).misfit for fitted in ahead[:2])
     return [

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from femupdate.building.document import from_document, to_document
-from femupdate.building.files import load_building
-from femupdate.building.mesh import mesh_building
+from femupdate.building import from_document, load_building, mesh_building, to_document
 from femupdate.report.plot_building import story_plans
 
 

@@ -12,9 +12,7 @@ from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.dynamics import lumped
 from femupdate.effects import structure_of
 from femupdate.inference.frf_data import COMPARING, frf_data
-from femupdate.measurement.frf import observation_for
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.names import FloorChannel
+from femupdate.measurement import FloorChannel, Histories, observation_for
 
 MASS, SPRING, STEP, FINE = np.array([3e5, 3e5, 2e5]), np.array([2e8, 2e8, 1.5e8]), 0.01, 8
 FLOORS, ZETA, SHARE = ("2F", "3F", "RF"), 0.02, 0.2

@@ -12,8 +12,7 @@ from femupdate.arrays import Floats
 from femupdate.building import load_building
 from femupdate.dynamics.excitation import BASE_MOTION
 from femupdate.errors import FemupdateError
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement import Histories, read_observation_file
 
 from ..measured.free_fit import fit_free
 from ..measured.impulse_filter import fit_filter
