@@ -216,8 +216,8 @@ def observation_for(
 def by_strength(seen: Observation, direction: str) -> tuple[Observation, ...]:
     """FRFs of the weak, the middling and the strong third of a record, each at its level.
 
-    The record is cut in segments of some periods of its strongest mode. Which floors and points are
-    used is as in the whole record; none where it has too few segments.
+    The record is cut in segments of 20 or, where those are too few, 12 periods of its strongest
+    mode. Which floors and points are used is as in the whole record; none where it has too few.
     """
     if seen.histories is None:
         return ()
@@ -225,17 +225,20 @@ def by_strength(seen: Observation, direction: str) -> tuple[Observation, ...]:
     floors, step = floors[[names.index(name) for name in seen.floors]], seen.histories.time_step
     # With 12, 20 and 30 periods of the strongest mode the change of five yielding sticks was told
     # in 5, 5 and 4, that of four linear ones in none. Nine segments are three a third.
-    periods, fewest = round(20.0 / strongest_hz(floors, step) / step), 9
-    length = min(periods, 2 * base.size // (fewest + 1))
-    if length < 16 or periods > 2 * length:
-        return ()
-    segments = cut(base.size, step, length, length * step)
-    motion = np.stack([floors[:, start : start + length] for start in segments.starts])
-    power = (window_of(length) * motion**2).mean(axis=2)
-    strength = np.sqrt((power / power.mean(axis=0)).mean(axis=1))
-    # Silence of a fiftieth of the strongest is noise.
-    order = [k for k in strength.argsort() if strength[k] > 0.02 * strength.max()]
-    if len(order) < fewest:
+    period, fewest = 1.0 / strongest_hz(floors, step) / step, 9
+    for periods in (20.0, 12.0):
+        length = min(round(periods * period), 2 * base.size // (fewest + 1))
+        if length < 16 or periods * period > 2 * length:
+            return ()
+        segments = cut(base.size, step, length, length * step)
+        motion = np.stack([floors[:, start : start + length] for start in segments.starts])
+        power = (window_of(length) * motion**2).mean(axis=2)
+        strength = np.sqrt((power / power.mean(axis=0)).mean(axis=1))
+        # Silence of a fiftieth of the strongest is noise.
+        order = [k for k in strength.argsort() if strength[k] > 0.02 * strength.max()]
+        if len(order) >= fewest:
+            break
+    else:
         return ()
     thirds = [part.tolist() for part in np.array_split(order, 3)]
     levels = [np.log2(np.sqrt((strength[third] ** 2).mean())) for third in thirds]

@@ -135,7 +135,9 @@ def _places(effect: str, place: str, building: Path) -> list[str]:
     if effect == "story_damper":  # named by the floor above it
         return [known.story_names[known.floors.index(place.partition("/")[0])]]
     if place == "all":
-        return list(known.story_names)
+        walls = {story for wall in getattr(known, "walls", ()) for story in wall.stories}
+        only = walls if "wall" in effect and "*" not in walls else set(known.story_names)
+        return [story for story in known.story_names if story in only]
     return place.split(",")
 
 
