@@ -51,8 +51,8 @@ def with_effects(number: str, task: Mapping[str, Any], folder: Path) -> None:
         {
             "kind": KINDS.get(placed.effect.name, placed.effect.name),
             "places": _places(placed.effect.name, placed.place, building),
-            "size": added.finding.size,
-            "size_sd": added.finding.size_sd,
+            "size": added.finding.told[0],  # at the fitted factors
+            "size_sd": added.finding.told[1],
         }
         for added in done.rounds
         for placed in [added.finding.placed]
