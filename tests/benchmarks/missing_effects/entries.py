@@ -78,7 +78,7 @@ def without_effects(number: str, task: Mapping[str, Any], folder: Path) -> None:
     started = time.process_time()
     building = FOLDER / task["building"]
     found = femupdate.calibrate(study, measured, building=building, exact=True, anyway=True)
-    factors = found.posterior.samples
+    factors = found.posterior.of("stiffness").samples
     _forecast(number, study, folder)
     _write(number, folder, started, {
         "factors": factors.mean(axis=0).tolist(),
