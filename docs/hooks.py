@@ -113,8 +113,8 @@ def _formats() -> Iterator[str]:
     from femupdate.measurement.reader import readers
 
     yield "| format | what is read |\n|---|---|"
-    for reader in readers().values():
-        yield f"| `{reader.name}` | {_cell(reader.reads)} |"
+    for name, reader in readers().items():
+        yield f"| `{name}` | {_cell(reader.READS)} |"
 
 
 def _python() -> Iterator[str]:
