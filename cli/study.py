@@ -9,7 +9,14 @@ import click
 from femupdate.study import Study, locked
 
 from .answer import Answer
-from .common import output_option, plain_options, posterior_options, progress_bars, study_option
+from .common import (
+    Failure,
+    output_option,
+    plain_options,
+    posterior_options,
+    progress_bars,
+    study_option,
+)
 from .group import GroupedCommand
 from .parameters import InputFile
 
@@ -59,8 +66,10 @@ def compare(before: str, after: str, picture: Path | None, study: Study) -> Answ
     from femupdate.workflow.compare_modes import ModeComparison
 
     report = interface.compare(study, before, after)
-    if picture is None or isinstance(report, ModeComparison):
+    if picture is None:
         return Answer(report)
+    if isinstance(report, ModeComparison):
+        raise Failure("two sets of modes are compared in tables alone; leave --picture out")
     from femupdate.report.figure import save_figure
 
     return Answer(report, (save_figure(report.intervals(), picture),))

@@ -121,7 +121,9 @@ class Result:
         """
         pictures = {picture.name: picture for picture in self.figures()}
         if (name or next(iter(pictures), "")) not in pictures:
-            raise ReportError(f"there is no figure {name!r}; there are {', '.join(pictures)}")
+            raise ReportError(
+                f"there is no figure {name!r}; known: {', '.join(pictures) or 'none'}"
+            )
         return pictures[name or next(iter(pictures))].figure()
 
     def to_dataframe(self, name: str = "") -> "DataFrame":
@@ -134,7 +136,7 @@ class Result:
 
         tables = {table.name: table for table in self.tables()}
         if (name or next(iter(tables), "")) not in tables:
-            raise ReportError(f"there is no table {name!r}; there are {', '.join(tables)}")
+            raise ReportError(f"there is no table {name!r}; known: {', '.join(tables) or 'none'}")
         head, rows = tables[name or next(iter(tables))].sheet()
         return DataFrame(rows, columns=head)
 

@@ -12,6 +12,15 @@ from femupdate.fe.element import Elements
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.model import DOF_PER_NODE, RigidLinks
 
+# Nodes from which a mesh that was read is taken as fine enough: to halve it would take minutes and
+# gigabytes.
+LARGE = 10_000
+
+
+def is_large(mesh: BuildingMesh) -> bool:
+    """Whether a mesh that was read stays as it is."""
+    return len(mesh.model.nodes) > LARGE
+
 
 def split_mesh(mesh: BuildingMesh) -> BuildingMesh:
     """The mesh with new nodes in the middle of every edge and every quadrilateral.

@@ -122,8 +122,9 @@ def _told_by_thirds(found: Diagnosis, thirds: FrfData, settings: DiagnosisSettin
             named, changes = None, alone
     size, level = changes[0].size, max(thirds.levels)
     damping = float(changes[0].fitted.known_of(-1)[1])
+    turn = "grows" if damping >= 0.0 else "falls"
     parts = [
-        f"{changes[0].in_words}, and the damping ratio grows by {percent(damping)}.",
+        f"{changes[0].in_words}, and the damping ratio {turn} by {percent(abs(damping))}.",
         f"Where the run is strong ({2.0**level:.2g} times the motion of its weak parts), it is "
         f"{percent(1.0 - (1.0 + size) ** level)} softer than where it is weak.",
         "No linear effect explains that. The factors are those of the mean strength of this run, "

@@ -3,7 +3,7 @@
 The parameters are stiffness factors and, where a building lists effects, their sizes. The basis is
 taken from responses of the model at samples of them (`femupdate.dynamics.snapshots`) and is judged
 by the full model at others. Where every factor scales a part of the structure, responses are taken
-from the parts (`femupdate.dynamics.substructures`), which cost a fifth.
+from the parts (`femupdate.dynamics.substructures`), which cost less.
 """
 
 from collections.abc import Callable

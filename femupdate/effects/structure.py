@@ -20,7 +20,7 @@ from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import mesh_building
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.shear import ShearBuilding, shear_operators
-from femupdate.building.split_mesh import split_mesh
+from femupdate.building.split_mesh import is_large, split_mesh
 from femupdate.effects.infill import Infill, infills
 from femupdate.errors import BuildingError
 from femupdate.fe.assembly import AffineOperators, assemble
@@ -233,7 +233,7 @@ def structure_of(
 
     Args:
         mesh_size: m; the building's own where None.
-        halved: on a mesh half as wide as its own, of a mesh that was read as well.
+        halved: on a mesh half as wide as its own, of a mesh that was read and is not large as well.
 
     Raises:
         BuildingError, StructureError: the building cannot be meshed or stand.
@@ -243,7 +243,7 @@ def structure_of(
     if halved and isinstance(building, FrameBuilding):
         mesh_size = 0.5 * building.mesh.size
     mesh = mesh_building(building, mesh_size)
-    split = halved and isinstance(building, MeshBuilding)
+    split = halved and isinstance(building, MeshBuilding) and not is_large(mesh)
     return _frame(building, split_mesh(mesh) if split else mesh, mesh_size)
 
 

@@ -9,8 +9,6 @@ from femupdate.fe.element import POISSON, Elements, column
 from femupdate.fe.membrane import DRILLING_STABILISATION
 from femupdate.fe.opensees import OpenSeesPart, OpenSeesTable, sections
 
-# Names of the forces at one corner: per length in N/m, then moments per length in N.
-
 
 @dataclass(frozen=True, kw_only=True)
 class Surface(Elements):

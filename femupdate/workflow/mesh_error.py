@@ -11,6 +11,7 @@ from femupdate.building.document import Building, without_effects
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.shear import ShearBuilding
+from femupdate.building.split_mesh import LARGE, is_large
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error
 from femupdate.discrepancy.search import check_sizes
 from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
@@ -36,9 +37,6 @@ from femupdate.workflow.model import (
 MESH_ERROR = "mesh error"
 _THETAS = 8  # sets of factors at which meshes are compared
 _INNER = 1.5  # by which the ends of the prior are left out
-# Nodes from which a mesh that was read is taken as fine enough: to halve it would take minutes and
-# gigabytes.
-_LARGE = 10_000
 
 
 def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT) -> StudyModel:
@@ -50,7 +48,11 @@ def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT
     if isinstance(plain, ShearBuilding) or model.finer is not None:
         return model
     coarse = structure_of(plain)
-    if is_large(coarse):
+    if _stays(coarse):
+        progress.say(
+            f"The mesh of {plain.name} has more than {LARGE:,} nodes and is taken as fine enough: "
+            "its error is in no interval"
+        )
         return model
     fine = structure_of(plain, halved=True)
     target = reduction_target(plain)
@@ -68,10 +70,10 @@ def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT
     return on_kept_finer(study, model)
 
 
-def is_large(structure: Structure) -> bool:
-    """Whether a mesh that was read is too large to be halved, so that its error is not learned."""
+def _stays(structure: Structure) -> bool:
+    """Whether a mesh was read and is too large to be split, so that its error is not learned."""
     read = isinstance(structure.building, MeshBuilding)
-    return read and structure.mesh is not None and len(structure.mesh.model.nodes) > _LARGE
+    return read and structure.mesh is not None and is_large(structure.mesh)
 
 
 def open_mesh_error(
@@ -85,7 +87,7 @@ def open_mesh_error(
         structure: the full model on the finder's mesh.
     """
     plain = without_effects(model.building)
-    if isinstance(plain, ShearBuilding) or is_large(structure):
+    if isinstance(plain, ShearBuilding) or _stays(structure):
         return None
 
     def learn() -> MeshError:

@@ -53,3 +53,14 @@ def test_a_mode_without_a_partner_and_files_without_floors_in_common_are_told(tm
     other = written(tmp_path / "three.csv", HERTZ, SHAPES, ("4F", "5F", "RF"))
     with pytest.raises(MeasurementError, match="1 floors in common"):
         femupdate.compare(tmp_path, one, other)
+
+
+def test_a_picture_of_two_sets_of_modes_is_refused(tmp_path):
+    from click.testing import CliRunner
+    from femupdate.cli.main import group
+
+    files = [written(tmp_path / name, HERTZ, SHAPES) for name in ("one.csv", "two.csv")]
+    done = CliRunner().invoke(group, ["compare", *files, "--picture", str(tmp_path / "a.png")])
+    assert done.exit_code == 1
+    assert "leave --picture out" in done.output
+    assert not (tmp_path / "a.png").exists()

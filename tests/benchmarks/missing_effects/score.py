@@ -47,11 +47,13 @@ def _task_score(number: str, entry: Path) -> dict[str, Any]:
     if "verdict" in said:
         names = {_name(effect): effect for effect in said.get("effects", ())}
         right = {_name(effect): effect for effect in truth["missing"]}
-        false = [] if "unknown" in truth["verdicts"] else [*(names.keys() - right.keys())]
+        # What an unknown verdict lists are candidates, no names.
+        candidates = said["verdict"] == "unknown"
+        false = [] if candidates else [*(names.keys() - right.keys())]
         told = said["verdict"] in truth["verdicts"]
         scores |= {
             "verdict": said["verdict"],
-            "names": len(names),
+            "names": 0 if candidates else len(names),
             "false": [f"{kind} {' '.join(places)}" for kind, places in sorted(false)],
             "right": told and (names.keys() == right.keys() or "unknown" in truth["verdicts"]),
         }
@@ -63,6 +65,10 @@ def _task_score(number: str, entry: Path) -> dict[str, Any]:
         ]
     if said.get("factors") and truth["factors"]:
         mean, sd, true = map(np.array, (said["factors"], said["factors_sd"], truth["factors"]))
+        if not len(mean) == len(sd) == len(true):
+            raise ValueError(
+                f"{path}: give {len(true)} factors and as many factors_sd, a story each"
+            )
         scores["factors"] = (mean / true - 1.0).tolist()
         scores["held"] = (abs(mean - true) <= 1.645 * sd).tolist()
     if (entry / f"{number}.csv").exists():

@@ -48,12 +48,25 @@ def test_the_truth_scores_full_marks(tmp_path):
             (0, 1),
         ),
         ("18", {"effects": [{"kind": "brace", "places": ["5F-RF"]}]}, "named", (1, 1)),
+        ("18", {"effects": [{"kind": "brace", "places": ["5F-RF"]}]}, "false", (0, 0)),
+        (
+            "18",
+            {"verdict": "effects", "effects": [{"kind": "brace", "places": ["5F-RF"]}]},
+            "false",
+            (1, 1),
+        ),
         ("05", {"factors": [2 * f for f in answer_of("05")["factors"]]}, "factors", (100.0, 6)),
     ],
 )
 def test_what_is_wrong_is_counted(number, changes, figure, value, tmp_path):
     enter(tmp_path, number, **changes)
     assert figures(score(tmp_path))[figure] == pytest.approx(value)
+
+
+def test_answers_of_another_building_are_refused(tmp_path):
+    enter(tmp_path, "01", factors=[1.0], factors_sd=[0.1])
+    with pytest.raises(ValueError, match=r"01\.json: give 6 factors"):
+        score(tmp_path)
 
 
 def test_a_stick_of_opensees_moves_as_its_modes_do():
