@@ -49,11 +49,11 @@ class GroupedCommand(click.Command):
                 continue
             several = value if isinstance(value, list | tuple) else (value,)
             if isinstance(parameter, click.Argument):
-                files += [one for one in several if isinstance(one, str)]
+                files += [file for file in several if isinstance(file, str)]
             elif getattr(parameter, "is_flag", False):
                 options.append(longest_name(parameter))
             else:
-                options += [word for one in several for word in (longest_name(parameter), one)]
+                options += [word for part in several for word in (longest_name(parameter), part)]
         return [*files, *options]
 
     def invoke(self, ctx: click.Context) -> Any:

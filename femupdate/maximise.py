@@ -131,9 +131,9 @@ class _InNormal:
 def descend(misfit: Residuals, starts: Tensor, how: "Search | None" = None) -> Descent:
     """Minimise the misfit from every start (s, z)."""
     size = starts.shape[1]
-    far, one = starts.new_full((size,), torch.inf), torch.eye(size).to(starts)
+    far, scale = starts.new_full((size,), torch.inf), torch.eye(size).to(starts)
     found = maximise(
-        _InNormal(misfit, -far, far, torch.zeros_like(far), one),
+        _InNormal(misfit, -far, far, torch.zeros_like(far), scale),
         starts,
         how or Search(iterations=40, small_nats=1e-3),
     )

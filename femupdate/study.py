@@ -392,7 +392,7 @@ class Study:
 
     def _others(self, name: str) -> str:
         """Posteriors that could be meant instead."""
-        others = [one for one in self.posteriors() if one != self.posterior]
+        others = [path for path in self.posteriors() if path != self.posterior]
         if name != MAIN_POSTERIOR or not others:
             return ""
         return f", or choose {' or '.join(others)} with --posterior"

@@ -67,7 +67,7 @@ def completed(task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[tuple[
     if chosen is None:
         return _by_threads(task, arguments)
     if not isinstance(chosen, Executor):
-        return ((number, task(one)) for number, one in enumerate(arguments))
+        return ((number, task(argument)) for number, argument in enumerate(arguments))
     return _submitted(chosen, task, arguments)
 
 
@@ -82,7 +82,7 @@ def in_threads(task: Callable[[A], T], arguments: Iterable[A]) -> list[T]:
     They never leave this machine: to send them would take longer than to do them.
     """
     if _CHOSEN.get() == _NONE:
-        return [task(one) for one in arguments]
+        return [task(argument) for argument in arguments]
     return list(_in_order(_by_threads(task, tuple(arguments))))
 
 
@@ -106,7 +106,7 @@ def _in_order(pieces: Iterator[tuple[int, T]]) -> Iterator[T]:
 def _submitted(
     executor: Executor, task: Callable[[A], T], arguments: Sequence[A]
 ) -> Iterator[tuple[int, T]]:
-    places = {executor.submit(task, one): k for k, one in enumerate(arguments)}
+    places = {executor.submit(task, argument): k for k, argument in enumerate(arguments)}
     try:
         for future in as_completed(places):
             yield places[future], future.result()

@@ -99,8 +99,8 @@ def _soft_slabs(building: FrameBuilding) -> Iterator[str]:
         material = building.material(slab.material)
         rigidity = material.youngs_modulus * slab.thickness**3 / 12.0
         rigidity /= 1.0 - material.poisson_ratio**2
-        own = material.density * slab.thickness
-        mass = max([own, *(totals.get(floor, 0.0) / areas[floor] for floor in floors)])
+        alone = material.density * slab.thickness
+        mass = max([alone, *(totals.get(floor, 0.0) / areas[floor] for floor in floors)])
         # First mode of a simply supported plate (Leissa 1969, Vibration of Plates, section 4.1).
         first = 0.5 * np.pi * (a**-2 + b**-2) * np.sqrt(rigidity / max(mass, 1e-9))
         # A grid up to four times a floor's first frequency holds many of its modes.

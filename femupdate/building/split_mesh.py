@@ -36,13 +36,13 @@ def split_mesh(mesh: BuildingMesh) -> BuildingMesh:
     quads = np.concatenate([np.zeros((0, 4), dtype=np.int64), *centres])
     weights = vstack([eye_array(count), _mean_of(edges, count), _mean_of(quads, count)]).tocsr()
     split = [
-        _split(block, own.reshape(len(block), -1), first)
-        for block, own, first in zip(
+        _split(block, parent.reshape(len(block), -1), first)
+        for block, parent, first in zip(
             model.elements, middles, _first_centres(model.elements, count + len(edges)), strict=True
         )
     ]
     parents = [edges, quads]
-    fixed = np.concatenate([model.fixed, *(model.fixed[own].all(axis=1) for own in parents)])
+    fixed = np.concatenate([model.fixed, *(model.fixed[parent].all(axis=1) for parent in parents)])
     at_base = np.isin(edges, mesh.base_nodes).all(axis=1)
     return replace(
         mesh,
@@ -57,8 +57,8 @@ def split_mesh(mesh: BuildingMesh) -> BuildingMesh:
         parts=None
         if mesh.parts is None
         else tuple(
-            np.repeat(own, len(new) // len(old))
-            for own, old, new in zip(mesh.parts, model.elements, split, strict=True)
+            np.repeat(parent, len(new) // len(old))
+            for parent, old, new in zip(mesh.parts, model.elements, split, strict=True)
         ),
         of_coarser=weights,
     )
@@ -139,7 +139,7 @@ def _links(links: RigidLinks, parents: list[Integers], count: int) -> RigidLinks
         bodies.setdefault(slave, {})[master] = tied
         bodies.setdefault(master, {}).setdefault(master, np.ones(DOF_PER_NODE, dtype=np.bool_))
     rows: list[tuple[int, int, Flags]] = []
-    numbered = enumerate((one for group in parents for one in group.tolist()), count)
+    numbered = enumerate((member for group in parents for member in group.tolist()), count)
     for number, nodes in numbered if bodies else ():
         of_nodes = [bodies.get(node, {}) for node in nodes]
         for master in set(of_nodes[0]).intersection(*of_nodes[1:]):

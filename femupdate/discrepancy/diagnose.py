@@ -107,7 +107,9 @@ def diagnose(
     again = in_threads(lambda z: settle(problem, fit(problem, placed, z)), starts)
     base = max([base, *again], key=lambda fitted: log_posterior(problem, fitted))
     problem = base.likelihood
-    findings = tuple(one for one in _weighed(base, fits, scores, chosen) if one.large_enough)
+    findings = tuple(
+        finding for finding in _weighed(base, fits, scores, chosen) if finding.large_enough
+    )
     progress.advance(note="testing half of the data against the other")
     findings = _certified(base, findings, len(scores), chosen)
     beside = partial(keeps_beside, settings=chosen)
@@ -426,15 +428,15 @@ def _certified(
     Where the model errs, instruments' effects that its error may hide are tested too.
     """
     problem, most = base.likelihood, VERDICT.compared
-    carried = [one for one in findings if one.log_evidence >= settings.over_none]
+    carried = [finding for finding in findings if finding.log_evidence >= settings.over_none]
     worthy = [*carried[:1], *others_than(carried[0], carried[1:])][:most] if carried else []
     if problem.row != problem.error.first:
-        hinted = [one for one in findings if one.log_evidence >= VERDICT.positive]
-        instruments = [one for one in hinted if one.placed.effect.instrument][:most]
-        worthy += [one for one in instruments if one not in worthy]
+        hinted = [finding for finding in findings if finding.log_evidence >= VERDICT.positive]
+        instruments = [finding for finding in hinted if finding.placed.effect.instrument][:most]
+        worthy += [finding for finding in instruments if finding not in worthy]
     fits = [finding.fitted for finding in worthy]
     tests = certify(problem, base, fits, tried, settings.false_share) if fits else {}
-    return tuple(replace(one, tested=tests.get(one.placed.label)) for one in findings)
+    return tuple(replace(finding, tested=tests.get(finding.placed.label)) for finding in findings)
 
 
 def with_pair(
@@ -500,7 +502,7 @@ def _best_pair(found: Diagnosis, settings: DiagnosisSettings, progress: Progress
     """
     # One of two may show by itself as nothing.
     able = [finding for finding in found.findings if not finding.placed.exchange]
-    strong = [one for one in able if one.log_evidence >= one.needed(settings)][:10]
+    strong = [finding for finding in able if finding.log_evidence >= finding.needed(settings)][:10]
     pairs = [pair for pair in combinations(able, 2) if pair[0] in strong]
     if not pairs:
         return None

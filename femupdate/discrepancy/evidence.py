@@ -278,6 +278,6 @@ def _moved(
         frequency = fitted.system.modes(stiffness, sizes).frequency_hz[0]
         found.append(frequency[torch.isfinite(frequency)])
     count = min(len(found[0]), len(found[1]))
-    first, second = (one.sort().values[:count] for one in found)
+    first, second = (values.sort().values[:count] for values in found)
     seen = (second > 0.0) & (second <= problem.top_hz)
     return float((first[seen] / second[seen] - 1.0).abs().max()) if seen.any() else 0.0

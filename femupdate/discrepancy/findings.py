@@ -200,7 +200,9 @@ class Diagnosis:
         told, needed = [], settings.margin(self.leading.log_evidence)
         enough = [further for further in self.worth if further.log_evidence >= needed]
         if enough:
-            best = "; ".join(f"{one.what} ({one.log_evidence:.0f})" for one in enough[:3])
+            best = "; ".join(
+                f"{finding.what} ({finding.log_evidence:.0f})" for finding in enough[:3]
+            )
             told.append(f"Measured as well, it would decide (log evidence to expect): {best}.")
         elif self.worth:
             told.append(

@@ -54,7 +54,7 @@ def global_fit(
     rough = coarse(problem)
     alone = fit(rough, base.placed, base.z, _ROUGH_STEPS)
     # What leads, and the strongest place of every effect, get all draws; of a stick all places.
-    strongest = {one.placed.effect.name: one.placed.label for one in reversed(scores)}
+    strongest = {score.placed.effect.name: score.placed.label for score in reversed(scores)}
     most = {*strongest.values(), *(placed.label for placed in leading[:4])}
     cheap = problem.reduced.model.size <= 60
 
@@ -65,10 +65,10 @@ def global_fit(
         nearest = misfits(rough.with_effects(together), z).sort()
         return float(nearest.values[0]), together, z[nearest.indices[:_STARTS]]
 
-    others = [one.placed for one in scores if not one.placed.exchange]
-    first = sorted(in_threads(screened, others), key=lambda one: one[0])[:_SEARCHED]
+    others = [score.placed for score in scores if not score.placed.exchange]
+    first = sorted(in_threads(screened, others), key=lambda begin: begin[0])[:_SEARCHED]
     begun = [(together, start) for _, together, starts in first for start in starts]
-    fits = in_threads(lambda one: fit(rough, *one), begun)
+    fits = in_threads(lambda begin: fit(rough, *begin), begun)
     best = min(fits, key=lambda fitted: fitted.misfit, default=alone)
     if best.chi2 > _BETTER * alone.chi2:
         usual = _of_usual_size(rough, alone, scores)
@@ -140,12 +140,12 @@ def _from_prior(
 ) -> Tensor:
     """Unknowns (count, d) with theta, zeta and the last effect from their priors."""
     of = problem.with_effects(together)
-    known, own = alone.z[alone.steps.first_size :], len(together[-1].effect.parameters)
+    known, added = alone.z[alone.steps.first_size :], len(together[-1].effect.parameters)
     stories, sizes = spawn(seed, 3)[1:]
-    drawn = prior_draws(of, torch.cat([known, known.new_zeros(own)]), count, stories)
+    drawn = prior_draws(of, torch.cat([known, known.new_zeros(added)]), count, stories)
     generator = torch_generator(sizes)
-    size = torch.randn(count, own, generator=generator, dtype=torch.float64)
-    drawn[:, -own:] = 1.5 * size
+    size = torch.randn(count, added, generator=generator, dtype=torch.float64)
+    drawn[:, -added:] = 1.5 * size
     return of.prior.steps.inside(drawn)
 
 
@@ -179,7 +179,7 @@ def exchange_fits(
     """Fits with one exchange more, of those that explain much."""
     promises = promising(problem, base, exchanges, seed)
     return in_threads(
-        lambda one: fit(problem, (*base.placed, one.placed), one.z, FAR_STEPS), promises
+        lambda promise: fit(problem, (*base.placed, promise.placed), promise.z, FAR_STEPS), promises
     )
 
 
@@ -216,7 +216,9 @@ def promising(
         moved = base.z.clone()
         moved[columns] = best.z
         promises.append(Promise(exchanges[number], moved, best.chi2 / max(alone.chi2, 1e-12)))
-    return sorted((one for one in promises if one.share < 0.8), key=lambda one: one.share)
+    return sorted(
+        (promise for promise in promises if promise.share < 0.8), key=lambda promise: promise.share
+    )
 
 
 def _misfits(problem: Likelihood, alone: Fit, exchanges: list[Placed], z: Tensor) -> Tensor:

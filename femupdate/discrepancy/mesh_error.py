@@ -126,7 +126,7 @@ class MeshError:
         left = MESH_ERROR.half**2 / (1.0 - MESH_ERROR.half**2)
         return replace(
             self,
-            sd=tuple(left * one for one in self.sd),
+            sd=tuple(left * value for value in self.sd),
             left=left * self.left,
             effect=left * self.effect,
             shape=left * self.shape,
@@ -160,16 +160,16 @@ def learn_mesh_error(
         [modes_shown(model, theta, top_hz) for theta in thetas] for model in (coarse, fine.model)
     )
     lessons = [
-        _lesson(own, other, fine, placed, theta)
-        for own, other, theta in zip(ours, theirs, thetas, strict=True)
+        _lesson(coarse, other, fine, placed, theta)
+        for coarse, other, theta in zip(ours, theirs, thetas, strict=True)
     ]
     if not any(len(sought) for _, sought, _ in lessons):
         raise StructureError(
             f"{structure.building.name}: no mode below {top_hz:g} Hz can be followed from the mesh "
             "to a finer one, so the error of the mesh is unknown; write a smaller mesh.size"
         )
-    mean, sd, left = _estimate(lessons, [one.effect.name for one in placed])
-    labels = tuple(one.label for one in placed)
+    mean, sd, left = _estimate(lessons, [effect.effect.name for effect in placed])
+    labels = tuple(effect.label for effect in placed)
     learned = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0, 0.0)
     # The coarse model as the mean factors have it: what they leave is what it misses the true one.
     undone = corrected(fine, replace(learned, share=-1.0)).model
@@ -271,7 +271,7 @@ def modes_shown(model: ReducedModel, theta: Floats, top_hz: float) -> MeshModes:
 def _matched(ours: MeshModes, theirs: MeshModes) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pairs of modes that are the same: near in frequency, with the same effect on the floors."""
     shift = 0.5 * np.abs(np.log(ours.squared[:, None] / theirs.squared))
-    sizes = [np.linalg.norm(one.effect, axis=0) for one in (ours, theirs)]
+    sizes = [np.linalg.norm(side.effect, axis=0) for side in (ours, theirs)]
     change = np.abs(np.log(sizes[0][:, None] / sizes[1]))
     alike = np.abs(ours.effect.T @ theirs.effect) / (sizes[0][:, None] * sizes[1])
     cost = shift / _SAME_FREQUENCY + change / _SAME_EFFECT + (1.0 - alike) / _SAME_SHAPE
@@ -293,9 +293,9 @@ def _energy_shares(
 ) -> Floats:
     """Share (m, q) of each kind of member in the strain energy of some modes."""
     vectors, shares = modes.vectors[:, rows], []
-    for one in placed:
+    for effect in placed:
         energy = np.zeros(len(rows))
-        for story, matrix, _ in reduced.terms(one).stiffness:
+        for story, matrix, _ in reduced.terms(effect).stiffness:
             factor = 1.0 if story == UNSCALED else theta[story]
             energy = energy + factor * ((matrix.numpy() @ vectors) * vectors).sum(axis=0)
         shares.append(energy / modes.squared[rows])
@@ -367,12 +367,12 @@ class OpenMesh:
             return torch.cat([torch.cat(members, dim=1), of_points_that_bend(data, members)])
         # Of changes this small fewer shapes tell enough.
         count = min(FEWER_SHAPES, system.model.size)
-        own, terms = (
-            tuple(first_coordinates(one, count) for one in some)
+        terms_of, terms = (
+            tuple(first_coordinates(effect, count) for effect in some)
             for some in (system.terms, self.terms)
         )
-        few = replace(system, model=system.model.first(count), terms=own)
-        top_hz = 1.25 * max(one.top_hz for one in data)
+        few = replace(system, model=system.model.first(count), terms=terms_of)
+        top_hz = 1.25 * max(kind.top_hz for kind in data)
         modes = modes_shown(few.model, values.theta[0].numpy(), top_hz)
         here = _predicted(data, few, values)
         return torch.cat(
@@ -401,7 +401,7 @@ class OpenMesh:
         )
         found = _predicted(data, wide, both)
         parts = zip(data, found, strict=True)
-        return [one.moved(all_[:1], all_[1:]) / _PART for one, all_ in parts]
+        return [member.moved(all_[:1], all_[1:]) / _PART for member, all_ in parts]
 
     def _frequencies(
         self,
@@ -434,7 +434,7 @@ class OpenMesh:
             shapes = model.floor_shapes + step * vector
             other = replace(system, model=replace(model, floor_shapes=shapes))
             moved = _moved(data, here, _predicted(data, other, values))
-            yield from self._of_floors(data, [one[0] for one in moved], shown)
+            yield from self._of_floors(data, [first[0] for first in moved], shown)
 
     def _of_floors(
         self, data: Sequence[Data], moved: list[Tensor], shown: Floats
@@ -445,8 +445,10 @@ class OpenMesh:
         """
         share = torch.from_numpy(shown / np.linalg.norm(shown))
         scale = _LEFT_FACTOR / _STEP
-        alone = [scale * one.by_floor(own) for one, own in zip(data, moved, strict=True)]
-        alike = [share[list(one.rows)] @ own for one, own in zip(data, alone, strict=True)]
+        alone = [scale * kind.by_floor(changes) for kind, changes in zip(data, moved, strict=True)]
+        alike = [
+            share[list(kind.rows)] @ changes for kind, changes in zip(data, alone, strict=True)
+        ]
         return (
             self.mesh.effect * torch.cat(alike)[None],
             self.mesh.shape * torch.block_diag(*alone),
@@ -455,32 +457,32 @@ class OpenMesh:
 
 def left_open(mesh: MeshError, reduced: ReducedStructure, *, by_modes: bool = False) -> OpenMesh:
     """What is left open of a structure that is `corrected`."""
-    return OpenMesh(mesh, tuple(reduced.terms(one) for one in mesh.placed), by_modes)
+    return OpenMesh(mesh, tuple(reduced.terms(effect) for effect in mesh.placed), by_modes)
 
 
 def _predicted(data: Sequence[Data], system: System, values: Values) -> list[Tensor]:
-    return [one.predicted(system, values.theta, values.zeta, values.sizes) for one in data]
+    return [kind.predicted(system, values.theta, values.zeta, values.sizes) for kind in data]
 
 
 def _moved(data: Sequence[Data], from_: list[Tensor], to: list[Tensor]) -> list[Tensor]:
     """Changes (c, n) of every kind of data."""
-    return [one.moved(*both) for one, *both in zip(data, from_, to, strict=True)]
+    return [kind.moved(*both) for kind, *both in zip(data, from_, to, strict=True)]
 
 
 def of_points_that_bend(data: Sequence[Data], known: list[Tensor]) -> Tensor:
     """An error (c, n) for every point of FRFs that the known ones change by too much for a line."""
     found = []
-    for one, changes in zip(data, known, strict=True):
+    for kind, changes in zip(data, known, strict=True):
         size = changes.square().sum(0).sqrt()
-        if not isinstance(one, FrfData):
+        if not isinstance(kind, FrfData):
             found.append(changes.new_zeros(0, len(size)))
             continue
-        root = one.weight.sqrt().flatten().to(size)
+        root = kind.weight.sqrt().flatten().to(size)
         root = root.repeat(len(size) // len(root))
         (bent,) = ((size > _BENDS * root) & (root > 0.0)).nonzero(as_tuple=True)
-        own = changes.new_zeros(len(bent), len(size))
-        own[torch.arange(len(bent)), bent] = _BENT * size[bent]
-        found.append(own)
+        sizes = changes.new_zeros(len(bent), len(size))
+        sizes[torch.arange(len(bent)), bent] = _BENT * size[bent]
+        found.append(sizes)
     return torch.block_diag(*found)
 
 

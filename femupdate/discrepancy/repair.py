@@ -137,19 +137,19 @@ def without_needless(base: Fit, current: Fit, rounds: list[Round]) -> tuple[Fit,
     """
     first, squares = len(base.known), base.chi2
     values, sizes, kept = current.known, list(base.known), list[Round]()
-    for number, one in enumerate(rounds, start=len(base.placed)):
-        part = slice(first, first + len(one.finding.placed.effect.parameters))
+    for number, step in enumerate(rounds, start=len(base.placed)):
+        part = slice(first, first + len(step.finding.placed.effect.parameters))
         first = part.stop
         if not _clear(current, number):
             continue
         sizes += list(values[part])
-        kept.append(replace(one, chi2_before=squares))
-        squares = one.chi2_after
+        kept.append(replace(step, chi2_before=squares))
+        squares = step.chi2_after
     if len(kept) == len(rounds):
         return current, rounds
     if not kept:
         return base, kept
-    problem, placed = current.likelihood, (*base.placed, *(one.finding.placed for one in kept))
+    problem, placed = current.likelihood, (*base.placed, *(step.finding.placed for step in kept))
     start = extended(problem, current, placed, np.array(sizes))
     return settle(problem, fit(problem, placed, start)), kept
 
@@ -188,7 +188,7 @@ def next_effect(
     if found.twins:
         labels = [finding.placed.label for finding in found.findings]
         rivals = 1 + max(labels.index(twin) for twin in found.twins)
-        gains = [elsewhere(problem, base, one.fitted) for one in found.findings[:rivals]]
+        gains = [elsewhere(problem, base, finding.fitted) for finding in found.findings[:rivals]]
         evidence = [finding.log_evidence for finding in found.findings[:rivals]]
         totals = np.add(evidence, gains)
         second, best = np.argsort(totals)[-2:]
@@ -230,14 +230,14 @@ def as_fitted(done: Repair) -> Repair:
     values, sd = done.after.sizes()
     first = len(done.before.known)
     rounds = []
-    for one in done.rounds:
-        finding, count = one.finding, len(one.finding.placed.effect.parameters)
+    for step in done.rounds:
+        finding, count = step.finding, len(step.finding.placed.effect.parameters)
         if count:
             size, error = float(values[first]), float(sd[first])
             finding = replace(finding, size=size, size_sd=error)
         first += count
-        rounds.append(replace(one, finding=finding))
-    rounds[-1:] = [replace(one, chi2_after=done.after.chi2) for one in rounds[-1:]]
+        rounds.append(replace(step, finding=finding))
+    rounds[-1:] = [replace(step, chi2_after=done.after.chi2) for step in rounds[-1:]]
     return replace(done, rounds=tuple(rounds))
 
 

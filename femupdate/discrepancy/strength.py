@@ -163,8 +163,8 @@ def _changes(linear: Fit, thirds: FrfData, settings: DiagnosisSettings) -> tuple
         as_finding(base, fitted, test, laplace(problem, fitted) - without)
         for fitted, test in zip(fits, tests, strict=True)
     ]
-    findings = [one for one in findings if one.log_evidence >= settings.over_none]
-    return tuple(sorted(findings, key=lambda one: -one.log_evidence))
+    findings = [finding for finding in findings if finding.log_evidence >= settings.over_none]
+    return tuple(sorted(findings, key=lambda finding: -finding.log_evidence))
 
 
 def _evidence(change: Finding) -> float:

@@ -32,7 +32,7 @@ class Estimate(Protocol):
 
 def split_sizes(placed: Sequence[Placed], sizes: Tensor) -> list[Tensor]:
     """The parameters (N, q) of all effects, one after the other, each effect's by themselves."""
-    counts = [len(one.effect.parameters) for one in placed]
+    counts = [len(effect.effect.parameters) for effect in placed]
     return list(sizes.split(counts, dim=1)) if counts else []
 
 
@@ -48,9 +48,11 @@ def observed(
 
     `over_base` says whether they are taken over the reading of the base's horizontal sensor.
     """
-    for one, own in zip(placed, split_sizes(placed, sizes), strict=True):
-        if over_base or one.place != _BASE:
-            frf = one.effect.observe(frf, omega, own, one.effect.place_rows(one.place, floors))
+    for listed, values in zip(placed, split_sizes(placed, sizes), strict=True):
+        if over_base or listed.place != _BASE:
+            frf = listed.effect.observe(
+                frf, omega, values, listed.effect.place_rows(listed.place, floors)
+            )
     return frf
 
 
@@ -69,7 +71,7 @@ class ClosedForm:
     @property
     def changes(self) -> bool:
         """Whether any effect does something here."""
-        return any(self.pitch) or any(one.effect.instrument for one in self.placed)
+        return any(self.pitch) or any(listed.effect.instrument for listed in self.placed)
 
     def log_frf(
         self,
@@ -100,9 +102,9 @@ class ClosedForm:
         if not self.changes:
             return frf
         rotation, first = sizes.new_zeros(len(sizes)), 0
-        for one, pitch in zip(self.placed, self.pitch, strict=True):
+        for listed, pitch in zip(self.placed, self.pitch, strict=True):
             if pitch:
                 rotation = rotation + pitch * sizes[:, first]
-            first += len(one.effect.parameters)
+            first += len(listed.effect.parameters)
         leaning = rotation[:, None] * sizes.new_tensor(self.levels)
         return observed(self.placed, self.floors, frf + leaning[:, :, None], omega, sizes)

@@ -91,8 +91,8 @@ class DrivenSystem:
 def first_sizes(placed: Sequence[Placed], sizes: Floats) -> list[float]:
     """The parameter that each effect's terms scale with; one for an effect without parameters."""
     found, first = [], 0
-    for one in placed:
-        count = len(one.effect.parameters)
+    for listed in placed:
+        count = len(listed.effect.parameters)
         found.append(float(sizes[first]) if count else 1.0)
         first += count
     return found
@@ -149,12 +149,12 @@ def driven_system(
     Raises:
         StructureError: the structure is a mechanism, or too many shapes would be needed.
     """
-    placed, terms = tuple(one for one, _ in added), [own for _, own in added]
+    placed, terms = tuple(listed for listed, _ in added), [terms_of for _, terms_of in added]
     whole = equations_at(
         structure, theta, list(zip(terms, first_sizes(placed, sizes), strict=True))
     )
-    turns = turns or any(own.pitch or own.flexibility[ROTATION] for own in terms)
-    ports = [own.port.row for own in terms if own.port is not None]
+    turns = turns or any(terms_of.pitch or terms_of.flexibility[ROTATION] for terms_of in terms)
+    ports = [terms_of.port.row for terms_of in terms if terms_of.port is not None]
     translated = whole.force if turns else whole.force[:, [TRANSLATION]]
     forces = np.column_stack([translated, *ports])
     held = structure.operators
@@ -166,8 +166,8 @@ def driven_system(
     )
     model = _on_shapes(structure, whole, seen, found.frequency_hz, found.shapes)
     rest = tuple(
-        reduce_terms(found.shapes, replace(own, stiffness=(), springs=None, mass=None))
-        for own in terms
+        reduce_terms(found.shapes, replace(terms_of, stiffness=(), springs=None, mass=None))
+        for terms_of in terms
     )
     return DrivenSystem(System(model, law, placed, rest), whole, found.frequency_hz, found.shapes)
 

@@ -47,8 +47,8 @@ def rest_flexibility(
     theta = np.exp(np.log(lower) + (np.log(upper) - np.log(lower)) * unit)
     progress.start("Solving the full model under forces at the floors", count)
     full = []
-    for one in everywhere(partial(_static, structure), list(theta)):
-        full.append(one)
+    for response in everywhere(partial(_static, structure), list(theta)):
+        full.append(response)
         progress.advance()
     whole = np.stack(full)
     lacked = whole - np.stack([_reduced_static(reduced, sample) for sample in theta])

@@ -220,8 +220,11 @@ def _follow(
     _, begun = _settled(task, parameters[:1], zeta[:1], level, period, begun, _ROUNDS, 0)
     for start in range(0, len(parameters), task.settings.batch):
         some = parameters[start : start + task.settings.batch]
-        ratios, own = zeta[start : start + task.settings.batch], np.repeat(begun, len(some), axis=0)
-        yield _settled(task, some, ratios, level, period, own, _LAST_ROUNDS, start)[0]
+        ratios, doublings = (
+            zeta[start : start + task.settings.batch],
+            np.repeat(begun, len(some), axis=0),
+        )
+        yield _settled(task, some, ratios, level, period, doublings, _LAST_ROUNDS, start)[0]
         progress.advance(len(some))
 
 
@@ -231,7 +234,7 @@ def _settled(
     zeta: Tensor,
     level: OwnLevel,
     period: float,
-    own: Integers,
+    doublings_at: Integers,
     rounds: int,
     first: int,
 ) -> tuple[ResponseHistories, Integers]:
@@ -251,15 +254,15 @@ def _settled(
     last = len(points)
     middles = np.minimum(np.arange(-(-last // window)) * window + window // 2, last)
     for _ in range(rounds):
-        response = modes.project(steps.windows(points, own + _MOST, window), record)
+        response = modes.project(steps.windows(points, doublings_at + _MOST, window), record)
         found = task.named(np.asarray(response.numpy()))
         moved = found.floor_acceleration
         mean = motion_level(moved) if level.mean is None else level.mean
         doublings = level_of_moment(moved, mean, across)[:, middles]
-        before, own = own, np.asarray(np.rint(doublings / _STEP), dtype=np.int64)
-        if (own == before).all():
+        before, doublings_at = doublings_at, np.asarray(np.rint(doublings / _STEP), dtype=np.int64)
+        if (doublings_at == before).all():
             break
-    return found, own
+    return found, doublings_at
 
 
 def displacement_histories(
@@ -318,12 +321,12 @@ def story_rows(system: System, sizes: Tensor) -> Rows:
         ]
     )
     wide = [torch.from_numpy(part).expand(count, -1, -1).clone() for part in (shapes, rigid)]
-    own = slice(len(levels), len(levels) + stories)
+    columns = slice(len(levels), len(levels) + stories)
     for terms, values in zip(system.terms, split_sizes(system.placed, sizes), strict=True):
         if terms.mass is not None:
             weight = values[:, 0, None, None]
-            wide[0][:, own] += weight * torch.as_tensor(terms.mass.above)
-            wide[1][:, own] += weight * torch.as_tensor(terms.mass.above_rigid)
+            wide[0][:, columns] += weight * torch.as_tensor(terms.mass.above)
+            wide[1][:, columns] += weight * torch.as_tensor(terms.mass.above_rigid)
     return Rows(*wide)
 
 

@@ -83,4 +83,4 @@ def levels_in_run(base: Floats, floors: Floats, time_step: float) -> RunLevels:
     at = np.searchsorted(reached, middles * reached[-1])
     parts = level[order][np.minimum(at, level.size - 1)]
     middle = float(parts.mean())
-    return RunLevels(middle, tuple(float(one) for one in parts - middle))
+    return RunLevels(middle, tuple(float(part) for part in parts - middle))

@@ -66,7 +66,7 @@ def local_structure(
     sets = (
         _of_catalogue(structure)
         if present is None
-        else [changed for one in present for changed in _changes(structure, one)]
+        else [changed for listed in present for changed in _changes(structure, listed)]
     )
     questions: list[Question] = [(terms, theta) for terms in sets]
     # Eight samples of theta near the middle are solved beside it.
@@ -82,8 +82,8 @@ def local_structure(
         shapes += _along_ports(structure, WithSprings(factors, middle.springs), present)
     progress.start("Reducing the model for effects", len(questions))
     task = partial(_answer, structure, KnownModes.of(middle, modes), target)
-    for one in everywhere(task, questions):
-        shapes.append(one)
+    for shape in everywhere(task, questions):
+        shapes.append(shape)
         progress.advance()
     return reduced_on(structure, compressed(structure.mass, shapes, size))
 
@@ -91,8 +91,8 @@ def local_structure(
 def _along_ports(structure: Structure, factors: Factored, sets: Sequence[Sized]) -> list[Floats]:
     """What a force in the line of each effect that is present moves, (n, 1) each."""
     acting = {placed.label: placed for present in sets for placed, _ in present}
-    terms = (one.effect.terms(structure, one.place) for one in acting.values())
-    rows = [own.port.row for own in terms if own.port is not None]
+    terms = (listed.effect.terms(structure, listed.place) for listed in acting.values())
+    rows = [term.port.row for term in terms if term.port is not None]
     force = structure.rigid_mass[TRANSLATION, TRANSLATION]
     return [STATIC_WEIGHT * factors.apply(force * row[:, None]) for row in rows]
 
@@ -116,11 +116,11 @@ def _changes(structure: Structure, present: Sized) -> list[tuple[tuple[Terms, fl
     for number, (placed, size) in enumerate(present):
         if not placed.effect.parameters or not terms[number].changes_shapes:
             continue
-        own = placed.effect.parameters[0]
+        first = placed.effect.parameters[0]
         # An effect that is present is changed by a fifth of its size.
-        step = max(0.2 * abs(size), 0.5 * own.scale)
+        step = max(0.2 * abs(size), 0.5 * first.scale)
         for other in (size - step, size + step):
-            if own.lower <= other <= own.upper:
+            if first.lower <= other <= first.upper:
                 moved = [*sizes[:number], other, *sizes[number + 1 :]]
                 asked.append(tuple(zip(terms, moved, strict=True)))
     return asked
@@ -195,16 +195,16 @@ def nearby_shapes(
     force, modes = equations.force[:, TRANSLATION], known.shapes
     static = factors.apply(force[:, None])[:, 0]
     stiffness, mass, image = known.of_changed(equations)
-    own = _Projected(stiffness, mass, rows @ modes, force @ modes)
-    first = own.responses(rows @ static, target)
+    coarse = _Projected(stiffness, mass, rows @ modes, force @ modes)
+    first = coarse.responses(rows @ static, target)
     fresh = np.column_stack([factors.apply(combined(image, first)), static])
     # Projected as they are, and not as solutions: what the solver leaves would pass for stiffness.
     held, moved = factors.times(fresh), symmetric_times(equations.mass, fresh)
     both = _Projected(
-        _symmetric(own.stiffness, along(modes, held), fresh.T @ held),
-        _symmetric(own.mass, along(image, fresh), fresh.T @ moved),
-        np.column_stack([own.floors, rows @ fresh]),
-        np.append(own.driven, force @ fresh),
+        _symmetric(coarse.stiffness, along(modes, held), fresh.T @ held),
+        _symmetric(coarse.mass, along(image, fresh), fresh.T @ moved),
+        np.column_stack([coarse.floors, rows @ fresh]),
+        np.append(coarse.driven, force @ fresh),
     )
     weights = both.responses(rows @ static, target)
     count = modes.shape[1]

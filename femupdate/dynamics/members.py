@@ -56,10 +56,10 @@ def beam_end_rows(
     beams = model.elements_of(Beams)
     if not 0 <= beam < len(beams):
         raise StructureError(f"there is no beam {beam}; the model has {len(beams)} beam elements")
-    one = beams.taken(np.array([beam]))
-    rows = group_factors(one.group, theta) * one.force_rows(model.nodes)[0]
+    piece = beams.taken(np.array([beam]))
+    rows = group_factors(piece.group, theta) * piece.force_rows(model.nodes)[0]
     full = np.zeros((len(rows), operators.dof))
-    full[:, _dof(one.nodes.ravel())] = rows
+    full[:, _dof(piece.nodes.ravel())] = rows
     return operators.gather(full.T).T
 
 
@@ -107,13 +107,13 @@ def cut_rows(
         some = elements.taken(chosen)
         stiffness = some.matrices(model.nodes).stiffness
         stiffness = group_factors(some.group, theta)[:, None, None] * stiffness
-        for own, touched, matrix in zip(some.nodes, touches[chosen], stiffness, strict=True):
-            arms = rigid_arms(model.nodes[own] - point)
-            sums = np.zeros((DOF_PER_NODE, DOF_PER_NODE * len(own)))
+        for element, touched, matrix in zip(some.nodes, touches[chosen], stiffness, strict=True):
+            arms = rigid_arms(model.nodes[element] - point)
+            sums = np.zeros((DOF_PER_NODE, DOF_PER_NODE * len(element)))
             for corner in np.flatnonzero(touched):
                 block = slice(DOF_PER_NODE * corner, DOF_PER_NODE * (corner + 1))
                 sums[:, block] = arms[corner].T
-            rows[:, _dof(own)] -= sums @ matrix
+            rows[:, _dof(element)] -= sums @ matrix
     if not found:
         raise StructureError(
             f"no element of kind {', '.join(wanted)} rises from the nodes of the cut at {below:g} m"
@@ -201,7 +201,7 @@ class ChosenMembers:
         mesh, operators = self.structure.mesh, self.structure.operators
         if mesh is None or operators is None:
             raise ValueError("a shear building has no members")
-        return tuple(one.rows(mesh.model, operators, theta) for one in self.members)
+        return tuple(member.rows(mesh.model, operators, theta) for member in self.members)
 
 
 @dataclass(frozen=True)
@@ -247,14 +247,14 @@ def choose_members(building: Building, wanted: Sequence[Place | str]) -> ChosenM
     if isinstance(building, ShearBuilding) or structure.mesh is None:
         raise BuildingError(f"{building.name}: a shear building has no members; leave them out")
     placed = building_effects(building).placed
-    added = tuple((one, one.effect.terms(structure, one.place)) for one in placed)
-    for one, terms in added:
+    added = tuple((listed, listed.effect.terms(structure, listed.place)) for listed in placed)
+    for listed, terms in added:
         changed = bool(terms.stiffness) or terms.hinges is not None or terms.port is not None
-        if changed or one.effect.needs_levels or changes_in_run(one.effect):
+        if changed or listed.effect.needs_levels or changes_in_run(listed.effect):
             raise BuildingError(
-                f"{building.name}: forces of members are not found beside the effect {one.label}, "
-                "which changes members, makes modes complex or changes with the level of the "
-                "motion; leave members out"
+                f"{building.name}: forces of members are not found beside the effect "
+                f"{listed.label}, which changes members, makes modes complex or changes with "
+                "the level of the motion; leave members out"
             )
     members = []
     for place in wanted:
@@ -304,8 +304,8 @@ def member_forces(
     histories = np.stack(found)
     starts = np.cumsum([len(member.forces) for member in chosen.members])[:-1]
     forces = []
-    for member, own in zip(chosen.members, np.split(histories, starts, axis=1), strict=True):
-        over, peak = statistics(own), statistics(np.abs(own).max(axis=2))
+    for member, forces_of in zip(chosen.members, np.split(histories, starts, axis=1), strict=True):
+        over, peak = statistics(forces_of), statistics(np.abs(forces_of).max(axis=2))
         forces.append(MemberForces(member, over.mean, over.sd, peak))
     return tuple(forces)
 

@@ -150,7 +150,7 @@ def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, columns: Tensor) -> 
     else:
         bands = _bands(omega.numpy().tobytes())
         near = _near(modes.inverse, bands)
-        parts = [_in_band(terms, *one) for one in zip(bands, *near, strict=True)]
+        parts = [_in_band(terms, *pair) for pair in zip(bands, *near, strict=True)]
         total = torch.cat(parts, dim=-1)
     return total.reshape(count, outputs, columns.shape[1], len(omega))
 
@@ -192,8 +192,8 @@ def _in_band(terms: tuple[Tensor, Tensor, Tensor], band: _Band, first: int, last
     far = [_without(part, first, last) for part in terms]
     near = [part[..., first:last] for part in terms]
     rest = modal_sum(far[0], far[1], far[2], band.points)
-    own = modal_sum(near[0], near[1], near[2], band.omega)
-    return torch.complex(own[0] + rest[0] @ band.weights, own[1] + rest[1] @ band.weights)
+    inside = modal_sum(near[0], near[1], near[2], band.omega)
+    return torch.complex(inside[0] + rest[0] @ band.weights, inside[1] + rest[1] @ band.weights)
 
 
 def _without(values: Tensor, first: int, last: int) -> Tensor:

@@ -211,17 +211,19 @@ class Steps:
         before = self.omega[chosen[:, 0], samples]
         state = torch.zeros_like(self.transition[0, :, 0])
         for number, block in enumerate(parts):
-            own = chosen[:, number], samples
-            omega = self.omega[own]
+            chunk = chosen[:, number], samples
+            omega = self.omega[chunk]
             # The displacement goes on; the first part of the state is omega times it.
             state = torch.stack([state[:, 0] * (omega / before), state[:, 1]], dim=1)
             # (S, 2, m) slices: the loop below then needs two fused operations a step.
-            from_first, from_second = (part.contiguous() for part in self.transition[own].unbind(1))
-            loads = self.load[own].transpose(0, 1).flatten(1)
+            from_first, from_second = (
+                part.contiguous() for part in self.transition[chunk].unbind(1)
+            )
+            loads = self.load[chunk].transpose(0, 1).flatten(1)
             states = (block @ loads).view(len(block), *state.shape)
             for following in states:
                 following.addcmul_(from_first, state[:, :1]).addcmul_(from_second, state[:, 1:])
                 state = following
-            yield Window(omega, self.ratio[own], states)
+            yield Window(omega, self.ratio[chunk], states)
             # Motion that died away would sink into denormal numbers, a hundred times slower.
             state, before = torch.where(state.abs() < 1e-200, 0.0, state), omega

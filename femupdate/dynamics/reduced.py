@@ -102,17 +102,17 @@ class ReducedModel:
 
     def first(self, count: int) -> "ReducedModel":
         """The model on the first shapes of its basis."""
-        own, rotation = slice(count), self.rotation
+        kept, rotation = slice(count), self.rotation
         return replace(
             self,
-            stiffness_terms=self.stiffness_terms[:, own, own],
-            stiffness_constant=self.stiffness_constant[own, own],
-            excitation=self.excitation[own],
-            floor_shapes=self.floor_shapes[:, own],
-            story_inertia=self.story_inertia[:, own],
-            story_drift=self.story_drift[:, own],
+            stiffness_terms=self.stiffness_terms[:, kept, kept],
+            stiffness_constant=self.stiffness_constant[kept, kept],
+            excitation=self.excitation[kept],
+            floor_shapes=self.floor_shapes[:, kept],
+            story_inertia=self.story_inertia[:, kept],
+            story_drift=self.story_drift[:, kept],
             node_shapes=None,
-            rotation=None if rotation is None else replace(rotation, force=rotation.force[own]),
+            rotation=None if rotation is None else replace(rotation, force=rotation.force[kept]),
         )
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -192,20 +192,22 @@ class ReducedStructure:
 
 def first_coordinates(terms: Terms, count: int) -> Terms:
     """What an effect adds to the first coordinates of a reduced model."""
-    mass, port, hinges, own = terms.mass, terms.port, terms.hinges, slice(count)
+    mass, port, hinges, kept = terms.mass, terms.port, terms.hinges, slice(count)
     return replace(
         terms,
-        stiffness=tuple(one._replace(matrix=one.matrix[own, own]) for one in terms.stiffness),
-        hinges=None if hinges is None else replace(hinges, coupling=hinges.coupling[:, own]),
+        stiffness=tuple(
+            stiffness._replace(matrix=stiffness.matrix[kept, kept]) for stiffness in terms.stiffness
+        ),
+        hinges=None if hinges is None else replace(hinges, coupling=hinges.coupling[:, kept]),
         mass=None
         if mass is None
         else replace(
             mass,
-            matrix=mass.matrix[own, own],
-            force=mass.force[own],
-            above=mass.above[:, own],
+            matrix=mass.matrix[kept, kept],
+            force=mass.force[kept],
+            above=mass.above[:, kept],
         ),
-        port=None if port is None else replace(port, row=port.row[own]),
+        port=None if port is None else replace(port, row=port.row[kept]),
     )
 
 
@@ -214,8 +216,8 @@ def projected(basis: Floats, matrix: csc_matrix) -> Floats:
     by_row = matrix.tocsr(copy=True)
     by_row.eliminate_zeros()
     rows = np.flatnonzero(np.diff(by_row.indptr))
-    own = basis[rows]
-    result = own.T @ (by_row[rows][:, rows] @ own)
+    part = basis[rows]
+    result = part.T @ (by_row[rows][:, rows] @ part)
     return 0.5 * (result + result.T)
 
 
@@ -243,11 +245,11 @@ def reduce_terms(basis: Floats, terms: Terms, matrices: Projections | None = Non
     if terms.port is not None:
         line = along(terms.port.row[None], basis)[0]
         port = Port(torch.from_numpy(line), torch.as_tensor(terms.port.rigid))
-    stiffness = [Stiffness(one.story, once(one.matrix), one.series) for one in terms.stiffness]
+    stiffness = [Stiffness(term.story, once(term.matrix), term.series) for term in terms.stiffness]
     if terms.springs is not None:
         stretch = along(terms.springs.rows, basis)  # (c, r)
-        own = stretch.T @ (terms.springs.stiffness[:, None] * stretch)
-        stiffness.append(Stiffness(UNSCALED, torch.from_numpy(0.5 * (own + own.T))))
+        springs = stretch.T @ (terms.springs.stiffness[:, None] * stretch)
+        stiffness.append(Stiffness(UNSCALED, torch.from_numpy(0.5 * (springs + springs.T))))
     hinges = None
     if terms.hinges is not None:
         coupling = np.stack([along(columns.T, basis).T for columns in terms.hinges.coupling])
@@ -280,14 +282,14 @@ def released_base(structure: Structure) -> ReleasedBase | None:
     supports = structure.building.supports
     if supports is None or not structure.building.moving_base:
         return None
-    own = np.zeros((2, 2))
-    own[TRANSLATION, TRANSLATION] = supports.mass or 0.0
-    inertia = (structure.rigid_mass + own).diagonal()
+    mass = np.zeros((2, 2))
+    mass[TRANSLATION, TRANSLATION] = supports.mass or 0.0
+    inertia = (structure.rigid_mass + mass).diagonal()
     # The springs hold it at a thousandth of the building's first frequency.
     flexibility = 1.0 / (inertia * (1e-3 * structure.fundamental[0]) ** 2)
     if supports.base == "slides":
         flexibility[ROTATION] = 0.0
-    return ReleasedBase(flexibility=flexibility, mass=own)
+    return ReleasedBase(flexibility=flexibility, mass=mass)
 
 
 def lumped(structure: Structure) -> ReducedStructure:

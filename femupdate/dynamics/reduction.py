@@ -93,10 +93,10 @@ def reduce_structure(
     """
     if structure.is_stick:
         return Reduction(lumped(structure))
-    terms = tuple(one.effect.terms(structure, one.place) for one in placed)
+    terms = tuple(listed.effect.terms(structure, listed.place) for listed in placed)
     asked = _Question(structure, terms, placed)
-    (own,), checks = spawn(target.seed, 1), CHOOSE + CERTIFY
-    rng = np.random.default_rng(own)
+    (chosen_seed,), checks = spawn(target.seed, 1), CHOOSE + CERTIFY
+    rng = np.random.default_rng(chosen_seed)
     samples, least = log_even_samples(target, len(structure.stiffness_terms)), 0
     parts = None if placed else _parts(structure, target, samples[:_REFINE])
     mass: Any = structure.mass if parts is None else parts
@@ -150,7 +150,7 @@ class _Question:
         self, reduced: ReducedStructure, samples: Floats, target: ReductionTarget
     ) -> Floats:
         """ln|H| (N, f, k) of a reduced structure at samples (N, p + q), at the lowest damping."""
-        terms = tuple(reduced.terms(one) for one in self.placed)
+        terms = tuple(reduced.terms(listed) for listed in self.placed)
         system = System(reduced.model, ConstantDamping(), self.placed, terms)
         return _log_frf(system, samples, target)
 
@@ -158,8 +158,8 @@ class _Question:
 def _each(task: Callable[[Floats], T], samples: Floats, progress: Progress) -> list[T]:
     """What a model tells at samples (N, p + q), on all processors."""
     found = []
-    for one in everywhere(task, list(samples)):
-        found.append(one)
+    for response in everywhere(task, list(samples)):
+        found.append(response)
         progress.advance()
     return found
 
@@ -185,9 +185,9 @@ def _snapshots(asked: _Question, target: ReductionTarget, sample: Floats) -> Sin
     turns = any(any(terms.flexibility) or terms.pitch for terms in asked.terms)
     parts = []
     # A base that turns moves the roof as one that translates does.
-    for scale, own in zip((1.0, 1.0 / structure.levels[-1])[: 1 + turns], driven.T, strict=False):
-        felt = FeltModes(omega, scale * own, floors, np.zeros(len(floors)))
-        static = shapes @ (scale * own / omega**2)
+    for scale, force in zip((1.0, 1.0 / structure.levels[-1])[: 1 + turns], driven.T, strict=False):
+        felt = FeltModes(omega, scale * force, floors, np.zeros(len(floors)))
+        static = shapes @ (scale * force / omega**2)
         parts += [shapes @ felt.combinations(target), STATIC_WEIGHT * static[:, None]]
     return np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
 
@@ -216,9 +216,9 @@ def _of_parts(parts: Substructures, target: ReductionTarget, theta: Floats) -> F
     force = parts.condensed(structure.rigid_force[:, [TRANSLATION]])
     rows = parts.condensed(structure.floor_rows.T).T
     found = driven_shapes(parts.at(theta), parts, force, rows, target.top_hz)
-    omega, own = 2.0 * np.pi * found.frequency_hz, force[:, 0] @ found.shapes
-    felt = FeltModes(omega, own, rows @ found.shapes, np.zeros(len(rows)))
-    weights = np.column_stack([felt.combinations(target), STATIC_WEIGHT * own / omega**2])
+    omega, driven = 2.0 * np.pi * found.frequency_hz, force[:, 0] @ found.shapes
+    felt = FeltModes(omega, driven, rows @ found.shapes, np.zeros(len(rows)))
+    weights = np.column_stack([felt.combinations(target), STATIC_WEIGHT * driven / omega**2])
     return combined(found.shapes, weights)
 
 

@@ -71,10 +71,10 @@ class FeltModes:
         # Duals matter less than the motion itself: a twentieth of its weight was best of those
         # tried.
         dual = [
-            0.05**0.5 * shape[:, None] * moved * (w**2 / one)
-            for shape, one in zip(self.floors, size, strict=True)
+            0.05**0.5 * shape[:, None] * moved * (w**2 / width)
+            for shape, width in zip(self.floors, size, strict=True)
         ]
-        gram = sum(_real_gram(one) for one in (primal, *dual))
+        gram = sum(_real_gram(block) for block in (primal, *dual))
         energy, directions = eigh(gram)
         kept = energy > least * energy[-1]
         return directions[:, kept] * np.sqrt(energy[kept] / energy[-1])
@@ -97,12 +97,12 @@ def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) 
         shapes: parts (n, c) each, which are never copied into one array: they may fill GB. Single
             precision does: energies go down to 1e-13 of the largest with it.
     """
-    count = sum(one.shape[1] for one in shapes)
+    count = sum(block.shape[1] for block in shapes)
     # At least 40 combinations more than the basis has shapes.
     span = _orthonormal(mass, _combined(shapes, min(size + max(size // 2, 40), count)))
     forces = symmetric_times(mass, span).T
     single = forces.astype(np.float32)
-    parts = [(single if one.dtype == np.float32 else forces) @ one for one in shapes]
+    parts = [(single if block.dtype == np.float32 else forces) @ block for block in shapes]
     seen = np.concatenate(parts, axis=1, dtype=np.float64)
     energy, directions = eigh(seen @ seen.T)
     kept = np.flatnonzero(energy > _LEAST_NEW * energy[-1])[::-1][:size]
@@ -113,8 +113,8 @@ def _combined(shapes: Sequence[Floats | Singles], width: int) -> Floats:
     """Random combinations (n, width) of all shapes."""
     rng = np.random.default_rng(_SEED)
     whole = np.zeros((len(shapes[0]), width))
-    for one in shapes:
-        whole += one @ rng.standard_normal((one.shape[1], width), dtype=np.float32)
+    for block in shapes:
+        whole += block @ rng.standard_normal((block.shape[1], width), dtype=np.float32)
     return whole
 
 

@@ -39,8 +39,8 @@ class FloorSpectra:
         """The peak of every floor's mean spectrum, and where it lies."""
         mean = self.acceleration.mean
         rows = [
-            (floor, f"{own.max():.3f}", f"{self.frequency_hz[own.argmax()]:.3g}")
-            for floor, own in zip(floors, mean, strict=True)
+            (floor, f"{spectrum.max():.3f}", f"{self.frequency_hz[spectrum.argmax()]:.3g}")
+            for floor, spectrum in zip(floors, mean, strict=True)
         ]
         return Table.of((f"spectrum, {100.0 * self.damping:.3g} %", "peak, m/s²", "at, Hz"), rows)
 

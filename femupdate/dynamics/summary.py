@@ -159,12 +159,12 @@ def score_table(kept: Mapping[str, Mapping[str, float]]) -> Table:
     rows = [
         (
             floor,
-            *(f"{own[name]:.3f}" for name in ("relative_error", "correlation", "peak_ratio")),
-            percent(own["within_band"], 1),
-            f"{own['score']:.3f}",
-            "yes" if own["peak_within"] else "no",
+            *(f"{scores[name]:.3f}" for name in ("relative_error", "correlation", "peak_ratio")),
+            percent(scores["within_band"], 1),
+            f"{scores['score']:.3f}",
+            "yes" if scores["peak_within"] else "no",
         )
-        for floor, own in kept.items()
+        for floor, scores in kept.items()
     ]
     head = ("floor", "error rms", "correlation", "peak ratio", "within 2 sd", "CRPS/rms")
     return Table.of(

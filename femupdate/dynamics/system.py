@@ -98,7 +98,7 @@ class System:
     @property
     def sizes(self) -> int:
         """Number of parameters of all effects together."""
-        return sum(len(one.effect.parameters) for one in self.placed)
+        return sum(len(listed.effect.parameters) for listed in self.placed)
 
     @property
     def parameters(self) -> int:
@@ -257,12 +257,12 @@ class System:
 
         The ports of the effects follow the rows. Forces move a base that is not held: `released`.
         """
-        own = split_sizes(self.placed, sizes)
-        stiffness, mass, force, rigid_mass = self._matrices(theta, own)
-        base = self._base_motion(theta, own)
+        by_effect = split_sizes(self.placed, sizes)
+        stiffness, mass, force, rigid_mass = self._matrices(theta, by_effect)
+        base = self._base_motion(theta, by_effect)
         shapes, rigid = self._with_ports(rows or self._floor_rows(theta), len(theta))
         load = torch.einsum("nrb,nbe->ner", force, base)
-        flexibility, free = self._flexibility(theta, own), self.model.released
+        flexibility, free = self._flexibility(theta, by_effect), self.model.released
         if released and free is not None:
             soft = torch.from_numpy(free.flexibility).to(theta).expand(len(theta), -1)
             flexibility = soft if flexibility is None else soft + flexibility
@@ -279,9 +279,9 @@ class System:
     def ratio(self, omega: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Damping ratios (N, m) of modes omega (N, m), rad/s, with the effects."""
         ratio = self.law.ratio(omega, zeta)
-        own = split_sizes(self.placed, sizes)
-        for one, terms, size in zip(self.placed, self.terms, own, strict=True):
-            ratio = one.effect.damping(ratio, omega, size, terms.constants)
+        by_effect = split_sizes(self.placed, sizes)
+        for listed, terms, size in zip(self.placed, self.terms, by_effect, strict=True):
+            ratio = listed.effect.damping(ratio, omega, size, terms.constants)
         return ratio
 
     def at_level(
@@ -290,9 +290,9 @@ class System:
         """Stiffness factors and damping ratios at a level of motion (see `Effect`)."""
         if isinstance(level, float) and level == 0.0:
             return theta, zeta
-        own = split_sizes(self.placed, sizes)
-        for one, terms, size in zip(self.placed, self.terms, own, strict=True):
-            change = one.effect.at_level(size, level) if one.effect.needs_levels else None
+        by_effect = split_sizes(self.placed, sizes)
+        for listed, terms, size in zip(self.placed, self.terms, by_effect, strict=True):
+            change = listed.effect.at_level(size, level) if listed.effect.needs_levels else None
             if change is not None:
                 story, softer = int(terms.constants[0]), torch.ones_like(theta)
                 own_story = slice(None) if story == ALL_STORIES else [story]
@@ -302,10 +302,10 @@ class System:
 
     def port_stiffness(self, omega: Tensor, sizes: Tensor) -> list[Tensor]:
         """Complex dynamic stiffness (N, k), N/m, in every port."""
-        own = split_sizes(self.placed, sizes)
+        by_effect = split_sizes(self.placed, sizes)
         return [
-            one.effect.port_stiffness(omega, size, terms.constants)
-            for one, terms, size in zip(self.placed, self.terms, own, strict=True)
+            listed.effect.port_stiffness(omega, size, terms.constants)
+            for listed, terms, size in zip(self.placed, self.terms, by_effect, strict=True)
             if terms.port is not None
         ]
 
@@ -325,8 +325,8 @@ class System:
         """(p + q,) physical limits of the parameters; a stiffness factor has none here."""
         sizes = parameters_of(self.placed)
         free = torch.full((self.factors,), torch.inf, dtype=torch.float64)
-        low = torch.tensor([one.lower for one in sizes], dtype=torch.float64)
-        high = torch.tensor([one.upper for one in sizes], dtype=torch.float64)
+        low = torch.tensor([parameter.lower for parameter in sizes], dtype=torch.float64)
+        high = torch.tensor([parameter.upper for parameter in sizes], dtype=torch.float64)
         return torch.cat([-free, low]), torch.cat([free, high])
 
     def _respond(
@@ -340,11 +340,11 @@ class System:
     ) -> Tensor:
         # Instruments leave the motion alone, and what is no stiffness or mass the modes: rows that
         # differ in these only share the others.
-        inside = self._sizes_of(sizes, [not one.effect.instrument for one in self.placed])
+        inside = self._sizes_of(sizes, [not listed.effect.instrument for listed in self.placed])
         rows, same = _different(torch.cat([theta, zeta[:, None], inside], dim=1))
         known = theta[rows], zeta[rows], sizes[rows], omega
         moved = self._motion(excitation, *known, rest)[same]
-        if not any(one.effect.instrument for one in self.placed):
+        if not any(listed.effect.instrument for listed in self.placed):
             return moved
         read = []
         for column in range(moved.shape[2]):
@@ -357,7 +357,7 @@ class System:
     def _sizes_of(self, sizes: Tensor, chosen: Sequence[bool]) -> Tensor:
         """The parameters (N, c) of some effects, from those of all (N, q)."""
         parts = zip(split_sizes(self.placed, sizes), chosen, strict=True)
-        return torch.cat([sizes[:, :0], *(own for own, wanted in parts if wanted)], dim=1)
+        return torch.cat([sizes[:, :0], *(values for values, wanted in parts if wanted)], dim=1)
 
     def _motion(
         self,
@@ -394,15 +394,17 @@ class System:
     @property
     def changes_in_run(self) -> bool:
         """Whether the structure differs between parts of a run."""
-        return any(changes_in_run(one.effect) for one in self.placed)
+        return any(changes_in_run(listed.effect) for listed in self.placed)
 
     def run_change(self, sizes: Tensor, level: float) -> LevelChange:
         """What all effects together change at a level, in doublings above the run's mean."""
         whole = LevelChange(*(torch.ones(len(sizes), dtype=sizes.dtype) for _ in range(2)))
-        for one, size in zip(self.placed, split_sizes(self.placed, sizes), strict=True):
-            own = None if one.effect.needs_levels else one.effect.at_level(size, level)
-            if own is not None:
-                whole = LevelChange(whole.stiffness * own.stiffness, whole.damping * own.damping)
+        for listed, size in zip(self.placed, split_sizes(self.placed, sizes), strict=True):
+            change = None if listed.effect.needs_levels else listed.effect.at_level(size, level)
+            if change is not None:
+                whole = LevelChange(
+                    whole.stiffness * change.stiffness, whole.damping * change.damping
+                )
         return whole
 
     def _log_frf(
@@ -438,7 +440,7 @@ class System:
         return values if early or chosen is None else values[:, chosen]
 
     def _matrices(
-        self, theta: Tensor, own: Sequence[Tensor]
+        self, theta: Tensor, by_effect: Sequence[Tensor]
     ) -> tuple[Tensor, Tensor | None, Tensor, Tensor]:
         """K (N, r, r), M (N, r, r) or None for the identity, forces (N, r, 2), mass (N, 2, 2)."""
         model, count = self.model, len(theta)
@@ -448,7 +450,7 @@ class System:
         stiffness = constant + (theta @ terms).reshape(count, size, size)
         force, rigid = (part.expand(count, -1, -1) for part in _base_forces(model, theta))
         mass = None
-        for added, values in zip(self.terms, own, strict=True):
+        for added, values in zip(self.terms, by_effect, strict=True):
             own_size = values[:, 0] if values.shape[1] else theta.new_ones(count)
             for story, matrix, series in added.stiffness:
                 factor = own_size / (1.0 + series * own_size)
@@ -464,18 +466,18 @@ class System:
                 rigid = rigid + weight * torch.as_tensor(added.mass.rigid).to(theta)
         return stiffness, mass, force, rigid
 
-    def _base_motion(self, theta: Tensor, own: Sequence[Tensor]) -> Tensor:
+    def _base_motion(self, theta: Tensor, by_effect: Sequence[Tensor]) -> Tensor:
         """(N, 2, 2) translation and rotation of the base, by the columns of its acceleration."""
         base = torch.eye(2).to(theta).repeat(len(theta), 1, 1)
-        for terms, size in zip(self.terms, own, strict=True):
+        for terms, size in zip(self.terms, by_effect, strict=True):
             if terms.pitch:
                 base[:, 1, 0] += terms.pitch * size[:, 0]
         return base
 
-    def _flexibility(self, theta: Tensor, own: Sequence[Tensor]) -> Tensor | None:
+    def _flexibility(self, theta: Tensor, by_effect: Sequence[Tensor]) -> Tensor | None:
         """(N, 2) of the ground, or None where it is rigid."""
         total = None
-        for terms, size in zip(self.terms, own, strict=True):
+        for terms, size in zip(self.terms, by_effect, strict=True):
             if any(terms.flexibility):
                 unit = theta.new_tensor(terms.flexibility)
                 total = (0.0 if total is None else total) + size[:, :1].clamp_min(0.0) * unit
@@ -514,13 +516,13 @@ def _different(values: Tensor) -> tuple[Tensor, Tensor]:
         every = torch.arange(len(values), device=values.device)
         return every, every
     kinds = torch.unique(values, dim=0, return_inverse=True)[1]
-    one = torch.zeros(int(kinds.max()) + 1, dtype=torch.long, device=kinds.device)
-    return one.scatter_(0, kinds, torch.arange(len(kinds), device=kinds.device)), kinds
+    first = torch.zeros(int(kinds.max()) + 1, dtype=torch.long, device=kinds.device)
+    return first.scatter_(0, kinds, torch.arange(len(kinds), device=kinds.device)), kinds
 
 
 def parameters_of(placed: Sequence[Placed]) -> list[EffectParameter]:
     """The parameters of effects, one effect after the other."""
-    return [parameter for one in placed for parameter in one.effect.parameters]
+    return [parameter for listed in placed for parameter in listed.effect.parameters]
 
 
 def fast_batch(modal: ModalData, points: int) -> int:

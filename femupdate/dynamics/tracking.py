@@ -71,10 +71,12 @@ def track_mode(modes: ReducedModes, reference: Floats) -> TrackedMode:
     best = np.abs(products).argmax(axis=1)
     rows = np.arange(len(best))
     signs = np.sign(products[rows, best])
-    own = products[rows, best] ** 2 >= 0.5
-    frequency = np.where(own, modes.frequency_hz[rows, best], np.nan)
+    followed = products[rows, best] ** 2 >= 0.5
+    frequency = np.where(followed, modes.frequency_hz[rows, best], np.nan)
     vectors = modes.vectors[rows, :, best] * signs[:, None]
-    return TrackedMode(frequency, np.where(own[:, None], vectors, np.nan), float(own.mean()))
+    return TrackedMode(
+        frequency, np.where(followed[:, None], vectors, np.nan), float(followed.mean())
+    )
 
 
 def node_displacements(model: ReducedModel, vector: Floats) -> Floats:

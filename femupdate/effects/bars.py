@@ -57,8 +57,8 @@ def rank_one_terms(
     level = np.round(np.log1p(series), 3)
     present = (columns != 0.0).any(axis=1)
     found = []
-    for story, own in sorted({*zip(group[present], level[present], strict=True)}):
-        chosen = np.flatnonzero(present & (group == story) & (level == own))
+    for story, height in sorted({*zip(group[present], level[present], strict=True)}):
+        chosen = np.flatnonzero(present & (group == story) & (level == height))
         products = sign * columns[chosen, :, None] * columns[chosen, None, :]
         entries = element_entries(nodes[chosen], products)
         matrix: csc_matrix = onto_free(summed([entries], operators.dof), operators)
@@ -113,8 +113,8 @@ def turning_beams(model: FiniteElementModel, operators: AffineOperators) -> tupl
 
 def _free_ends(rows: Floats, inner: Floats, ends: Flags, spring: Floats) -> tuple[Floats, Floats]:
     """Columns (n, 2, 12) and ratios (n, 2) of what springs at some ends (n, 2) take away."""
-    own = np.where(ends[:, :, None] & ends[:, None, :], inner, 0.0) / spring[:, None, None]
-    ratios, vectors = np.linalg.eigh(own)
+    softened = np.where(ends[:, :, None] & ends[:, None, :], inner, 0.0) / spring[:, None, None]
+    ratios, vectors = np.linalg.eigh(softened)
     moments = np.where(ends[:, :, None], rows, 0.0) / np.sqrt(spring)[:, None, None]
     return vectors.mT @ moments, np.maximum(ratios, 0.0)
 

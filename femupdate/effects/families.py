@@ -30,8 +30,8 @@ class ChannelEffect(Effect):
 
     def observe(self, frf: Tensor, omega: Tensor, sizes: Tensor, rows: tuple[int, ...]) -> Tensor:
         """The factor on the rows of the place."""
-        own, changed = list(rows), frf.clone()
-        changed[:, own] = frf[:, own] * self.factor(omega, sizes)[:, None, :]
+        channels, changed = list(rows), frf.clone()
+        changed[:, channels] = frf[:, channels] * self.factor(omega, sizes)[:, None, :]
         return changed
 
 

@@ -82,12 +82,12 @@ def check_places(structure: Structure, effects: BuildingEffects) -> None:
     Raises:
         BuildingError: it cannot.
     """
-    for number, one in enumerate(effects.placed):
-        places = one.effect.places(structure)
-        if one.place not in (*places, *one.effect.points(structure)):
+    for number, listed in enumerate(effects.placed):
+        places = listed.effect.places(structure)
+        if listed.place not in (*places, *listed.effect.points(structure)):
             raise BuildingError(
-                f"{structure.building.name}: effects[{number}].place: {one.effect.name} "
-                f"cannot sit at {one.place!r}; it can at {', '.join(places) or 'no place here'}"
+                f"{structure.building.name}: effects[{number}].place: {listed.effect.name} "
+                f"cannot sit at {listed.place!r}; it can at {', '.join(places) or 'no place here'}"
             )
 
 

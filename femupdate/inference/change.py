@@ -81,14 +81,14 @@ def _single(count: int) -> float:
 
 def _hypotheses(count: int) -> Iterator[tuple[Floats, float]]:
     """Columns (p, k) of changes and their log priors: nothing, sets of factors, all alike."""
-    one = _single(count)
+    single = _single(count)
     most = count if count <= 10 else 3
     for size in range(most + 1):
-        prior = size * math.log(one) + (count - size) * math.log1p(-one)
+        prior = size * math.log(single) + (count - size) * math.log1p(-single)
         for chosen in combinations(range(count), size):
             yield np.eye(count)[:, list(chosen)], prior
     if count > 1:
-        yield np.ones((count, 1)), math.log(one) + (count - 1) * math.log1p(-one)
+        yield np.ones((count, 1)), math.log(single) + (count - 1) * math.log1p(-single)
 
 
 def _fit(design: Floats, precision: Floats, shift: Floats) -> tuple[float, Floats, Floats]:
@@ -104,8 +104,8 @@ def _fit(design: Floats, precision: Floats, shift: Floats) -> tuple[float, Float
 
 def _visible(precision: Floats) -> Floats:
     """Smallest changes (p,) that are named, where no other factor changes."""
-    own = precision.diagonal()
-    one = _single(len(own))
-    needed = math.log(NAMED / (1.0 - NAMED)) + math.log((1.0 - one) / one)
-    square = (2.0 * needed + np.log1p(SCALE**2 * own)) * (own + 1.0 / SCALE**2)
-    return np.asarray(np.sqrt(square.clip(0.0)) / own)
+    information = precision.diagonal()
+    single = _single(len(information))
+    needed = math.log(NAMED / (1.0 - NAMED)) + math.log((1.0 - single) / single)
+    square = (2.0 * needed + np.log1p(SCALE**2 * information)) * (information + 1.0 / SCALE**2)
+    return np.asarray(np.sqrt(square.clip(0.0)) / information)

@@ -50,12 +50,12 @@ def _joined(mixture: GaussianMixture) -> list[int]:
     peak = mixture.log_density(mixture.mean).tolist()
     share = torch.linspace(0.0, 1.0, _PLACES, dtype=mixture.mean.dtype, device=mixture.mean.device)
     saddles = []
-    for one, other in combinations(range(count), 2):
-        path = torch.lerp(mixture.mean[one], mixture.mean[other], share[:, None])
-        saddles.append((float(mixture.log_density(path).min()), one, other))
+    for left, other in combinations(range(count), 2):
+        path = torch.lerp(mixture.mean[left], mixture.mean[other], share[:, None])
+        saddles.append((float(mixture.log_density(path).min()), left, other))
     group = list(range(count))
-    for saddle, one, other in sorted(saddles, reverse=True):
-        a, b = group[one], group[other]
+    for saddle, left, other in sorted(saddles, reverse=True):
+        a, b = group[left], group[other]
         if a != b and saddle > min(peak[a], peak[b]) + math.log(0.1):
             group = [a if g == b else g for g in group]
             peak[a] = max(peak[a], peak[b])
@@ -65,10 +65,10 @@ def _joined(mixture: GaussianMixture) -> list[int]:
 def _seen_apart(x: Tensor, member: Tensor) -> Tensor:
     """Groups (n,) with those joined between which the draws do not dip."""
     labels = torch.unique(member).tolist()
-    for one, other in combinations(labels, 2):
-        first, second = x[member == one], x[member == other]
+    for left, other in combinations(labels, 2):
+        first, second = x[member == left], x[member == other]
         if min(len(first), len(second)) > 1 and not _dips(first, second):
-            return _seen_apart(x, torch.where(member == other, one, member))
+            return _seen_apart(x, torch.where(member == other, left, member))
     return member
 
 

@@ -85,10 +85,10 @@ def errors_as_groups(
     if errors is None:
         return {}
     content: dict[str, Any] = {}
-    for name, one in (("amplitude", errors.amplitude), ("phase", errors.phase)):
-        if one is not None:
-            content[f"{name}_levels"] = (("chain", "draw", "level"), one.levels)
-            content[f"{name}_mean"] = (("floor", "frequency_hz"), one.mean)
+    for name, error in (("amplitude", errors.amplitude), ("phase", errors.phase)):
+        if error is not None:
+            content[f"{name}_levels"] = (("chain", "draw", "level"), error.levels)
+            content[f"{name}_mean"] = (("floor", "frequency_hz"), error.mean)
     return {
         "/model_error": xr.Dataset(
             content,

@@ -104,7 +104,7 @@ def learned_scatter(
     columns = [
         _drawn(estimates[:, k], errors[:, k], float(defaults[k]), count, rng) for k in (0, 1)
     ]
-    sd, shift = (np.stack([one[k] for one in columns], axis=-1) for k in (0, 1))
+    sd, shift = (np.stack([column[k] for column in columns], axis=-1) for k in (0, 1))
     return LearnedScatter(sd.reshape(*shape, 2), shift.reshape(*shape, 2), len(estimates))
 
 
@@ -145,9 +145,9 @@ def _drawn(
     sd = tau[rng.choice(len(tau), count, p=weight)]
     mean, variance = _means(estimates, errors, sd)
     # The draws know the mean as if all events were one.
-    own, least = _means(estimates, errors, np.zeros(1))
+    start, least = _means(estimates, errors, np.zeros(1))
     beyond = np.sqrt(np.maximum(variance - least, 0.0))
-    return sd, mean - own + beyond * rng.standard_normal(count)
+    return sd, mean - start + beyond * rng.standard_normal(count)
 
 
 def scatter_as_group(scatter: LearnedScatter | None, draws: Mapping[str, Any]) -> dict[str, Any]:

@@ -59,17 +59,17 @@ class ModelError:
     def tame(self, residuals: Tensor, row: Row) -> Tensor:
         """Residuals (n, m) none of which is wilder than counts (see `LearnedError`)."""
         parts = zip(self.parts, self.apart(residuals), row, strict=True)
-        return torch.cat([part.tame(own, at) for part, own, at in parts], dim=1)
+        return torch.cat([part.tame(values, at) for part, values, at in parts], dim=1)
 
     def whiten(self, residuals: Tensor, row: Row) -> Tensor:
         """Residuals (n, m) of unit covariance, were a row true."""
         parts = zip(self.parts, self.apart(residuals), row, strict=True)
-        return torch.cat([part.whiten(own, at) for part, own, at in parts], dim=1)
+        return torch.cat([part.whiten(values, at) for part, values, at in parts], dim=1)
 
     def log_densities(self, residuals: Tensor) -> tuple[Tensor, ...]:
         """Log density (n, g) of every kind's residuals (n, m) by every row of its table."""
         parts = zip(self.parts, self.apart(residuals), strict=True)
-        return tuple(part.log_densities(own) for part, own in parts)
+        return tuple(part.log_densities(values) for part, values in parts)
 
     def log_density(self, residuals: Tensor) -> Tensor:
         """Log density (n,) of residuals (n, m), summed over the tables."""
@@ -77,7 +77,7 @@ class ModelError:
 
     def kept(self, rows: Rows) -> "ModelError":
         """With some rows of the tables alone."""
-        fewer = [part.kept(own) for part, own in zip(self.parts, rows, strict=True)]
+        fewer = [part.kept(chosen) for part, chosen in zip(self.parts, rows, strict=True)]
         return ModelError(fewer, self._sizes)
 
     def finer(self, row: Row) -> "ModelError":
@@ -88,22 +88,22 @@ class ModelError:
     def with_known_of(self, other: "ModelError") -> "ModelError":
         """With the errors that another of the same data knows beforehand."""
         both = zip(self.parts, other.parts, strict=True)
-        return ModelError([one.with_known_of(own) for one, own in both], self._sizes)
+        return ModelError([part.with_known_of(source) for part, source in both], self._sizes)
 
     def with_rows_of(self, other: "ModelError") -> "ModelError":
         """With the rows of the tables of another of the same data."""
         both = zip(self.parts, other.parts, strict=True)
-        return ModelError([one.with_rows_of(own) for one, own in both], self._sizes)
+        return ModelError([part.with_rows_of(source) for part, source in both], self._sizes)
 
     def counting(self, densities: Sequence[Tensor]) -> Rows:
         """Rows that count at one at least of some points, from log densities (n, g)."""
         parts = zip(self.parts, densities, strict=True)
-        return tuple(tuple(part.counting(own)) for part, own in parts)
+        return tuple(tuple(part.counting(chosen)) for part, chosen in parts)
 
     def counting_beside(self, row: Row, densities: Sequence[Tensor]) -> Rows:
         """The same with a row first."""
         both = zip(row, self.counting(densities), strict=True)
-        return tuple((at, *(one for one in own if one != at)) for at, own in both)
+        return tuple((at, *(other for other in others if other != at)) for at, others in both)
 
     def no_larger(self, row: Row) -> Rows:
         """Rows none of whose errors, and whose noise, is larger than a row's."""
@@ -122,12 +122,14 @@ class ModelError:
 def joint_error(data: Sequence[Data], known: Sequence[Tensor | None] = ()) -> ModelError:
     """What a model may err by in data, beside errors (c, n) of each that are known beforehand."""
     both = zip(data, known or [None] * len(data), strict=True)
-    return ModelError([one.error(own) for one, own in both], [kind.residuals for kind in data])
+    return ModelError(
+        [measured.error(errors) for measured, errors in both], [kind.residuals for kind in data]
+    )
 
 
 def summed(densities: Sequence[Tensor]) -> Tensor:
     """Log density (...) of all data, from that of every kind by every row, (..., g)."""
-    return torch.stack([torch.logsumexp(own, dim=-1) for own in densities]).sum(dim=0)
+    return torch.stack([torch.logsumexp(density, dim=-1) for density in densities]).sum(dim=0)
 
 
 __all__ = ["ModelError", "Row", "Rows", "joint_error", "summed"]

@@ -58,11 +58,11 @@ def encoder_input(observation: Observation, floors: tuple[str, ...]) -> EncoderI
     mask = np.zeros((1, len(floors)))
     filled = []
     for name, row in zip(used, rows, strict=True):
-        column, own = floors.index(name), usable[row]
+        column, columns = floors.index(name), usable[row]
         mask[0, column] = 1.0
-        known = observation.frequency_hz[own], observation.log_frf[row, own]
+        known = observation.frequency_hz[columns], observation.log_frf[row, columns]
         log_values[0, column] = np.interp(observation.frequency_hz, *known)
-        share = own[first : last + 1].mean()
+        share = columns[first : last + 1].mean()
         if share < 1.0:
             filled.append(f"{name} {100.0 * (1.0 - share):.1f} %")
     if filled:

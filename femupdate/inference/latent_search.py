@@ -258,8 +258,8 @@ def _expansion(descent: Descent) -> tuple[Tensor, Tensor]:
 def _distinct(mvae: Mvae, descent: Descent, *, nats: float, count: int) -> Descent:
     """Different end points that count, the heaviest first."""
     # The prior of z cancels from the likelihood of theta: it must not decide what counts.
-    own = descent.z.double().cpu()[:, : mvae.sizes.parameters].square().sum(1)
-    return distinct(descent, descent.log_mass + 0.5 * own, nats=nats, count=count)
+    squares = descent.z.double().cpu()[:, : mvae.sizes.parameters].square().sum(1)
+    return distinct(descent, descent.log_mass + 0.5 * squares, nats=nats, count=count)
 
 
 @dataclass(frozen=True, eq=False)

@@ -186,8 +186,8 @@ class _Fits:
         row, points = self.best
         if row not in self._found:
             self._fit(points, row)
-        apart = zip(*(one.parts for one in self._densities.values()), strict=True)
-        rows = self._likelihood.error.counting_beside(row, [torch.cat(own) for own in apart])
+        apart = zip(*(density.parts for density in self._densities.values()), strict=True)
+        rows = self._likelihood.error.counting_beside(row, [torch.cat(parts) for parts in apart])
         return Settled(self._likelihood.at_row(row).kept(rows), self._found[row])
 
     def _fit(self, starts: Tensor, row: Row) -> None:
@@ -197,8 +197,8 @@ class _Fits:
 
     def _log_posterior(self, points: Tensor) -> "_Densities":
         """At points (s, p)."""
-        own = self._prior.log_density_normal(self._prior.to_normal(points).clamp(-EDGE, EDGE))
-        return _Densities(self._likelihood.log_densities(points), own)
+        prior = self._prior.log_density_normal(self._prior.to_normal(points).clamp(-EDGE, EDGE))
+        return _Densities(self._likelihood.log_densities(points), prior)
 
 
 class _Densities:
@@ -210,11 +210,11 @@ class _Densities:
     """
 
     def __init__(self, apart: tuple[Tensor, ...], prior: Tensor) -> None:
-        each = torch.stack([own.max(1).values for own in apart])  # (d, s)
+        each = torch.stack([values.max(1).values for values in apart])  # (d, s)
         self.best = each.sum(0) + prior
         # By one row of a table, and the likeliest of every other.
         self.parts = tuple(
-            own + (self.best - most)[:, None] for own, most in zip(apart, each, strict=True)
+            values + (self.best - most)[:, None] for values, most in zip(apart, each, strict=True)
         )
 
     @property

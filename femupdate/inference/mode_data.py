@@ -82,12 +82,12 @@ class ModalTerms:
             int(free.clamp_min(0).sum()),
         )
 
-    def residuals(self, own: "Paired") -> tuple[Tensor, Tensor, Tensor]:
+    def residuals(self, modelled: "Paired") -> tuple[Tensor, Tensor, Tensor]:
         """Whitened residuals, predicted less identified: (n, m), (n, m) and (n, m f)."""
         return (
-            self.frequency_root * (own.log_frequency - self.log_frequency),
-            self.damping_root * (own.damping - self.damping),
-            (self.shape_root * (own.shape - self.shape)).flatten(1),
+            self.frequency_root * (modelled.log_frequency - self.log_frequency),
+            self.damping_root * (modelled.damping - self.damping),
+            (self.shape_root * (modelled.shape - self.shape)).flatten(1),
         )
 
 
@@ -178,14 +178,16 @@ def paired(terms: ModalTerms, shown: ShownModes) -> Paired:
     cost = _cost(terms, shown, shape)
     cost = np.where(np.isfinite(cost), cost, np.finfo(np.float64).max / 1e9)
     column = torch.tensor(np.array([linear_sum_assignment(each)[1] for each in cost]))
-    own = shape.gather(2, column[:, None, :].expand(-1, shape.shape[1], -1)).mT
+    chosen = shape.gather(2, column[:, None, :].expand(-1, shape.shape[1], -1)).mT
     weight = terms.shape_root.square()
-    scale = (weight * terms.shape * own).sum(2) / (weight * own.square()).sum(2).clamp_min(_TINY)
+    scale = (weight * terms.shape * chosen).sum(2) / (weight * chosen.square()).sum(2).clamp_min(
+        _TINY
+    )
     return Paired(
         column,
         shown.log_frequency.gather(1, column),
         shown.damping.gather(1, column),
-        own * scale[:, :, None],
+        chosen * scale[:, :, None],
     )
 
 
@@ -276,10 +278,10 @@ class ModeData:
         sizes = [count, count, squares.shape[1] - 2 * count]
         parts = squares.split(sizes, dim=1), wild.split(sizes, dim=1)
         several = f" of {self.source}" if self.source else ""
-        own = zip(_GROUPS, *parts, self.terms.freedom, strict=True)
+        groups = zip(_GROUPS, *parts, self.terms.freedom, strict=True)
         return [
             (f"{name}{several}", part.sum(1), float(free) - out.sum(1))
-            for name, part, out, free in own
+            for name, part, out, free in groups
             if free
         ]
 
@@ -320,8 +322,8 @@ class ModeData:
         parts = []
         for some in zip(theta.split(count), zeta.split(count), sizes.split(count), strict=True):
             shown = modes_as_read(system, *some)
-            own = [shown.log_frequency[:, None], shown.damping[:, None], shown.shape]
-            parts.append(torch.cat(own, dim=1))
+            columns = [shown.log_frequency[:, None], shown.damping[:, None], shown.shape]
+            parts.append(torch.cat(columns, dim=1))
         return torch.cat(parts)
 
     def read_with(self, predicted: Tensor, placed: Placed) -> Tensor:
@@ -380,8 +382,8 @@ class ModeData:
         roots = [self.terms.frequency_root, self.terms.damping_root, *self.terms.shape_root.T]
         what = (_FREQUENCY, _DAMPING, *(self.floors[row] for row in self.rows))
         cells = []
-        for name, own, root in zip(what, parts, roots, strict=True):
-            for hertz, value, there in zip(self.frequency_hz, own, root > 0.0, strict=True):
+        for name, values, root in zip(what, parts, roots, strict=True):
+            for hertz, value, there in zip(self.frequency_hz, values, root > 0.0, strict=True):
                 band = (float(hertz), float(hertz))
                 excess = float(value) - 1.0 if there else 0.0
                 tail = float(chdtrc(1, float(value))) if there else 1.0
@@ -408,7 +410,7 @@ class ModeData:
 
     def changed(self, from_: Tensor, to: Tensor, instrument: bool) -> float:
         """Largest change of a component of a shape (rms over the modes), over the largest one."""
-        before, after = (self.paired(one).shape[0] for one in (from_, to))  # (m, g)
+        before, after = (self.paired(side).shape[0] for side in (from_, to))  # (m, g)
         there = (self.terms.shape_root > 0.0).to(before)
         if not there.any():
             return 0.0
@@ -434,9 +436,9 @@ def modes_as_read(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) ->
     """
     shown = shown_modes(system, theta, zeta, sizes)
     shape = shown.shape
-    for one, size in zip(system.placed, split_sizes(system.placed, sizes), strict=True):
-        if one.effect.instrument and _shows(one.effect):
-            shape = _read(shape, system.floors, one, size)
+    for listed, size in zip(system.placed, split_sizes(system.placed, sizes), strict=True):
+        if listed.effect.instrument and _shows(listed.effect):
+            shape = _read(shape, system.floors, listed, size)
     return replace(shown, shape=shape)
 
 

@@ -141,8 +141,8 @@ class EventErrors:
                 row[valid] if valid.any() else None
                 for row, valid in zip(sizes.mean, observation.valid, strict=True)
             ]
-            common, own, length, _ = np.square(sizes.levels.reshape(-1, 4)).mean(axis=0) ** 0.5
-            of_all = common**2 / max(common**2 + own**2 / len(self._measured), 1e-24)
+            common, single, length, _ = np.square(sizes.levels.reshape(-1, 4)).mean(axis=0) ** 0.5
+            of_all = common**2 / max(common**2 + single**2 / len(self._measured), 1e-24)
             values = _on_floors(observation, rows, floors, frequency)
             lone = [[1.0 if floor in self._measured else of_all] for floor in floors]
             seen = observation.frequency_hz[observation.valid.any(axis=0)]
@@ -255,14 +255,14 @@ def drawn_error(
         errors: that the sizes are of.
         frequency_hz: (k,).
     """
-    common, own, length, _ = sizes.levels.reshape(-1, sizes.levels.shape[-1])[row]
-    if common == own == 0.0:
+    common, single, length, _ = sizes.levels.reshape(-1, sizes.levels.shape[-1])[row]
+    if common == single == 0.0:
         return np.zeros((floors, len(frequency_hz)))
     width = errors.width_hz
     harmonics = Harmonics(errors.first_hz, width, MODEL_ERROR.period * width, MODEL_ERROR.harmonics)
     spread = harmonics.spread(length).numpy()
     white = rng.standard_normal((floors + 1, len(spread)))
-    coefficients = spread * (common * white[:1] + own * white[1:])
+    coefficients = spread * (common * white[:1] + single * white[1:])
     # Beyond the measured band errors go on as they were at its end.
     inside = np.clip(frequency_hz, errors.first_hz, errors.first_hz + width)
     values = harmonics.at(torch.from_numpy(inside)).numpy()

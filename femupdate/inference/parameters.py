@@ -146,7 +146,7 @@ class Parameters:
 
     def columns(self, *kinds: Kind) -> list[int]:
         """Places of those of some kinds."""
-        return [k for k, one in enumerate(self.entries) if one.kind in kinds]
+        return [k for k, entry in enumerate(self.entries) if entry.kind in kinds]
 
     def of(self, *kinds: Kind) -> "Parameters":
         """Those of some kinds."""
@@ -171,26 +171,26 @@ class Parameters:
     def from_unit(self, unit: Tensor) -> Tensor:
         """Map the unit cube (n, d) to the parameters (n, p), evenly in probability."""
         free, normal = self._free, self._normal
-        own = free.lower + (free.upper - free.lower) * unit
+        inside_limits = free.lower + (free.upper - free.lower) * unit
         if normal.columns:
             share = normal.low + (normal.high - normal.low) * unit[..., normal.columns]
             # At a limit far out a share may round to one.
             scaled = torch.special.ndtri(share.clamp(1e-300, 1.0 - 1e-16))
             inside = normal.centre + normal.scale * scaled
-            own = own.clone()
-            own[..., normal.columns] = inside.clamp(normal.lower, normal.upper)
+            inside_limits = inside_limits.clone()
+            inside_limits[..., normal.columns] = inside.clamp(normal.lower, normal.upper)
         if self.size == len(self.entries):
-            return own
+            return inside_limits
         values = self.lower.expand(*unit.shape[:-1], -1).clone()
-        values[..., free.columns] = own
+        values[..., free.columns] = inside_limits
         return values
 
     def to_unit(self, values: Tensor) -> Tensor:
         """Map the parameters (n, p) to the unit cube (n, d)."""
         free, normal = self._free, self._normal
-        own = values[..., free.columns]
-        unit = (own - free.lower) / (free.upper - free.lower)
-        scaled = (own[..., normal.columns] - normal.centre) / normal.scale
+        inside_limits = values[..., free.columns]
+        unit = (inside_limits - free.lower) / (free.upper - free.lower)
+        scaled = (inside_limits[..., normal.columns] - normal.centre) / normal.scale
         share = (torch.special.ndtr(scaled) - normal.low) / (normal.high - normal.low)
         unit[..., normal.columns] = share
         return unit
@@ -224,7 +224,7 @@ class Parameters:
     @cached_property
     def _free(self) -> "_Free":
         """The free parameters among all."""
-        chosen = [k for k, one in enumerate(self.entries) if one.free]
+        chosen = [k for k, entry in enumerate(self.entries) if entry.free]
         ends = (self._column([getattr(self.entries[k], end) for k in chosen]) for end in _ENDS)
         return _Free(chosen, *ends)
 
@@ -232,7 +232,7 @@ class Parameters:
     def _normal(self) -> "_Normal":
         """Those with a normal prior among the free ones."""
         free = [entry for entry in self.entries if entry.free]
-        chosen = [k for k, one in enumerate(free) if math.isfinite(one.scale)]
+        chosen = [k for k, entry in enumerate(free) if math.isfinite(entry.scale)]
         lower, upper, centre, scale = (
             self._column([getattr(free[k], name) for k in chosen])
             for name in (*_ENDS, "centre", "scale")
@@ -333,10 +333,10 @@ class LogSteps:
     def values(self, z: Tensor) -> Tensor:
         """All parameters (n, p) of unknowns z (n, d)."""
         free, normal = self.parameters._free, self.parameters._normal
-        own = z.exp()
-        own[:, normal.columns] = normal.centre + normal.scale * z[:, normal.columns]
+        searched = z.exp()
+        searched[:, normal.columns] = normal.centre + normal.scale * z[:, normal.columns]
         values = self.parameters.lower.expand(len(z), -1).clone()
-        values[:, free.columns] = own
+        values[:, free.columns] = searched
         return values
 
     def split(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -405,7 +405,7 @@ def reduction_target(building: Building) -> ReductionTarget:
 
 def size_names(placed: Sequence[Placed]) -> tuple[str, ...]:
     """Names of the parameters of effects, such as `added_mass@3F.size`."""
-    return tuple(f"{one.label}.{p.name}" for one in placed for p in one.effect.parameters)
+    return tuple(f"{listed.label}.{p.name}" for listed in placed for p in listed.effect.parameters)
 
 
 def effect_parameters(placed: Sequence[Placed], *, searched: bool = False) -> Parameters:
@@ -419,13 +419,13 @@ def effect_parameters(placed: Sequence[Placed], *, searched: bool = False) -> Pa
             Parameter(
                 name=name,
                 kind="effect",
-                lower=one.lower if searched else one.likely[0],
-                upper=one.upper if searched else one.likely[1],
-                neutral=one.neutral,
-                centre=one.neutral,
-                scale=one.scale,
+                lower=parameter.lower if searched else parameter.likely[0],
+                upper=parameter.upper if searched else parameter.likely[1],
+                neutral=parameter.neutral,
+                centre=parameter.neutral,
+                scale=parameter.scale,
             )
-            for name, one in pairs
+            for name, parameter in pairs
         )
     )
 
@@ -437,5 +437,7 @@ _OF_A_MESH = 0.03
 def own_errors(placed: Sequence[Placed], building: Building) -> Floats:
     """(q,) share of every parameter of effects by which the effects themselves may err."""
     of_all = 0.0 if building.kind == "shear" else _OF_A_MESH
-    own = np.array([one.effect.own_error for one in placed for _ in one.effect.parameters])
-    return np.hypot(own, of_all)
+    of_each = np.array(
+        [listed.effect.own_error for listed in placed for _ in listed.effect.parameters]
+    )
+    return np.hypot(of_each, of_all)

@@ -100,8 +100,8 @@ class Posterior:
 
     def of(self, *kinds: Kind) -> "Posterior":
         """The same of some kinds of parameters."""
-        own = self.values[..., self.parameters.columns(*kinds)]
-        return replace(self, parameters=self.parameters.of(*kinds), values=own)
+        draws = self.values[..., self.parameters.columns(*kinds)]
+        return replace(self, parameters=self.parameters.of(*kinds), values=draws)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -111,8 +111,8 @@ class Posterior:
     @property
     def bounds(self) -> Floats:
         """(p, 2) lower and upper end of their prior."""
-        own = self.parameters.of(*_OF_STRUCTURE)
-        return np.column_stack([own.lower, own.upper])
+        parameters = self.parameters.of(*_OF_STRUCTURE)
+        return np.column_stack([parameters.lower, parameters.upper])
 
     @property
     def theta(self) -> Floats:

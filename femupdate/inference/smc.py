@@ -171,11 +171,11 @@ class TemperedSmc:
         generator = _restored(state)
         gain = state.points.log_likelihood.unflatten(0, (len(state.log_evidence), -1))
         left, each = 1.0 - state.beta, gain.shape[1]
-        beta = min(next_increment(own, left, self.settings.ess_target) for own in gain)
+        beta = min(next_increment(chain, left, self.settings.ess_target) for chain in gain)
         log_weight = beta * gain
         rows = [
-            k * each + systematic_rows(torch.softmax(own, dim=0), generator)
-            for k, own in enumerate(log_weight)
+            k * each + systematic_rows(torch.softmax(chain, dim=0), generator)
+            for k, chain in enumerate(log_weight)
         ]
         gained = (torch.logsumexp(log_weight, dim=1) - math.log(each)).tolist()
         raised = replace(
@@ -185,7 +185,7 @@ class TemperedSmc:
             log_evidence=tuple(a + b for a, b in zip(state.log_evidence, gained, strict=True)),
         )
         moved, acceptance = self._moved(raised, generator)
-        ess = sum(effective_sample_size(own) for own in log_weight)
+        ess = sum(effective_sample_size(chain) for chain in log_weight)
         unique = distinct_rows(moved.points.xi) / len(moved.points.xi)
         level = Level(moved.beta, ess, acceptance, unique)
         logger.debug("level %d: %s", len(state.levels) + 1, level)

@@ -178,13 +178,13 @@ def floors_of(texts: Sequence[str]) -> tuple[str | None, ...]:
     """
     numbers = [_number(text) for text in texts]
     ranks = [base_rank(text) for text in texts]
-    own = any(parse_channel(text) not in (None, parse_channel(BASE)) for text in texts)
+    others = any(parse_channel(text) not in (None, parse_channel(BASE)) for text in texts)
     below = [rank for rank, number in zip(ranks, numbers, strict=True) if number in (None, 0)]
     # Free fields of station archives are named beside a first floor that is the base.
     grounds = [t for t, rank in zip(texts, ranks, strict=True) if rank == 1]
     beside = any(re.search(r"free|pit", text, re.IGNORECASE) for text in grounds)
     based = 0 in below or (1 in below and not beside)
-    shift = 1 if based and 1 in numbers and not own else 0
+    shift = 1 if based and 1 in numbers and not others else 0
     floors = [
         _floor(text, None if number is None else number + (shift if number else 0))
         for text, number in zip(texts, numbers, strict=True)

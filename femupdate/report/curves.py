@@ -70,7 +70,9 @@ class Curve:
             for name in ("x", "mean", "measured", "noise", "used", "beside")
             for value in (getattr(self, name),)
         }
-        bands = tuple(replace(one, low=one.low[kept], high=one.high[kept]) for one in self.bands)
+        bands = tuple(
+            replace(band, low=band.low[kept], high=band.high[kept]) for band in self.bands
+        )
         return replace(self, bands=bands, **chosen)
 
 
@@ -178,7 +180,7 @@ def spectrum_curves(
     """
     curves = history_curves(frequency_hz, floors, mean, sd)
     return tuple(
-        replace(one, across="frequency of the oscillator, Hz", beside=ground) for one in curves
+        replace(curve, across="frequency of the oscillator, Hz", beside=ground) for curve in curves
     )
 
 

@@ -102,7 +102,7 @@ def _plotter(fine: bool = True) -> Iterator[tuple[Any, Any]]:
         import pyvista
 
         plotter: Any = pyvista.Plotter(
-            off_screen=True, window_size=[one if fine else one // 2 for one in WINDOW]
+            off_screen=True, window_size=[pixels if fine else pixels // 2 for pixels in WINDOW]
         )
         try:
             plotter.set_background("white")

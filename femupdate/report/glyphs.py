@@ -64,7 +64,7 @@ def dashpot(start: Floats, end: Floats) -> Glyphs:
     cup += [start + 0.38 * along - side, start + 0.62 * along - side]
     plate = [start + 0.52 * along + 0.8 * side, start + 0.52 * along - 0.8 * side]
     rods = [[start, start + 0.38 * along], [start + 0.52 * along, end]]
-    return Glyphs(lines=tuple(np.stack(one) for one in ([*cup], plate, *rods)))
+    return Glyphs(lines=tuple(np.stack(points) for points in ([*cup], plate, *rods)))
 
 
 def lines(paths: Sequence[Floats]) -> Glyphs:
@@ -119,4 +119,4 @@ def drawn(glyphs: Iterable[Glyph]) -> Glyphs:
     Raises:
         ReportError: one is of a kind that is not known.
     """
-    return sum((sign(one.kind, *one.arguments) for one in glyphs), Glyphs())
+    return sum((sign(glyph.kind, *glyph.arguments) for glyph in glyphs), Glyphs())

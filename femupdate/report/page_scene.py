@@ -69,12 +69,12 @@ def thinned_geometry(geometry: Geometry, most: int = MOST_FACES) -> ThinnedGeome
     shells, beams = groups[geometry.shells[faces]], groups[geometry.beams[lines]]
     nodes, place = np.unique(np.concatenate([shells.ravel(), beams.ravel()]), return_inverse=True)
     numbers = place.reshape(-1)
-    own = Geometry.of(
+    thinned = Geometry.of(
         geometry.nodes[nodes],
         numbers[: shells.size].reshape(-1, 4),
         numbers[shells.size :].reshape(-1, 2),
     )
-    return ThinnedGeometry(own, nodes, faces, lines)
+    return ThinnedGeometry(thinned, nodes, faces, lines)
 
 
 def _clustered(nodes: Floats, side: float) -> Integers:

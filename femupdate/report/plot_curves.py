@@ -85,7 +85,7 @@ def frf_fit(
     start = 0.0 if first.x[0] < 0.05 * first.x[-1] else first.x[0]
     panels[0].set(yscale="log", xlim=(start, first.x[-1]))
     bottom, top = (np.log(limit) for limit in panels[0].get_ylim())
-    inner = [np.log(one.bands[-1].high / one.bands[-1].low) for one in curves]
+    inner = [np.log(curve.bands[-1].high / curve.bands[-1].low) for curve in curves]
     several = len(first.bands) > 1
     which = "The dark bands" if several else "The bands"
     note = thin_band_note(nearly_all(inner) / (top - bottom), which)
@@ -113,11 +113,11 @@ def floor_history_bands(curves: Sequence[Curve], *, title: str = "Floor accelera
     digits = 1 if strong[1] - strong[0] > 2.0 else 2
     axes[0, 1].set_title(f"{strong[0]:.{digits}f} to {strong[1]:.{digits}f} s")
     label_edges(axes, axes.size, capital(curves[0].across), "m/s²")
-    edges = [edge for one in curves for band in one.bands for edge in (band.low, band.high)]
-    measured = [one.measured for one in curves if one.measured is not None]
+    edges = [edge for curve in curves for band in curve.bands for edge in (band.low, band.high)]
+    measured = [curve.measured for curve in curves if curve.measured is not None]
     limits = symmetric_limits(*edges, *measured)
     axes[0, 0].set_ylim(limits)
-    widths = [one.bands[0].high - one.bands[0].low for one in curves]
+    widths = [curve.bands[0].high - curve.bands[0].low for curve in curves]
     note = thin_band_note(0.5 * nearly_all(widths) / limits[1])
     add_head(figure, title, labelled(axes[:, 1]), note=note)
     return figure
@@ -158,8 +158,8 @@ def floor_spectra_bands(
     """Draw the spectrum of every floor as `spectrum_curves` describes it."""
     figure, panels = _grid(curves, min(3, len(curves)), (3.6, 2.5), 1.3)
     frequency_ticks(panels[0], curves[0].x[0], curves[0].x[-1])
-    tops = [band.high for one in curves for band in one.bands]
-    tops += [one.beside for one in curves if one.beside is not None]
+    tops = [band.high for shown in curves for band in shown.bands]
+    tops += [shown.beside for shown in curves if shown.beside is not None]
     panels[0].set_ylim(0.0, 1.08 * np.max(tops))
     add_head(figure, title)
     return figure
@@ -185,15 +185,15 @@ def member_force_bands(
     axes = figure.subplots(len(members), len(members[0][1]), sharex=True, squeeze=False)
     for row, (name, curves) in zip(axes, members, strict=True):
         for panel, curve in zip(row, curves, strict=True):
-            draw_curve(panel, own := curve.at(shown))
-            panel.set(ylabel=capital(curve.up), xlim=(own.x[0], own.x[-1]))
+            draw_curve(panel, drawn := curve.at(shown))
+            panel.set(ylabel=capital(curve.up), xlim=(drawn.x[0], drawn.x[-1]))
             low, high = panel.get_ylim()
-            shares += [(band.high - band.low) / (high - low) for band in own.bands]
+            shares += [(band.high - band.low) / (high - low) for band in drawn.bands]
         row[0].set_title(name, loc="left")
     for panel in axes[-1]:
         panel.set_xlabel(capital(members[0][1][0].across))
     thin = thin_band_note(nearly_all(shares))
-    add_head(figure, title, note="\n".join(one for one in (note, thin) if one))
+    add_head(figure, title, note="\n".join(words for words in (note, thin) if words))
     return figure
 
 

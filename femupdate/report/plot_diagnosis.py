@@ -41,11 +41,11 @@ class ResidualMap:
     @classmethod
     def of(cls, cells: Sequence[Cell], kind: str) -> "ResidualMap":
         """The map of one kind of data."""
-        own = [cell for cell in cells if cell.data == kind]
-        rows = tuple(dict.fromkeys(cell.floor for cell in own))
-        bands = tuple(dict.fromkeys(cell.band_hz for cell in own))
+        of_kind = [cell for cell in cells if cell.data == kind]
+        rows = tuple(dict.fromkeys(cell.floor for cell in of_kind))
+        bands = tuple(dict.fromkeys(cell.band_hz for cell in of_kind))
         grid = np.full((len(rows), len(bands)), np.nan)
-        for cell in own:
+        for cell in of_kind:
             if cell.excess != 0.0 or cell.p_value != 1.0:
                 value = np.sqrt(max(cell.excess + 1.0, 0.0))
                 grid[rows.index(cell.floor), bands.index(cell.band_hz)] = value
@@ -116,10 +116,10 @@ def residual_map(
         raise ReportError("a residual map needs the misfit of one model at least")
     figure = new_figure(4.6 * len(maps) + 1.2, 0.9 + 0.38 * len(maps[0][1].rows))
     panels = np.atleast_1d(figure.subplots(1, len(maps), sharey=True))
-    top = largest_misfit([one for _, one in maps])
+    top = largest_misfit([shown for _, shown in maps])
     pictures = []
-    for panel, (name, one) in zip(panels, maps, strict=True):
-        pictures.append(draw_misfit(panel, one, top))
+    for panel, (name, shown) in zip(panels, maps, strict=True):
+        pictures.append(draw_misfit(panel, shown, top))
         panel.set_title(name)
     bar = figure.colorbar(pictures[0], ax=list(panels), pad=0.02)
     bar.set_label("Residual over noise, rms")
@@ -133,25 +133,25 @@ def residual_map(
 
 def largest_misfit(maps: Sequence[ResidualMap]) -> float:
     """Where the colours of some misfits end."""
-    grids = [one.grid for one in maps if np.isfinite(one.grid).any()]
+    grids = [shown.grid for shown in maps if np.isfinite(shown.grid).any()]
     largest = max((float(np.nanmax(grid)) for grid in grids), default=2)
     return float(np.clip(largest, 2.0, _HIGHEST))
 
 
-def draw_misfit(panel: Axes, one: ResidualMap, top: float) -> QuadMesh:
+def draw_misfit(panel: Axes, shown: ResidualMap, top: float) -> QuadMesh:
     """Draw one misfit; the colours end at `top`."""
-    edges, norm = np.arange(len(one.grid) + 1) - 0.5, Normalize(1.0, top)
-    picture = panel.pcolormesh(one.edges, edges, one.grid, cmap="OrRd", norm=norm)
+    edges, norm = np.arange(len(shown.grid) + 1) - 0.5, Normalize(1.0, top)
+    picture = panel.pcolormesh(shown.edges, edges, shown.grid, cmap="OrRd", norm=norm)
     panel.grid(False)
     panel.set_facecolor(FAINT)
-    for row, values in enumerate(one.grid):
-        for x, value in zip(one.middle, values, strict=True):
+    for row, values in enumerate(shown.grid):
+        for x, value in zip(shown.middle, values, strict=True):
             if np.isfinite(value):
                 strong = value > 0.55 * (1.0 + top)
                 text = f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
                 colour = "white" if strong else INK
                 panel.text(x, row, text, ha="center", va="center", fontsize=7, color=colour)
-    one.mark(panel)
+    shown.mark(panel)
     return picture
 
 
@@ -172,10 +172,10 @@ def ranking(effects: Sequence[Ranked], needed: float, verdict: str) -> Figure:
     shown = list(effects)[::-1]
     figure = new_figure(8.0, 0.8 + 0.3 * len(shown))
     panel = figure.subplots()
-    for row, one in enumerate(shown):
-        length = _scaled(one.gain)
-        panel.barh(row, length, color=ORANGE if one.leading else BLUE, height=0.62)
-        text = f"{round(one.gain):,}   {one.size}".rstrip()
+    for row, row_of in enumerate(shown):
+        length = _scaled(row_of.gain)
+        panel.barh(row, length, color=ORANGE if row_of.leading else BLUE, height=0.62)
+        text = f"{round(row_of.gain):,}   {row_of.size}".rstrip()
         panel.annotate(
             text,
             (max(length, 0.0), row),
@@ -189,9 +189,9 @@ def ranking(effects: Sequence[Ranked], needed: float, verdict: str) -> Figure:
         )
     panel.axvline(_scaled(needed), color=QUIET, linestyle="--", linewidth=1.0)
     panel.axvline(0.0, color=INK, linewidth=0.8)
-    panel.set_yticks(range(len(shown)), [one.label for one in shown])
+    panel.set_yticks(range(len(shown)), [row_of.label for row_of in shown])
     decades = [-10.0, 0.0, needed, 10.0, 100.0, 1e3, 1e4, 1e5]
-    low, high = min(0.0, *(one.gain for one in shown)), max(one.gain for one in shown)
+    low, high = min(0.0, *(row_of.gain for row_of in shown)), max(row_of.gain for row_of in shown)
     ticks = [t for t in decades if low <= t <= 3.0 * high or t in (0.0, needed)]
     left, right = _scaled(max(low, -30.0)) - 0.1, 1.45 * _scaled(max(high, 3.0 * needed))
     ticks = _apart(ticks, (needed, 0.0), _CLOSE * (right - left))

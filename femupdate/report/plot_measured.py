@@ -25,7 +25,7 @@ POINTS = 4000  # of a history drawn, as the extremes of short stretches
 
 
 @styled
-def inspected(one: Inspection) -> Figure:
+def inspected(file: Inspection) -> Figure:
     """Draw the histories of a file, else its functions of frequency, else its modes.
 
     The first `MOST_LINES` of them are drawn.
@@ -33,14 +33,14 @@ def inspected(one: Inspection) -> Figure:
     Raises:
         ReportError: the file holds none of them.
     """
-    title = one.path.name
-    if one.channels:
-        return _histories(one.channels, title)
-    if one.functions:
-        return _functions(one.functions, title)
-    if one.modes:
-        return _modes(one.modes, title)
-    raise ReportError(f"{one.path}: there is nothing to draw in it but measuring points")
+    title = file.path.name
+    if file.channels:
+        return _histories(file.channels, title)
+    if file.functions:
+        return _functions(file.functions, title)
+    if file.modes:
+        return _modes(file.modes, title)
+    raise ReportError(f"{file.path}: there is nothing to draw in it but measuring points")
 
 
 def _histories(channels: Sequence[InspectedChannel], title: str) -> Figure:
@@ -76,7 +76,10 @@ def _functions(functions: Sequence[RecordedFunction], title: str) -> Figure:
         size = np.abs(each.values)
         # A zero, as a spectrum may have at 0 Hz, is no value to draw to.
         axes.semilogy(each.frequency_hz, np.where(size > 0.0, size, np.nan), **look(k))
-    axes.set(xlabel="Frequency, Hz", ylabel=_listed({one.unit or one.kind for one in functions}))
+    axes.set(
+        xlabel="Frequency, Hz",
+        ylabel=_listed({function.unit or function.kind for function in functions}),
+    )
     handles = [Line2D([], [], label=each.name, **look(k)) for k, each in enumerate(drawn)]
     add_head(figure, title, handles, columns=4)
     return figure
@@ -90,19 +93,20 @@ def _modes(modes: Sequence[RecordedMode], title: str) -> Figure:
     figure, shown = new_figure(9.0, 4.0), modes[:MOST_LINES]
     axes = figure.add_subplot()
     handles = [
-        Line2D([], [], label=f"{one.frequency_hz:.4g} Hz", **look(k)) for k, one in enumerate(shown)
+        Line2D([], [], label=f"{mode.frequency_hz:.4g} Hz", **look(k))
+        for k, mode in enumerate(shown)
     ]
     add_head(figure, title, handles, columns=4)
-    if not any(one.shape.size for one in shown):
+    if not any(mode.shape.size for mode in shown):
         _draw_ratios(axes, shown)
         return figure
-    for k, one in enumerate(shown):
-        values = np.real(in_phase(one.shape))
+    for k, mode in enumerate(shown):
+        values = np.real(in_phase(mode.shape))
         largest = np.nanmax(np.abs(values), initial=1e-300)
         axes.plot(values / largest, marker="o", ms=3, **look(k))
     axes.set(xlabel="Component, point by point", ylabel="Shape over its largest component")
     names = shown[0].sensors
-    alike = all(one.sensors == names for one in shown)
+    alike = all(mode.sensors == names for mode in shown)
     if alike and sum(map(len, names)) <= _MOST_LETTERS:
         axes.set_xticks(range(len(names)), names)
         axes.set_xlabel("")
@@ -147,21 +151,21 @@ def _listed(words: set[str]) -> str:
 
 
 def _draw_ratios(axes: Axes, modes: Sequence[RecordedMode]) -> None:
-    for k, one in enumerate(modes):
-        ratio = 100.0 * (one.damping or 0.0)
-        axes.plot([one.frequency_hz] * 2, [0.0, ratio], "o-", ms=5, color=hue(k))
+    for k, mode in enumerate(modes):
+        ratio = 100.0 * (mode.damping or 0.0)
+        axes.plot([mode.frequency_hz] * 2, [0.0, ratio], "o-", ms=5, color=hue(k))
     axes.set(xlabel="Frequency, Hz", ylabel="Damping ratio, %", ylim=(0.0, None))
-    axes.set_xlim(0.0, 1.1 * max(one.frequency_hz for one in modes))
+    axes.set_xlim(0.0, 1.1 * max(mode.frequency_hz for mode in modes))
 
 
 def _draw_histories(axes: Axes, channels: Sequence[InspectedChannel]) -> None:
     # So that neighbours do not overlap, whatever their peaks.
     histories = [_values(each) for each in channels]
-    spacing = 2.0 * max(float(np.abs(own - own.mean()).max()) for own in histories)
+    spacing = 2.0 * max(float(np.abs(values - values.mean()).max()) for values in histories)
     spacing = spacing or 1.0
-    for k, (each, own) in enumerate(zip(channels, histories, strict=True)):
-        kept = thinned(own)
-        height = own[kept] - own.mean() - k * spacing
+    for k, (each, values) in enumerate(zip(channels, histories, strict=True)):
+        kept = thinned(values)
+        height = values[kept] - values.mean() - k * spacing
         axes.plot(kept * each.channel.time_step, height, color=hue(k), linewidth=0.6)
     axes.set_yticks([-k * spacing for k in range(len(channels))], [_label(c) for c in channels])
     for k, label in enumerate(axes.get_yticklabels()):
@@ -215,8 +219,8 @@ def _beside(driver: InspectedChannel | None, each: InspectedChannel) -> bool:
     """Whether a channel was sampled at the times of what drives it."""
     if driver is None:
         return False
-    own, other = driver.channel, each.channel
-    return own.values.size == other.values.size and own.time_step == other.time_step
+    driven, other = driver.channel, each.channel
+    return driven.values.size == other.values.size and driven.time_step == other.time_step
 
 
 def thinned(values: Floats, most: int = POINTS) -> Integers:

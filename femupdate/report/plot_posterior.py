@@ -323,11 +323,13 @@ def theta_intervals(
     panel.barh(
         rows, np.ptp(bounds, axis=1), thick, bounds[:, 0], color=FAINT, label="Prior", zorder=1.0
     )
-    shown = [Interval.of(one.samples, one.label or "Posterior", k) for k, one in enumerate(cases)]
-    for place, one in enumerate(shown):
+    shown = [
+        Interval.of(case.samples, case.label or "Posterior", k) for k, case in enumerate(cases)
+    ]
+    for place, interval in enumerate(shown):
         heights = rows + ((len(cases) - 1) / 2 - place) * ROW_HEIGHT / band
-        draw_intervals(panel, one, heights, label=one.name)
-        _write_figures(panel, one, heights)
+        draw_intervals(panel, interval, heights, label=interval.name)
+        _write_figures(panel, interval, heights)
     panel.set(yticks=rows, yticklabels=names, ylim=(-0.6, len(names) - 0.4))
     panel.tick_params(axis="y", length=0, labelsize=10.0)
     panel.grid(visible=False, axis="y")
@@ -336,31 +338,33 @@ def theta_intervals(
     short = short_note(panel, shown)
     order = "Lines of a row are in the order of the legend" if len(cases) > 1 else ""
     read = f"{short}: read the figures at the right" if short else ""
-    add_head(figure, title, note="\n".join(one for one in (order, read) if one))
+    add_head(figure, title, note="\n".join(sentence for sentence in (order, read) if sentence))
     return figure
 
 
 def short_note(panel: Axes, shown: Sequence[Interval]) -> str:
     """What to say where an interval is shorter than the stroke at its mean."""
     low, high = panel.get_xlim()
-    if min((one.high - one.low).min() for one in shown) > _VISIBLE * (high - low):
+    if min((interval.high - interval.low).min() for interval in shown) > _VISIBLE * (high - low):
         return ""
     return "Some intervals are shorter than the stroke at their mean"
 
 
-def draw_intervals(panel: Axes, one: Interval, heights: Floats, label: str = "") -> None:
+def draw_intervals(panel: Axes, interval: Interval, heights: Floats, label: str = "") -> None:
     """Lines from end to end at some heights (r,), and the means as strokes."""
-    color = hue(one.series)
-    panel.hlines(heights, one.low, one.high, color=color, linewidth=3.2, label=label, zorder=2.0)
+    color = hue(interval.series)
+    panel.hlines(
+        heights, interval.low, interval.high, color=color, linewidth=3.2, label=label, zorder=2.0
+    )
     # A stroke covers less of a short interval than a dot does.
-    panel.plot(one.mean, heights, "|", color=color, markersize=10.0, mew=1.4)
+    panel.plot(interval.mean, heights, "|", color=color, markersize=10.0, mew=1.4)
 
 
-def _write_figures(panel: Axes, one: Interval, heights: Floats) -> None:
+def _write_figures(panel: Axes, interval: Interval, heights: Floats) -> None:
     """Means and ends, with two figures of the narrowest interval."""
-    narrowest = np.maximum(one.high - one.low, 1e-3 * np.abs(one.mean)).min()
+    narrowest = np.maximum(interval.high - interval.low, 1e-3 * np.abs(interval.mean)).min()
     digits = int(np.clip(1 - np.floor(np.log10(max(narrowest, 1e-4))), 0, 4))
-    for height, *values in zip(heights, one.mean, one.low, one.high, strict=True):
+    for height, *values in zip(heights, interval.mean, interval.low, interval.high, strict=True):
         middle, start, end = (f"{value:.{digits}f}" for value in values)
         panel.annotate(
             f"{middle}   [{start}, {end}]",
@@ -368,5 +372,5 @@ def _write_figures(panel: Axes, one: Interval, heights: Floats) -> None:
             xycoords=("axes fraction", "data"),
             va="center",
             fontsize=8.5,
-            color=hue(one.series),
+            color=hue(interval.series),
         )

@@ -112,8 +112,8 @@ def gap_story(
 
 def repair_headline(added: Sequence[Placed]) -> str:
     """What a repair added."""
-    words = (one.in_words for one in added)
-    told = "; ".join(one[0].lower() + one[1:] for one in words)
+    words = (words_of.in_words for words_of in added)
+    told = "; ".join(words_of[0].lower() + words_of[1:] for words_of in words)
     return f"Added: {told}" if told else "Nothing was added"
 
 

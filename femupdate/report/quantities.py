@@ -36,9 +36,9 @@ class DrawnQuantity:
 
     def tidy(self) -> Iterator[tuple[Any, ...]]:
         """Rows of a tidy table, see `tidy_table`."""
-        own = self.statistics
-        columns = (own.mean, own.sd, own.q05, own.q95)
-        for place, *row in zip(self.places, *(one.tolist() for one in columns), strict=True):
+        statistics = self.statistics
+        columns = (statistics.mean, statistics.sd, statistics.q05, statistics.q95)
+        for place, *row in zip(self.places, *(column.tolist() for column in columns), strict=True):
             yield (self.name, self.unit, place, *row)
 
     @property
@@ -48,22 +48,22 @@ class DrawnQuantity:
 
     def cells(self) -> tuple[str, ...]:
         """Mean and 5 to 95 % at every place."""
-        own = self.statistics
-        rows = zip(own.mean, own.sd, own.q05, own.q95, strict=True)
+        statistics = self.statistics
+        rows = zip(statistics.mean, statistics.sd, statistics.q05, statistics.q95, strict=True)
         return tuple(interval_text(*(float(value) for value in row)) for row in rows)
 
 
 def quantity_tables(found: Iterable[DrawnQuantity]) -> list[Table]:
     """Tables of quantities at the same places: of the floors, of the stories, of the base."""
     groups: dict[tuple[str, ...], list[DrawnQuantity]] = {}
-    for one in found:
-        groups.setdefault(one.places, []).append(one)
+    for quantity in found:
+        groups.setdefault(quantity.places, []).append(quantity)
     return [
         Table.of(
-            ("", *(one.heading for one in group)),
-            list(zip(places, *(one.cells() for one in group), strict=True)),
+            ("", *(quantity.heading for quantity in group)),
+            list(zip(places, *(quantity.cells() for quantity in group), strict=True)),
             name="_".join(group[0].name.split()),
-            caption=capital(", ".join(one.name for one in group)),
+            caption=capital(", ".join(quantity.name for quantity in group)),
             note="Mean, and 5 to 95 % in brackets.",
         )
         for places, group in groups.items()
@@ -78,15 +78,18 @@ def tidy_table(
     Args:
         key: of the quantities in JSON, which are then not in the CSV file.
     """
-    rows = [row for one in found for row in one.tidy()]
+    rows = [row for quantity in found for row in quantity.tidy()]
     rows += [
-        (f"largest {quantity}", unit, place_of(number, one), *values)
-        for number, one in enumerate(members, 1)
-        for quantity, unit, *values in _peaks(one, force_scales(members))
+        (f"largest {quantity}", unit, place_of(number, member), *values)
+        for number, member in enumerate(members, 1)
+        for quantity, unit, *values in _peaks(member, force_scales(members))
     ]
     names = ("quantity", "unit", "place", "mean", "sd", "q05", "q95")
     kept = zip(names, list(zip(*rows, strict=True)) or [()] * len(names), strict=True)
-    columns = [Column(values, key=own) if key else Column(values, csv=own) for own, values in kept]
+    columns = [
+        Column(values, key=heading) if key else Column(values, csv=heading)
+        for heading, values in kept
+    ]
     return Table(name=name, columns=tuple(columns), key=key)
 
 
@@ -108,7 +111,7 @@ def floor_table(
         axis: lambda: np.tile(points, len(floors)),
         **columns,
     }
-    return Table(name=name, columns=tuple(Column(own, csv=key) for key, own in made.items()))
+    return Table(name=name, columns=tuple(Column(values, csv=key) for key, values in made.items()))
 
 
 def heights_of(building: Building) -> Floats | None:
@@ -165,8 +168,8 @@ ALONE = (
 def force_scales(members: Sequence[MemberForces]) -> tuple[Scale, Scale]:
     """One unit for the forces of all members, and one for their moments."""
     largest = [0.0, 0.0]
-    for one in members:
-        for name, value in zip(one.member.forces, one.peak.mean.tolist(), strict=True):
+    for member in members:
+        for name, value in zip(member.member.forces, member.peak.mean.tolist(), strict=True):
             largest[_is_moment(name)] = max(largest[_is_moment(name)], value)
     return force_scale(largest[0]), force_scale(largest[1])
 
@@ -185,26 +188,26 @@ def _is_moment(force: str) -> bool:
 def member_tables(members: Sequence[MemberForces]) -> Iterator[Note | Table]:
     """The largest forces of every member; members are numbered."""
     scales = force_scales(members)
-    for number, one in enumerate(members, 1):
-        yield Note(f"{place_of(number, one)}: largest forces")
+    for number, member in enumerate(members, 1):
+        yield Note(f"{place_of(number, member)}: largest forces")
         yield Table.of(
             ("", ""),
             [
                 (f"{quantity}, {unit}", interval_text(*values))
-                for quantity, unit, *values in _peaks(one, scales)
+                for quantity, unit, *values in _peaks(member, scales)
             ],
         )
 
 
-def place_of(number: int, one: MemberForces) -> str:
+def place_of(number: int, member: MemberForces) -> str:
     """Number and place of a member, such as "wall 1, X2:S1"."""
-    return f"{one.member.kind} {number}, {one.member.name}"
+    return f"{member.member.kind} {number}, {member.member.name}"
 
 
-def _peaks(one: MemberForces, scales: tuple[Scale, Scale]) -> Iterator[tuple[Any, ...]]:
+def _peaks(member: MemberForces, scales: tuple[Scale, Scale]) -> Iterator[tuple[Any, ...]]:
     """Name, unit, mean, sd and 5 and 95 % of every force."""
-    own = one.peak
-    columns = np.stack([own.mean, own.sd, own.q05, own.q95], axis=1)
-    for name, values in zip(one.member.forces, columns, strict=True):
+    peak = member.peak
+    columns = np.stack([peak.mean, peak.sd, peak.q05, peak.q95], axis=1)
+    for name, values in zip(member.member.forces, columns, strict=True):
         words, unit, factor = in_unit(name, scales)
         yield (words, unit, *(values / factor).tolist())

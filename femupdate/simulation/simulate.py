@@ -97,7 +97,9 @@ class SimulationTruth:
             "zeta": self.zeta,
             "frequencies_hz": np.round(self.frequency_hz, 4).tolist(),
             "effective_mass": np.round(self.effective_mass, 4).tolist(),
-            "effects": [{"effect": name, "parameters": list(own)} for name, own in self.effects],
+            "effects": [
+                {"effect": name, "parameters": list(values)} for name, values in self.effects
+            ],
             "motion": dict(self.motion),
             "noise": dict(self.noise),
             "sensors": dict(self.places),
@@ -171,7 +173,7 @@ def simulate_observation(
         noise = chosen.duration_s, chosen.sampling_hz, chosen.rms_m_s2, chosen.band_hz
         motion = white_noise(*noise, streams[1])
     motion = _with_rotation(building, chosen, motion, streams[3])
-    effects = tuple(parse_effect(building, name, own) for name, own in chosen.effects)
+    effects = tuple(parse_effect(building, name, sizes) for name, sizes in chosen.effects)
     progress.start("Solving the full model", 1)
     fine, law = fine_model(building, chosen.mesh_size, chosen.sensors), damping_law(building)
     top = 0.5 * chosen.sampling_hz  # modes are kept up to there, well above the motion's band
@@ -223,7 +225,10 @@ def write_simulation(
     label = (
         f"synthetic: made by femupdate {__version__} from building {told.building}, seed "
         f"{told.seed}; not a measurement",
-        *(f"hidden effect: {n}, {', '.join(f'{v:g}' for v in own)}" for n, own in told.effects),
+        *(
+            f"hidden effect: {n}, {', '.join(f'{v:g}' for v in values)}"
+            for n, values in told.effects
+        ),
         f"all settings are in {truth.name}",
     )
     written = write_observation_histories(path, simulation.histories, (*label, *comments), DIGITS)
@@ -309,8 +314,10 @@ def _with_rotation(
     if settings.rotation_rms is not None:
         window = np.ones(round(settings.sampling_hz)) / settings.sampling_hz
         envelope = np.sqrt(np.convolve(motion.acceleration**2, window, mode="same"))
-        own = envelope * rng.standard_normal(len(envelope))
-        parts = (one / np.sqrt((one**2).mean()) for one in (motion.acceleration, own))
+        turning = envelope * rng.standard_normal(len(envelope))
+        parts = (
+            history / np.sqrt((history**2).mean()) for history in (motion.acceleration, turning)
+        )
         rotation = settings.rotation_rms * sum(parts, np.zeros(())) * 0.5**0.5
         motion = replace(motion, rotation=rotation)
     if motion.rotation is not None:
@@ -422,17 +429,20 @@ def parse_effect(
             f"{building.name}: {name} cannot sit at {place!r}; it can at "
             f"{', '.join(places) or 'no place here'}"
         )
-    own = effect.parameters
-    if len(values) > len(own):
+    parameters = effect.parameters
+    if len(values) > len(parameters):
         raise BuildingError(
             f"{label}: {len(values)} numbers were given; it takes "
-            f"{', '.join(p.name for p in own) or 'none'}"
+            f"{', '.join(p.name for p in parameters) or 'none'}"
         )
-    if own and not values:
-        raise BuildingError(f"{label}: give its {own[0].name}, such as {label}={own[0].scale:g}")
-    for one, value in zip(own, values, strict=False):
-        if not one.lower <= value <= one.upper:
+    if parameters and not values:
+        raise BuildingError(
+            f"{label}: give its {parameters[0].name}, such as {label}={parameters[0].scale:g}"
+        )
+    for parameter, value in zip(parameters, values, strict=False):
+        if not parameter.lower <= value <= parameter.upper:
             raise BuildingError(
-                f"{label}: {one.name} {value:g} must lie from {one.lower:g} to {one.upper:g}"
+                f"{label}: {parameter.name} {value:g} must lie from "
+                f"{parameter.lower:g} to {parameter.upper:g}"
             )
-    return Placed(effect, place), (*values, *(p.neutral for p in own[len(values) :]))
+    return Placed(effect, place), (*values, *(p.neutral for p in parameters[len(values) :]))

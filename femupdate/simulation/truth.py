@@ -59,8 +59,8 @@ def sensor_places(
                 f"{building.name}: the mesh and its sensors are those of {building.mesh.file}; "
                 "leave mesh size and sensors out"
             )
-        own = {floor: building.sensors.of(floor)[1] for floor in building.floors}
-        update = {"sensors": building.sensors.model_copy(update={"floors": own})}
+        points = {floor: building.sensors.of(floor)[1] for floor in building.floors}
+        update = {"sensors": building.sensors.model_copy(update={"floors": points})}
         building = building.model_copy(update=update)
         return building, None, *_channels(building)
     # Finer than the half of its own mesh on which calibrations work.
@@ -85,7 +85,7 @@ def _channels(building: Meshed) -> tuple[tuple[FloorChannel, ...], tuple[str, ..
 
 def _sensed(building: FrameBuilding, sensors: SensorPoints | None) -> FrameBuilding:
     """Return the building with the points of every floor listed one by one."""
-    own = {
+    wanted = {
         floor: _listed(building, building.sensors.floors.get(floor) or building.sensors.points)
         for floor in building.floors
     }
@@ -95,14 +95,14 @@ def _sensed(building: FrameBuilding, sensors: SensorPoints | None) -> FrameBuild
         )
         corners = f"{y[0]}-{x[0]}", f"{y[-1]}-{x[-1]}"
         more = {}
-        for floor, points in own.items():
+        for floor, points in wanted.items():
             known = [_lines(point) for point in points]
-            more[floor] = (*points, *(one for one in corners if _lines(one) not in known))
+            more[floor] = (*points, *(corner for corner in corners if _lines(corner) not in known))
         sensed = _with_points(building, more)
         try:
             mesh_building(sensed)
         except BuildingError:  # nothing is built at a corner
-            return _with_points(building, own)
+            return _with_points(building, wanted)
         return sensed
     if not isinstance(sensors, Mapping):
         sensors = dict.fromkeys(building.floors, sensors)
@@ -113,7 +113,7 @@ def _sensed(building: FrameBuilding, sensors: SensorPoints | None) -> FrameBuild
                 f"are {', '.join(building.floors)}"
             )
     asked = {floor: _listed(building, tuple(points)) for floor, points in sensors.items()}
-    return _with_points(building, {**own, **asked})
+    return _with_points(building, {**wanted, **asked})
 
 
 def _listed(building: FrameBuilding, points: tuple[str, ...]) -> tuple[str, ...]:
@@ -129,7 +129,7 @@ def _lines(point: str) -> frozenset[str]:
 
 
 def _with_points(building: FrameBuilding, points: Mapping[str, tuple[str, ...]]) -> FrameBuilding:
-    empty = [floor for floor, own in points.items() if not own]
+    empty = [floor for floor, places in points.items() if not places]
     if empty:
         raise BuildingError(f"sensors of {empty[0]!r}: no point is named; name one at least")
     sensors = building.sensors.model_copy(update={"floors": dict(points)})
@@ -184,7 +184,7 @@ class Truth:
         if not self.system.changes_in_run:
             # The motion has decayed to this share behind the record.
             return transformed_sensors(self.system, sample, motion.inputs, motion.time_step, 1e-5)
-        instruments = any(one.effect.instrument for one in self.system.placed)
+        instruments = any(listed.effect.instrument for listed in self.system.placed)
         if instruments or self.system.complex_modes:
             raise StructureError(
                 "a structure that changes in the run is followed without instruments, dampers and"
@@ -240,11 +240,13 @@ def truth_of(
     Raises:
         StructureError: the structure is a mechanism, or theta does not fit.
     """
-    structure, placed = fine.structure, tuple(one for one, _ in effects)
-    values = tuple(v for _, own in effects for v in own)
+    structure, placed = fine.structure, tuple(listed for listed, _ in effects)
+    values = tuple(v for _, sizes in effects for v in sizes)
     if structure.is_stick:
         reduced = lumped(structure)
-        system = System(reduced.model, law, placed, tuple(reduced.terms(one) for one in placed))
+        system = System(
+            reduced.model, law, placed, tuple(reduced.terms(listed) for listed in placed)
+        )
         squared, vectors = np.linalg.eigh(reduced.model.stiffness(theta))
         share = (vectors.T @ reduced.model.excitation) ** 2
         frequency = np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi)
@@ -259,7 +261,7 @@ def truth_of(
     heights = np.array([structure.levels[structure.floors.index(floor)] for floor in floors])
     found = driven_system(
         structure,
-        [(one, one.effect.terms(structure, one.place)) for one in placed],
+        [(listed, listed.effect.terms(structure, listed.place)) for listed in placed],
         theta,
         np.array(values),
         top_hz,

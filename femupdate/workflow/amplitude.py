@@ -266,8 +266,8 @@ class _Draws:
         both = np.concatenate([theta, some.sizes], axis=1)
         response = floor_histories(self.system, both, zeta, motion.inputs, motion.time_step)
         floors, levels = response.floors, motion_level(response.floor_acceleration)
-        each = (dict(zip(floors, one, strict=True)) for one in levels.tolist())
-        return np.array([doublings(reference, one) for one in each])
+        each = (dict(zip(floors, run, strict=True)) for run in levels.tolist())
+        return np.array([doublings(reference, run) for run in each])
 
 
 def own_level(reached: Callable[[Integers, Floats], Floats], count: int, start: float) -> Floats:

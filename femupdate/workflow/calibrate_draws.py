@@ -108,13 +108,15 @@ def with_own_errors(posterior: Posterior, model: StudyModel, seed: Seed) -> Post
 
     No data tell that from the parameters, so it moves the draws and not the likelihood.
     """
-    own = own_errors(model.system.placed, model.building)
-    if not own.any():
+    errors = own_errors(model.system.placed, model.building)
+    if not errors.any():
         return posterior
     effects, columns = posterior.parameters.of("effect"), posterior.parameters.columns("effect")
     neutral = np.array([entry.neutral for entry in effects.entries])
     moved = posterior.values.copy()
-    off = 1.0 + own * np.random.default_rng(seed).standard_normal((*moved.shape[:2], len(own)))
+    off = 1.0 + errors * np.random.default_rng(seed).standard_normal(
+        (*moved.shape[:2], len(errors))
+    )
     moved[..., columns] = neutral + (moved[..., columns] - neutral) * off
     return _inside(posterior, moved)
 
@@ -204,11 +206,11 @@ def against_data(
     wild = 1.0 - float(points.sum(axis=1).mean()) / max(likelihood.effective, 1.0)
     misfit = float(likelihood.misfit(drawn).min())
     errors, residuals = [], likelihood.error.apart(likelihood.raw(drawn))
-    for data, error, own in zip(likelihood.data, likelihood.error.parts, residuals, strict=True):
+    for data, error, misses in zip(likelihood.data, likelihood.error.parts, residuals, strict=True):
         if isinstance(data, FrfData) and data.forced and error.learns:
-            density = error.log_densities(own)
+            density = error.log_densities(misses)
             at = int(density.logsumexp(1).argmax())
-            left = data.remains(error, int(density[at].argmax()), own[at])
+            left = data.remains(error, int(density[at].argmax()), misses[at])
             errors.append(f"{left.sentence} The intervals allow for it." if left.size else "")
     told = tuple(filter(None, errors))
     return Fitting(misfit, check, likelihood.explained(drawn), likelihood.learns, wild, told)
@@ -226,11 +228,11 @@ def against_modes(
         product = (terms.shape_root**2 * terms.shape * found.shape).sum(2)
         mac = (product / (terms.shape_root * terms.shape).square().sum(1)).mean(0).numpy()
         for k, name in enumerate(modes.names):
-            own = frequency[:, k]
+            draws = frequency[:, k]
             shape = "" if np.isnan(mac[k]) else f", MAC {mac[k]:.3f}"
             told.append(
                 f"Mode {name} at {modes.frequency_hz[k]:.4g} Hz: the posterior has"
-                f" {own.mean():.4g} ± {own.std():.2g} Hz{shape}."
+                f" {draws.mean():.4g} ± {draws.std():.2g} Hz{shape}."
             )
     return tuple(told)
 

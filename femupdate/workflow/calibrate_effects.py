@@ -107,8 +107,8 @@ def with_levels(model: StudyModel, source: ObservationSource, measured: Measured
     if not changes or len(measured.runs) < 2:
         return measured
     first, *further = measured.base_paths
-    own, *others = replace(source, path=first, further=tuple(further)).runs
-    levels = (0.0, *(level_between(model, own, other) for other in others))
+    first_run, *others = replace(source, path=first, further=tuple(further)).runs
+    levels = (0.0, *(level_between(model, first_run, other) for other in others))
     others_of = zip(measured.runs[1:], levels[1:], strict=True)
     each = ", ".join(f"{run.source} at {2.0**level:.2g} times" for run, level in others_of)
     said = (

@@ -281,8 +281,8 @@ def _with_errors(
     floors = predicted.shape[1]
     streams = spawn(0, len(rows))
     moved = [
-        own + drawn_error(errors.amplitude, row, errors, floors, frequency, default_rng(stream))
-        for own, row, stream in zip(predicted, rows, streams, strict=True)
+        values + drawn_error(errors.amplitude, row, errors, floors, frequency, default_rng(stream))
+        for values, row, stream in zip(predicted, rows, streams, strict=True)
     ]
     low, high = np.quantile(moved, [0.05, 0.95], axis=0)
     return low, high

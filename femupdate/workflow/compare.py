@@ -58,7 +58,7 @@ class CompareReport(Result):
     @cached_property
     def draws(self) -> tuple[Floats, Floats]:
         """(n, p) and (m, p) factors of both states."""
-        before, after = (one.posterior.of("stiffness") for one in (self.before, self.after))
+        before, after = (state.posterior.of("stiffness") for state in (self.before, self.after))
         return before.samples, after.samples
 
     @property
@@ -134,7 +134,7 @@ class CompareReport(Result):
                 Column(
                     draws.mean(axis=0),
                     name,
-                    [plus_minus(own.mean(), own.std()) for own in draws.T],
+                    [plus_minus(values.mean(), values.std()) for values in draws.T],
                     key=name,
                 )
                 for name, draws in (("before", before), ("after", after))

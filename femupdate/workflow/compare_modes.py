@@ -29,7 +29,9 @@ class ModeComparison(Result):
     @cached_property
     def mac(self) -> Floats:
         """(m, n) modal assurance criterion of every two shapes (Allemang 2003, equation 4)."""
-        return np.array([[mac(one, two) for two in self.after.shape] for one in self.before.shape])
+        return np.array(
+            [[mac(first, second) for second in self.after.shape] for first in self.before.shape]
+        )
 
     @cached_property
     def pairs(self) -> list[tuple[int, int]]:
@@ -55,22 +57,22 @@ class ModeComparison(Result):
 
     def items(self) -> Iterator[Item]:
         """The pairs, the MAC of all, the COMAC of every floor, and modes without a partner."""
-        one, two, pairs = self.before, self.after, self.pairs
+        before, after, pairs = self.before, self.after, self.pairs
         first, second = [k for k, _ in pairs], [m for _, m in pairs]
-        hertz = one.frequency_hz[first], two.frequency_hz[second]
+        hertz = before.frequency_hz[first], after.frequency_hz[second]
         change = hertz[1] / hertz[0] - 1.0
         value = [float(self.mac[pair]) for pair in pairs]
         yield Note(
-            f"{len(pairs)} modes of {one.source} and {two.source} belong together, by their shapes "
-            f"at {', '.join(one.floors)}.",
-            {"before": one.source, "after": two.source, "floors": one.floors},
+            f"{len(pairs)} modes of {before.source} and {after.source} belong together, by their "
+            f"shapes at {', '.join(before.floors)}.",
+            {"before": before.source, "after": after.source, "floors": before.floors},
         )
         yield Table(
             name="pairs",
             key="pairs",
             columns=(
-                Column([one.names[k] for k in first], "mode", csv="mode", key="mode"),
-                Column([two.names[m] for m in second], "is mode", csv="is_mode", key="is_mode"),
+                Column([before.names[k] for k in first], "mode", csv="mode", key="mode"),
+                Column([after.names[m] for m in second], "is mode", csv="is_mode", key="is_mode"),
                 *(
                     Column(values, f"Hz {when}", [f"{v:.4g}" for v in values], f"hz_{when}", when)
                     for when, values in zip(("before", "after"), hertz, strict=True)
@@ -81,22 +83,26 @@ class ModeComparison(Result):
         )
         rows = [
             (name, *(f"{v:.3f}" for v in row))
-            for name, row in zip(one.names, self.mac, strict=True)
+            for name, row in zip(before.names, self.mac, strict=True)
         ]
-        yield Table.of(("MAC", *two.names), rows, name="mac", caption="MAC of all modes")
+        yield Table.of(("MAC", *after.names), rows, name="mac", caption="MAC of all modes")
         yield Note(content={"mac": self.mac})
         if pairs:
             cells = [f"{v:.3f}" for v in self.comac]
             columns = (
-                Column(one.floors, "floor", csv="floor", key="floor"),
+                Column(before.floors, "floor", csv="floor", key="floor"),
                 Column(self.comac, "COMAC", cells, "comac", "comac"),
             )
             yield Table(name="comac", key="comac", columns=columns)
         alone = [
-            f"mode {one.names[k]} of {one.source}" for k in range(len(one.names)) if k not in first
+            f"mode {before.names[k]} of {before.source}"
+            for k in range(len(before.names))
+            if k not in first
         ]
         alone += [
-            f"mode {two.names[m]} of {two.source}" for m in range(len(two.names)) if m not in second
+            f"mode {after.names[m]} of {after.source}"
+            for m in range(len(after.names))
+            if m not in second
         ]
         yield Notes(tuple(f"{name} has no partner." for name in alone), key="alone")
 
@@ -113,13 +119,13 @@ def compare_modes(before: Path, after: Path) -> ModeComparison:
         raise MeasurementError(
             f"{before} and {after} have {len(floors)} floors in common; shapes need two to compare"
         )
-    one, two = (
+    earlier, later = (
         each.some(np.flatnonzero(np.isfinite(each.of_floors(floors).shape).all(axis=1)).tolist())
         for each in found
     )
-    if not one.names or not two.names:
+    if not earlier.names or not later.names:
         raise MeasurementError(
-            f"no mode of {before if not one.names else after} has a value at all of "
+            f"no mode of {before if not earlier.names else after} has a value at all of "
             f"{', '.join(floors)}; complete one"
         )
-    return ModeComparison(before=one.of_floors(floors), after=two.of_floors(floors))
+    return ModeComparison(before=earlier.of_floors(floors), after=later.of_floors(floors))

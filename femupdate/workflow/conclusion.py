@@ -58,7 +58,7 @@ def concluded(
         path: where the posterior goes.
     """
     damping, checking, between, erring = seeds
-    alike, own = erring, spawn(erring, 1)[0]
+    alike, second = erring, spawn(erring, 1)[0]
     latent = None if model.shared is None else sampled.latent
     posterior = posterior_of(model, measured, settings, sampled, latent, damping)
     fitting = against_data(model, measured, posterior, sampled, checking)
@@ -69,7 +69,7 @@ def concluded(
         warnings = (*beyond_prior(model, measured, best, settings), *warnings)
     scatter = scatter_of_runs(model, measured.runs, posterior, between, measured.levels)
     posterior = replace(posterior, warnings=warnings, scatter=scatter)
-    posterior = with_own_errors(with_error_of_all(posterior, model, alike), model, own)
+    posterior = with_own_errors(with_error_of_all(posterior, model, alike), model, second)
     found = identified(posterior)
     # The decisive come first.
     notes = (
@@ -131,9 +131,9 @@ def _moments(model: StudyModel, run: Observation, level: float, posterior: Poste
     theta, zeta = model.system.at_level(mean.theta, mean.zeta, mean.sizes, level)
 
     def judge(moved: Tensor) -> Tensor:
-        own = theta * moved[:, :1].exp()
+        factors = theta * moved[:, :1].exp()
         damped = (zeta * moved[:, 1:].exp()).clamp_max(0.99)
-        known = own, damped[:, 0], mean.sizes.expand(len(moved), -1)
+        known = factors, damped[:, 0], mean.sizes.expand(len(moved), -1)
         left = missed((data,), model.system, known)
         # A row that is unlikely where least is left is so everywhere.
         best = left.square().sum(1).argsort()[:_BEST]

@@ -116,9 +116,9 @@ class DiagnosisReport(Result):
             f"  {self.path}",
             {
                 "together": [
-                    {"name": one.placed.effect.name, "place": one.placed.place}
-                    | {"size": one.size, "size_sd": one.size_sd}
-                    for one in found.pair
+                    {"name": finding.placed.effect.name, "place": finding.placed.place}
+                    | {"size": finding.size, "size_sd": finding.size_sd}
+                    for finding in found.pair
                 ],
                 "remaining": found.left.as_dict(),
                 "cannot_be_told_from_the_first": found.twins,
@@ -167,49 +167,51 @@ def _effects(findings: Sequence[Finding]) -> Table:
 
     def sized(value: Callable[[Finding, EffectParameter], Any]) -> list[Any]:
         """Of those that have a size; None of the others."""
-        firsts = each(lambda one: next(iter(one.placed.effect.parameters), None))
+        firsts = each(lambda finding: next(iter(finding.placed.effect.parameters), None))
         both = zip(findings, firsts, strict=True)
         return [None if first is None else value(finding, first) for finding, first in both]
 
-    def other_data(one: Finding) -> str:
-        if one.tested is None:
+    def other_data(finding: Finding) -> str:
+        if finding.tested is None:
             return "-"
-        held = "holds" if one.tested.certified else "too little"
-        return f"{one.tested.log_e_value:.1f} ({held})"
+        held = "holds" if finding.tested.certified else "too little"
+        return f"{finding.tested.log_e_value:.1f} ({held})"
 
-    evidence, mass = each(lambda one: one.log_evidence), each(lambda one: one.mass)
-    other = each(lambda one: one.tested and one.tested.log_e_value)
-    absorbed = each(lambda one: one.score.absorbed)
+    evidence, mass = each(lambda finding: finding.log_evidence), each(lambda finding: finding.mass)
+    other = each(lambda finding: finding.tested and finding.tested.log_e_value)
+    absorbed = each(lambda finding: finding.score.absorbed)
     key = "log_evidence_over_none"
     elsewhere = "log_evidence_on_other_data"
     columns = (
-        Column(each(lambda one: one.placed.label), "effect"),
-        Column(each(lambda one: one.placed.effect.name), key="name"),
-        Column(each(lambda one: one.placed.effect.title), csv="effect"),
-        Column(each(lambda one: one.placed.place), csv="place", key="place"),
-        Column(each(lambda one: one.in_words), csv="in_words"),
-        Column(each(lambda one: one.placed.in_words), key="in_words"),
+        Column(each(lambda finding: finding.placed.label), "effect"),
+        Column(each(lambda finding: finding.placed.effect.name), key="name"),
+        Column(each(lambda finding: finding.placed.effect.title), csv="effect"),
+        Column(each(lambda finding: finding.placed.place), csv="place", key="place"),
+        Column(each(lambda finding: finding.in_words), csv="in_words"),
+        Column(each(lambda finding: finding.placed.in_words), key="in_words"),
         Column(evidence, "log evidence", [f"{value:.1f}" for value in evidence], key, key),
         Column(other, "on other data", each(other_data), elsewhere, elsewhere),
         Column(
-            each(lambda one: one.tested and one.tested.certified), csv="certified", key="certified"
+            each(lambda finding: finding.tested and finding.tested.certified),
+            csv="certified",
+            key="certified",
         ),
         Column(
-            each(lambda one: one.changes.frequency),
+            each(lambda finding: finding.changes.frequency),
             csv="change_of_frequency",
             key="changes_of_frequency",
         ),
         Column(
-            each(lambda one: one.changes.response),
+            each(lambda finding: finding.changes.response),
             csv="change_of_response",
             key="changes_of_response",
         ),
         Column(each(shown_size), "size"),
         Column(each(size_in_words), key="size_in_words"),
-        Column(sized(lambda one, _: one.size), csv="size"),
-        Column(sized(lambda one, _: one.size_sd), csv="size_sd"),
-        Column(each(lambda one: one.size), key="size"),
-        Column(each(lambda one: one.size_sd), key="size_sd"),
+        Column(sized(lambda finding, _: finding.size), csv="size"),
+        Column(sized(lambda finding, _: finding.size_sd), csv="size_sd"),
+        Column(each(lambda finding: finding.size), key="size"),
+        Column(each(lambda finding: finding.size_sd), key="size_sd"),
         Column([unit or "" for unit in sized(lambda _, first: first.unit)], csv="unit", key="unit"),
         Column(sized(lambda _, first: first.text), csv="meaning_of_size"),
         Column(mass, key="added_mass_kg"),
@@ -221,7 +223,7 @@ def _effects(findings: Sequence[Finding]) -> Table:
             "hidden_by_stiffness_factors",
             "absorbed_by_theta",
         ),
-        Column(each(lambda one: one.placed.effect.sentence), key="explains"),
+        Column(each(lambda finding: finding.placed.effect.sentence), key="explains"),
     )
     return Table(name="effects", columns=columns, key="effects", most=6)
 
@@ -297,9 +299,9 @@ def keep_found(
 ) -> None:
     """Write what was found as JSON and record it, with the files that options name beside."""
     write_text(path, json.dumps(content, indent=2) + "\n")
-    given = {option: one for option, one in others.items() if one is not None}
-    hashes = {option: one.made_from()["observation"] for option, one in given.items()}
-    beside = {option: str(one.path) for option, one in given.items()}
+    given = {option: file for option, file in others.items() if file is not None}
+    hashes = {option: file.made_from()["observation"] for option, file in given.items()}
+    beside = {option: str(file.path) for option, file in given.items()}
     files = {**source.files_as_settings(), **beside}
     study.record(path.stem, path.name, command, {**made_from, **hashes}, files)
 
@@ -393,18 +395,18 @@ def finder_model(study: Study, model: StudyModel, progress: Progress = SILENT) -
     return FinderModel(building, plain, structure, mesh, partial(finder_basis, study, building))
 
 
-def shown_size(one: Finding) -> str:
+def shown_size(finding: Finding) -> str:
     """Size of an effect with its spread and unit; nothing of one that is there or not."""
-    first = next(iter(one.placed.effect.parameters), None)
-    return "" if first is None else with_unit(*first.as_read(*one.told))
+    first = next(iter(finding.placed.effect.parameters), None)
+    return "" if first is None else with_unit(*first.as_read(*finding.told))
 
 
-def size_in_words(one: Finding) -> str:
+def size_in_words(finding: Finding) -> str:
     """The same with what it means: "15.17 ± 0.49 % (share of the floor's mass, 3.09 t)"."""
-    first = next(iter(one.placed.effect.parameters), None)
+    first = next(iter(finding.placed.effect.parameters), None)
     meant = (
         "" if first is None else first.text,
-        "" if one.mass is None else mass_in_words(one.mass),
+        "" if finding.mass is None else mass_in_words(finding.mass),
     )
     more = ", ".join(part for part in meant if part)
-    return f"{shown_size(one)} ({more})" if more else shown_size(one)
+    return f"{shown_size(finding)} ({more})" if more else shown_size(finding)

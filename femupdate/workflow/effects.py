@@ -47,7 +47,7 @@ def open_structure(
 
 def with_size_ranges(target: ReductionTarget, placed: Sequence[Placed]) -> ReductionTarget:
     """A target whose box holds what is likely of the sizes of effects besides."""
-    likely = np.array([one.likely for one in parameters_of(placed)]).reshape(-1, 2)
+    likely = np.array([parameter.likely for parameter in parameters_of(placed)]).reshape(-1, 2)
     return replace(
         target,
         lower=np.concatenate([target.lower, likely[:, 0]]),

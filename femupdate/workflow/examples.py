@@ -53,7 +53,7 @@ def copy_examples(folder: Path) -> CopiedExamples:
 
 def _shipped(folder: Traversable, above: Path = Path()) -> Iterator[tuple[Path, Traversable]]:
     """Path below the folder and content of every file."""
-    for entry in sorted(folder.iterdir(), key=lambda one: one.name):
+    for entry in sorted(folder.iterdir(), key=lambda path: path.name):
         if entry.name in _LEFT_OUT:
             continue
         if entry.is_dir():

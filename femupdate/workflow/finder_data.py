@@ -89,7 +89,9 @@ def read_given(
         return replace(first, measured=with_rest(study, model, first.measured, progress))
     other = Given(measured_of(model.building, second, halves=True))
     level = level_between(model, source, second)
-    measured, further = (with_rest(study, model, one.measured, progress) for one in (first, other))
+    measured, further = (
+        with_rest(study, model, given.measured, progress) for given in (first, other)
+    )
     rest = measured.rest or further.rest
     return replace(
         first,

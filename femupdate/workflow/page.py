@@ -283,7 +283,7 @@ def _fields(page: PageStudy, structure: Structure, full: Geometry) -> list[Eleme
     named = (("stiffness factor", "", mean, "factor"), ("its spread", "%", spread, "spread"))
     fields = []
     for name, unit, values, colors in named:
-        faces, lines = (np.append(values, np.nan)[own] for own in groups)
+        faces, lines = (np.append(values, np.nan)[group] for group in groups)
         fields.append(ElementField(name=name, unit=unit, faces=faces, lines=lines, map=colors))
     return fields
 
@@ -412,11 +412,11 @@ def _repair(done: Mapping[str, Any], titles: Sequence[str]) -> Iterator[Block]:
             f"residual was {halves[0]:.1f} before the repair and is {halves[1]:.1f} after it."
         )
     elif before is not None and after is not None:
-        own = [percent(done[f"holdout_own_error_{when}"]) for when in ("before", "after")]
+        without = [percent(done[f"holdout_own_error_{when}"]) for when in ("before", "after")]
         yield Note(
             "On a measurement that was kept out, the error of the histories was "
             f"{percent(before)} before the repair and is {percent(after)} after it; with that "
-            f"measurement's own stiffness and damping it was {own[0]} and is {own[1]}."
+            f"measurement's own stiffness and damping it was {without[0]} and is {without[1]}."
         )
     columns = [
         [plus_minus(*pair) for pair in zip(done[f"theta_{w}"], done[f"theta_sd_{w}"], strict=True)]

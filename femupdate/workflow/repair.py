@@ -116,8 +116,8 @@ class RepairReport(Result):
             for key, name in (("error", "error"), ("own_error", "own"), ("chi2", "chi2"))
             for when in ("before", "after")
         }
-        own = {"chi2_before": self.repair.before.chi2, "chi2_after": self.repair.after.chi2}
-        return {**own, **held, "halves_chi2_before": halves[0], "halves_chi2_after": halves[1]}
+        squares = {"chi2_before": self.repair.before.chi2, "chi2_after": self.repair.after.chi2}
+        return {**squares, **held, "halves_chi2_before": halves[0], "halves_chi2_after": halves[1]}
 
     def _factors(self) -> Table:
         """Stiffness factors before and after."""
@@ -126,7 +126,7 @@ class RepairReport(Result):
         count = self.theta_before.shape[1]
         columns = [Column(list(titles)[:count], "factor of")]
         for when, draws in both.items():
-            cells = [plus_minus(own.mean(), own.std()) for own in draws.T]
+            cells = [plus_minus(values.mean(), values.std()) for values in draws.T]
             columns += [
                 Column(draws.mean(axis=0), when, cells[:count], key=f"theta_{when}"),
                 Column(draws.std(axis=0), key=f"theta_sd_{when}"),
@@ -139,7 +139,7 @@ class RepairReport(Result):
         from femupdate.report.plot_repair import gap_story, repair_headline
 
         done = self.repair
-        added = [one.finding.placed for one in done.rounds]
+        added = [step.finding.placed for step in done.rounds]
         cells = {"Before": done.before.cells()}
         if added:
             cells["After"] = done.after.cells()
@@ -147,7 +147,7 @@ class RepairReport(Result):
         yield Picture(
             "gap_before_after",
             lambda: gap_story(
-                [ResidualMap.of(own, cells["Before"][0].data) for own in cells.values()],
+                [ResidualMap.of(cell, cells["Before"][0].data) for cell in cells.values()],
                 DrawnBuilding(self.problem.reduced.structure),
                 added,
                 self._curves(),
@@ -160,7 +160,7 @@ class RepairReport(Result):
     def _curves(self) -> tuple[Curve, ...]:
         """The first record's FRFs, the top floor first, measured and as the models give them."""
         done = self.repair
-        data = next((one for one in self.problem.data if isinstance(one, FrfData)), None)
+        data = next((kind for kind in self.problem.data if isinstance(kind, FrfData)), None)
         if data is None:
             return ()
         first = slice(data.blocks[0].points)
@@ -198,14 +198,14 @@ class RepairReport(Result):
 
     def _round(self, number: int) -> str:
         """What one round added, and what tells on site whether it is there."""
-        one, points = self.repair.rounds[number], self.problem.effective
+        step, points = self.repair.rounds[number], self.problem.effective
         # What predicts data kept out better stands for itself, and what others complete.
         open_end = self.held is None and self.repair.left.size > 0.0
-        doubt = f"\n  {STANDS_IN}" if open_end and one.stands_in(points) else ""
+        doubt = f"\n  {STANDS_IN}" if open_end and step.stands_in(points) else ""
         return (
-            f"{number + 1}. {one.finding.in_words}\n  residuals {one.chi2_before:.0f} -> "
-            f"{one.chi2_after:.0f} over {points:.0f} independent points{doubt}\n"
-            f"  without the model it is settled by {one.finding.placed.effect.settled_by}"
+            f"{number + 1}. {step.finding.in_words}\n  residuals {step.chi2_before:.0f} -> "
+            f"{step.chi2_after:.0f} over {points:.0f} independent points{doubt}\n"
+            f"  without the model it is settled by {step.finding.placed.effect.settled_by}"
         )
 
 

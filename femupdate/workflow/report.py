@@ -105,6 +105,6 @@ def report_study(
         path=written,
         size=written.stat().st_size,
         sections=tuple(section.title for section in sections if section.blocks),
-        stale=tuple(f"{one.name}: {one.state}" for one in status.holds if one.state == STALE),
+        stale=tuple(f"{held.name}: {held.state}" for held in status.holds if held.state == STALE),
         seconds=time.monotonic() - started,
     )

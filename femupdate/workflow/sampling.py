@@ -128,8 +128,8 @@ def sampled_chains(
     """Independent runs of a sampler, all from the prior, with their progress under a label."""
     show.start(label, 100 * settings.chains)
     return [
-        sampler.run(settings.each, own, _by_power(Percent(show)))
-        for own in spawn(seed, settings.chains)
+        sampler.run(settings.each, stream, _by_power(Percent(show)))
+        for stream in spawn(seed, settings.chains)
     ]
 
 
@@ -144,8 +144,8 @@ def sampled_by_particles(
     count = settings.each
     show.start("Importance sampling (data-space likelihood)", 7 * count * len(started))
     runs, more = [], 0
-    for run, own in zip(started, spawn(second, len(started)), strict=True):
-        counted, (drawing, choosing) = Counted(target.likelihood, show), spawn(own, 2)
+    for run, stream in zip(started, spawn(second, len(started)), strict=True):
+        counted, (drawing, choosing) = Counted(target.likelihood, show), spawn(stream, 2)
         drawn = run
         try:
             found = draws_about_particles(prior, counted, run.theta, 4 * count, drawing)

@@ -81,8 +81,8 @@ def kept_posterior(study: Study, building: Building) -> Posterior:
     """
     posterior = load_posterior(study.require("posterior", "calibrate"))
     factors = tuple(factor_ranges(building))
-    own = posterior.of("stiffness").names
-    if own != factors or not set(posterior.observation.floors) <= set(building.floors):
+    names = posterior.of("stiffness").names
+    if names != factors or not set(posterior.observation.floors) <= set(building.floors):
         raise StudyError(
             f"the {study.key('posterior')} in {study.folder} is not of {building.name}: its factors"
             f" are {', '.join(posterior.names)}, measured at"
@@ -105,10 +105,10 @@ def placed_effect(label: str) -> Placed | None:
 
 def effect_parameter(name: str) -> EffectParameter | None:
     """The parameter of the catalogue that one such as "added_mass@3F.size" is."""
-    label, _, own = name.rpartition(".")
+    label, _, parameter_name = name.rpartition(".")
     placed = placed_effect(label)
     known = () if placed is None else placed.effect.parameters
-    return next((parameter for parameter in known if parameter.name == own), None)
+    return next((parameter for parameter in known if parameter.name == parameter_name), None)
 
 
 def effect_title(name: str) -> str:

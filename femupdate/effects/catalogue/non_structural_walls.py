@@ -67,5 +67,5 @@ class NonStructuralWalls(Effect):
 
 def _names(place: str, line: str, story: str) -> bool:
     """Whether a place such as "X1/S2" names the wall of a line and story."""
-    own, _, name = place.partition("/")
-    return own in (_ALL, line) and name in ("", story)
+    side, _, name = place.partition("/")
+    return side in (_ALL, line) and name in ("", story)
