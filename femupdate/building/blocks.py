@@ -12,7 +12,7 @@ from femupdate.arrays import Flags, Floats, Integers, Strings
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.lattice import ExtraLines, Lattice, quadrilaterals, strips
-from femupdate.building.members import BeamLines, Material, Wall
+from femupdate.building.members import Material, Wall
 from femupdate.building.references import (
     Stretch,
     beam_stretches,
@@ -39,7 +39,7 @@ class ElementBlock:
     element: type[Elements]  # the kind of element
     nodes: Integers  # (n, k) points of a lattice, or nodes of a read mesh
     group: int | Integers  # index of the story that owns it, or (n,) of each element
-    # "wall", "non_structural_wall", "slab", "column", "beam" or "brace", or (n,) of each element
+    # "wall", "non_structural_wall", "slab", "column", "beam", "brace" or "infill", or (n,) of each
     kind: str | Strings
     material: Material  # of all
     thickness: float | None = None  # of surfaces, m
@@ -130,10 +130,14 @@ def column_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Element
             places = [(lattice.x.at[point.x], lattice.y.at[point.y]) for point in points]
         for ix, iy in places:
             for group in map(building.story_names.index, stories):
-                nodes = strips(lattice.crossings(ix, iy, lattice.story(group)))
+                upright = lattice.crossings(ix, iy, lattice.story(group))
+                nodes = strips(_touched(lattice, columns.rigid_ends, 2, upright))
                 offset = None
-                if columns.eccentricity is not None:
-                    offset = np.tile([*columns.eccentricity, 0.0], (len(nodes), 2, 1))
+                if columns.eccentricity is not None or columns.rigid_ends is not None:
+                    first, last = columns.rigid_ends or (0.0, 0.0)
+                    aside = columns.eccentricity or (0.0, 0.0)
+                    offset = np.tile([*aside, 0.0], (len(nodes), 2, 1))
+                    offset[0, 0, 2], offset[-1, 1, 2] = first, -last
                 yield bar(nodes=nodes, group=group, offset=offset)
 
 
@@ -150,7 +154,7 @@ def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBl
                 parts = [Stretch(run.axis, run.line, start, end) for start, end, _ in spanned]
             for floor, part in product(floors, parts):
                 points = lattice.along(part, np.array([lattice.z.at[floor]]))[:, 0]
-                nodes = strips(_touched(lattice, beams, part, points))
+                nodes = strips(_touched(lattice, beams.rigid_ends, part.axis, points))
                 offset, released = None, None
                 if beams.rigid_ends is not None or beams.eccentricity is not None:
                     first, last = beams.rigid_ends or (0.0, 0.0)
@@ -180,21 +184,27 @@ def brace_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementB
                 diagonals = {"up": (low_end, high_start), "down": (high_end, low_start)}
             chosen = diagonals if braces.shape == "cross" else (braces.shape,)
             nodes = np.array([diagonals[leaning] for leaning in chosen], dtype=np.int64)
-            released = None
-            if braces.ends == "pinned":  # neither end passes bending moments on
-                released = np.zeros((len(nodes), 12), dtype=np.bool_)
-                released[:, [4, 5, 10, 11]] = True
+            released = pinned(len(nodes)) if braces.ends == "pinned" else None
             yield bar(nodes=nodes, group=group, released=released)
 
 
-def _touched(lattice: Lattice, beams: BeamLines, run: Stretch, points: Integers) -> Integers:
-    """Return those of the crossings along a beam that its elements join.
+def pinned(count: int) -> Flags:
+    """Where members whose ends pass no bending moment on are released, (count, 12)."""
+    released = np.zeros((count, 12), dtype=np.bool_)
+    released[:, [4, 5, 10, 11]] = True
+    return released
 
-    A rigid end reaches from the first node into the element that ends outside it; the beam does
+
+def _touched(
+    lattice: Lattice, rigid_ends: tuple[float, float] | None, axis: int, points: Integers
+) -> Integers:
+    """Return those of the crossings along a member that its elements join.
+
+    A rigid end reaches from the first node into the element that ends outside it; the member does
     not touch the nodes that it passes on the way.
     """
-    place = lattice.coordinates(points)[:, run.axis]
-    first, last = beams.rigid_ends or (0.0, 0.0)
+    place = lattice.coordinates(points)[:, axis]
+    first, last = rigid_ends or (0.0, 0.0)
     inside = (place > place[0] + first) & (place < place[-1] - last)
     if inside.any():  # an element that is almost all rigid would have next to no length
         gap = 0.25 * np.diff(place).min()

@@ -110,9 +110,8 @@ class BuildingMesh:
     # of a mesh that was read: which of the file's `parts` each element belongs to, one array a
     # block of the model's elements
     parts: tuple[Integers, ...] | None = None
-    # of a deck: names of its walls, whose numbers `parts` holds, and what became of its cards
-    walls: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    walls: tuple[str, ...] = ()  # of a deck: names of its walls, whose numbers `parts` holds
+    notes: tuple[str, ...] = ()  # what was made of entries or cards, a sentence each
     # of a mesh that was split: weights (nodes, n) of the n nodes that it had before
     of_coarser: csr_array | None = None
 
@@ -126,12 +125,13 @@ def finished(
     diaphragms: Iterable[Integers] = (),
     dead: Sequence[DeadWall] = (),
     parts: tuple[Integers, ...] | None = None,
+    notes: tuple[str, ...] = (),
 ) -> BuildingMesh:
     """Return the mesh of a building with its masses, supports, links and stiffness factors.
 
     Args:
         model: elements only, whose groups are stories.
-        base, floor_nodes, parts: as of a `BuildingMesh`.
+        base, floor_nodes, parts, notes: as of a `BuildingMesh`.
         diaphragms: node indices of each slab that is rigid in plan.
         dead: walls without stiffness, on the model's nodes.
     """
@@ -150,4 +150,5 @@ def finished(
         story_names=building.story_names,
         factors=factors,
         parts=parts,
+        notes=notes,
     )

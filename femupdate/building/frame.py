@@ -13,6 +13,7 @@ from femupdate.building.members import (
     Braces,
     ColumnGroup,
     Grid,
+    InfillWall,
     Mesh,
     Opening,
     Sensors,
@@ -31,7 +32,7 @@ from femupdate.building.references import (
 
 
 def _each_line(members: object) -> object:
-    """Braces or walls with a list of lines, as one entry for each line."""
+    """Braces, infills or walls with a list of lines, as one entry for each line."""
     if not isinstance(members, list):
         return members
     return [
@@ -54,6 +55,7 @@ class FrameBuilding(MeshedBuilding):
     beams: tuple[BeamLines, ...] = ()
     braces: Annotated[tuple[Braces, ...], BeforeValidator(_each_line)] = ()
     walls: Annotated[tuple[Wall, ...], BeforeValidator(_each_line)] = ()
+    infills: Annotated[tuple[InfillWall, ...], BeforeValidator(_each_line)] = ()
     slabs: tuple[Slab, ...] = ()
     mesh: Mesh
     sensors: Sensors
@@ -109,7 +111,8 @@ def _check_lines(lines: Mapping[str, float], key: str) -> None:
 def _check_members(building: FrameBuilding) -> None:
     """What members of all kinds name: stories or floors, and a section or a material."""
     lists = {name: getattr(building, name) for name in ("columns", "beams", "braces")}
-    for name, members in {**lists, "walls": building.walls, "slabs": building.slabs}.items():
+    surfaces = {name: getattr(building, name) for name in ("walls", "infills", "slabs")}
+    for name, members in {**lists, **surfaces}.items():
         for n, member in enumerate(members):
             key = f"{name}[{n}]"
             if name in lists:
@@ -127,6 +130,11 @@ def _check_columns(building: FrameBuilding) -> None:
     for n, columns in enumerate(building.columns):
         key = f"columns[{n}]"
         intersections(grid, columns.at, f"{key}.at")
+        for name in resolve(columns.stories, building.story_names, "story", f"{key}.stories"):
+            height = building.stories[building.story_names.index(name)].height
+            if sum(columns.rigid_ends or ()) >= height - CLOSEST_LINES:
+                text = f"they leave nothing of story {name}, {height:g} m high"
+                raise Complaint(f"{key}.rigid_ends", f"{text}; shorten them")
         for m, point in enumerate(columns.points):
             for value, lines, axis in zip(point, (grid.x, grid.y), "xy", strict=True):
                 low, high = min(lines.values()), max(lines.values())
@@ -148,6 +156,8 @@ def _check_stretches(building: FrameBuilding) -> None:
                     raise Complaint(f"{key}.rigid_ends", f"{text}, {length:g} m; shorten them")
     for n, braces in enumerate(building.braces):
         wall_stretch(grid, braces, f"braces[{n}]")
+    for n, infill in enumerate(building.infills):
+        wall_stretch(grid, infill, f"infills[{n}]")
     for n, wall in enumerate(building.walls):
         wall_stretch(grid, wall, f"walls[{n}]")
         for m, opening in enumerate(wall.openings):

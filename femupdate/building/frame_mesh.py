@@ -24,6 +24,7 @@ from femupdate.building.building_mesh import BuildingMesh, finished
 from femupdate.building.connections import face_lines
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
+from femupdate.building.infill_struts import infill_blocks, infill_notes
 from femupdate.building.lattice import Lattice, lattice_of
 from femupdate.building.mesh_check import first_double, loose_pieces, place
 from femupdate.building.references import intersections
@@ -54,6 +55,7 @@ def _parts_on(
         *column_blocks(building, lattice),
         *beam_blocks(building, lattice),
         *brace_blocks(building, lattice),
+        *infill_blocks(building, lattice),
     ]
     for alike in by_element(blocks).values():
         nodes = np.concatenate([block.nodes for block in alike])
@@ -120,6 +122,7 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
             np.searchsorted(used, np.unique(block.nodes)) for block in blocks if block.key in rigid
         ],
         dead=dead,
+        notes=infill_notes(building),
     )
 
 

@@ -72,6 +72,7 @@ class ColumnGroup(Entry):
 
     They stand at intersections of grid lines ("X1-Y1"), or at `points` given by their coordinates.
     `eccentricity` is how far the axis stands from there, along x and y; rigid arms join the two.
+    `rigid_ends` are lengths at the foot and at the head of every story that do not bend.
     """
 
     section: Label
@@ -79,6 +80,7 @@ class ColumnGroup(Entry):
     stories: Names = ALL
     points: tuple[tuple[Coordinate, Coordinate], ...] = ()
     eccentricity: tuple[Coordinate, Coordinate] | None = None
+    rigid_ends: tuple[LengthOrZero, LengthOrZero] | None = None
 
     @model_validator(mode="after")
     def _one_way_of_placing(self) -> "ColumnGroup":
@@ -124,6 +126,21 @@ class Braces(Entry):
     stories: Names = ALL
     shape: Literal["up", "down", "cross"] = "up"
     ends: Literal["pinned", "rigid"] = "pinned"
+
+
+class InfillWall(Entry):
+    """Masonry between columns and beams, as two diagonal struts across every bay of its stretch.
+
+    Bays reach from column to column; `formula` gives the width that both struts have together.
+    """
+
+    along: Label
+    start: Label = Field(alias="from")
+    end: Label = Field(alias="to")
+    thickness: Length
+    formula: Literal["FEMA 356", "EN 1998-1"]
+    stories: Names = ALL
+    material: Label | None = None
 
 
 class Opening(Entry):

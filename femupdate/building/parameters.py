@@ -17,9 +17,10 @@ _CALLED = {
     "column": "columns",
     "beam": "beams",
     "brace": "braces",
+    "infill": "infills",
     "slab": "slabs",
 }
-_ORDER = ("walls", "columns", "beams", "braces", "slabs")
+_ORDER = ("walls", "columns", "beams", "braces", "infills", "slabs")
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class StiffnessFactor:
 
     name: str  # "theta_3", or "S3 walls"
     story: int  # index of the story
-    # "walls", "columns", "beams", "braces" or "slabs"; None for all of the story
+    # "walls", "columns", "beams", "braces", "infills" or "slabs"; None for all of the story
     kind: str | None = None
 
 
@@ -43,6 +44,7 @@ def stiffness_factors(building: Building) -> tuple[StiffnessFactor, ...]:
         *(("columns", columns.stories, stories) for columns in building.columns),
         *(("beams", beams.floors, floors) for beams in building.beams),
         *(("braces", braces.stories, stories) for braces in building.braces),
+        *(("infills", infill.stories, stories) for infill in building.infills),
         *(("slabs", slab.floors, floors) for slab in building.slabs),
     )
     owned = {

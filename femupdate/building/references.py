@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from femupdate.building.entry import Complaint, unknown
-from femupdate.building.members import BeamLines, Braces, Grid, Wall
+from femupdate.building.members import BeamLines, Braces, Grid, InfillWall, Wall
 from femupdate.building.quantities import ALL
 
 
@@ -84,8 +84,8 @@ def spans(grid: Grid, stretch: Stretch) -> tuple[tuple[str, str, float], ...]:
     return tuple((a, b, crossing[b] - crossing[a]) for a, b in pairwise(inside))
 
 
-def wall_stretch(grid: Grid, wall: Wall | Braces, key: str) -> Stretch:
-    """Return the stretch under a wall, or under braces."""
+def wall_stretch(grid: Grid, wall: Wall | Braces | InfillWall, key: str) -> Stretch:
+    """Return the stretch under a wall, an infill or braces."""
     return stretch_of(grid, wall.along, (wall.start, wall.end), key)
 
 

@@ -67,7 +67,8 @@ def edge_joints(model: FiniteElementModel) -> tuple[EdgeJoint, ...]:
     size = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = normal / np.maximum(size, np.finfo(float).tiny)
     sheets = _Sheets(model.faces, normal, corners.mean(axis=1))
-    beams = beams.taken(np.flatnonzero(beams.kind != "brace"))  # which end in a point
+    # Braces and the struts of infills end in a point.
+    beams = beams.taken(np.flatnonzero(~np.isin(beams.kind, ("brace", "infill"))))
     if not len(sheets.nodes) or not len(beams):
         return ()
     ends = _Ends.of(model.nodes, beams)

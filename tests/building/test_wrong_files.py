@@ -11,7 +11,68 @@ from femupdate.errors import BuildingError
 ZETA = "[prior.zeta]\nlower = 0.01\nupper = 0.05\n"
 FIXED = '[supports]\nbase = "fixed"\n'
 
+INFILL = """[[infills]]
+along = "P"
+from = "A"
+to = "B"
+thickness = "200 mm"
+formula = "FEMA 356"
+material = "concrete"
+
+"""
+
+
+def infill(old="", new=""):
+    """A file with an infill, of which something is changed."""
+    return "[[slabs]]", f"{INFILL.replace(old, new)}[[slabs]]"
+
+
 CASES = {
+    "infill of negative thickness": (
+        *infill("200 mm", "-200 mm"),
+        r"infills\[0\]\.thickness: '-200 mm' is not a positive length",
+    ),
+    "infill by no formula": (
+        *infill("FEMA 356", "FEMA"),
+        r"infills\[0\]\.formula: 'FEMA' is not known; write one of 'FEMA 356' or 'EN 1998-1'",
+    ),
+    "infill without a formula": (
+        *infill('formula = "FEMA 356"\n'),
+        r"infills\[0\]\.formula: the key is missing; add it",
+    ),
+    "infill of no material": (
+        *infill('"concrete"', '"brick"'),
+        r"infills\[0\]\.material: no material is named 'brick'",
+    ),
+    "infill in no story": (
+        *infill("material", 'stories = "attic"\nmaterial'),
+        r"infills\[0\]\.stories: no story is named 'attic'",
+    ),
+    "infill in a bay without a column": (
+        '[[columns]]\nsection = "column"\n',
+        f'{INFILL}[[columns]]\nsection = "column"\nat = ["A-P", "C-P", "A-Q", "B-Q", "C-Q"]\n',
+        r"infills\[0\]\.to: no column stands at B-P in story low; end the infill at columns",
+    ),
+    "infill twice": (
+        "[[slabs]]",
+        f"{INFILL}{INFILL}[[slabs]]",
+        r"infills\[1\]: it lies on infills\[0\] at",
+    ),
+    "infill between members that fill the bay": (
+        '[sections.column]\nshape = "rectangle"\nwidth = "300 mm"',
+        f'{INFILL}[sections.column]\nshape = "rectangle"\nwidth = "4 m"',
+        r"infills\[0\]: beams and columns leave nothing of the bay A to B in story low",
+    ),
+    "rigid ends longer than a column": (
+        '[[columns]]\nsection = "column"',
+        '[[columns]]\nsection = "column"\nrigid_ends = ["1 m", "1.8 m"]',
+        r"columns\[0\]\.rigid_ends: they leave nothing of story high, 2.8 m high; shorten them",
+    ),
+    "one rigid end of a column": (
+        '[[columns]]\nsection = "column"',
+        '[[columns]]\nsection = "column"\nrigid_ends = ["1 m"]',
+        r"columns\[0\]\.rigid_ends: the list has 1 entries; write 2|the key is missing",
+    ),
     "modulus of concrete in MPa": (
         '"25 GPa"',
         '"28 MPa"',

@@ -28,6 +28,7 @@ _PLANE_XZ = np.array([2, 4, 8, 10])  # w and ry, where ry = -dw/dx
 _SIGN_XZ = np.array([1.0, -1.0, 1.0, -1.0])
 _ARMS_HEAD = ("rigid arms: first x", "y", "z", "second x", "y", "z")
 _ENDS_Y = np.array([4, 10])
+_PINNED = np.isin(np.arange(12), (4, 5, 10, 11))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,10 +142,15 @@ class Beams(Elements):
         return np.sqrt(12.0 * inertia / self.area[:, None])
 
     def opensees(self, youngs_modulus: Floats) -> OpenSeesPart:
-        """ElasticTimoshenkoBeam, or elasticBeamColumn where a beam does not shear."""
+        """ElasticTimoshenkoBeam, or elasticBeamColumn where a beam does not shear.
+
+        What is pinned at both ends is a Truss, without its torsion.
+        """
+        pinned = np.zeros(len(self), dtype=np.bool_)
         if self.released is not None:
+            pinned = (self.released == _PINNED).all(axis=1)
             self.refuse(
-                self.released.any(axis=1),
+                self.released.any(axis=1) & ~pinned,
                 "has a released end, which the OpenSees script cannot hold; export the building "
                 "without hinged members",
             )
@@ -161,13 +167,14 @@ class Beams(Elements):
         )
         head = ("E", "G", "A", "J", "Iy", "Iz", "shear area y", "shear area z", "kg/m")
         arms = np.zeros((len(self), 2, 3)) if self.offset is None else self.offset
+        columns = [self.nodes, which, self.up, arms]
+        bent, trusses = ([column[chosen] for column in columns] for chosen in (~pinned, pinned))
+        names = (*("node", "node", "section", "up x", "y", "z"), *_ARMS_HEAD)
         return OpenSeesPart(
             {
                 "BEAM_SECTIONS": OpenSeesTable(head, [figures]),
-                "BEAMS": OpenSeesTable(
-                    (*("node", "node", "section", "up x", "y", "z"), *_ARMS_HEAD),
-                    [self.nodes, which, self.up, arms],
-                ),
+                "BEAMS": OpenSeesTable(names, bent),
+                "TRUSSES": OpenSeesTable(names, trusses),
             },
             _OPENSEES,
         )
@@ -313,10 +320,17 @@ def _rotary_mass(length: Floats, line_inertia: Floats, ratio: Floats) -> Floats:
 
 
 _OPENSEES = """
-for start, end, which, *numbers in BEAMS:
+for kind, (start, end, which, *numbers) in [
+    *(("beam", row) for row in BEAMS), *(("truss", row) for row in TRUSSES)
+]:
     tag, up = new("element"), numbers[:3]
     ends = [arm(start, numbers[3:6]), arm(end, numbers[6:9])]
     E, G, A, J, Iy, Iz, shear_y, shear_z, line_mass = BEAM_SECTIONS[int(which)]
+    if kind == "truss":
+        material = new("material")
+        ops.uniaxialMaterial("Elastic", material, E)
+        ops.element("Truss", tag, *ends, A, material, "-rho", line_mass, "-cMass", 1)
+        continue
     ops.geomTransf("Linear", tag, *up)
     mass = ("-mass", line_mass, "-cMass")
     if np.isinf(shear_y) or np.isinf(shear_z):
