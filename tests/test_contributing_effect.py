@@ -11,7 +11,7 @@ from femupdate.building import load_building
 from femupdate.effects import CATALOGUE, DrawnBuilding, Effect, catalogue, structure_of
 from femupdate.errors import BuildingError
 from femupdate.registry import classes_in
-from femupdate.report.glyphs import drawn
+from femupdate.report import drawn
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.workflow import ObservationSource, diagnose_study, open_study

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.inference.parameters import Parameters
-from femupdate.inference.smc import SmcSettings, TemperedSmc
+from femupdate.inference import Parameters, SmcSettings, TemperedSmc
 
 PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
 A = torch.tensor([[1.0, 0.4], [-0.3, 2.0], [0.6, 0.5]], dtype=torch.float64)

@@ -13,7 +13,7 @@ import torch
 from femupdate.building import load_building
 from femupdate.dynamics import System
 from femupdate.errors import WorkersError
-from femupdate.inference.parameters import theta_prior
+from femupdate.inference import theta_prior
 from femupdate.surrogate import DatasetPlan, compute_dataset
 from femupdate.surrogate import dataset as room
 from femupdate.workers import completed, dask_executor, everywhere, working_on

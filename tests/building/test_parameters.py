@@ -8,7 +8,7 @@ import pytest
 
 from femupdate.building import from_document, mesh_building, stiffness_factors
 from femupdate.fe import assemble
-from femupdate.inference.parameters import theta_prior
+from femupdate.inference import theta_prior
 
 BY_KIND = {"by": ["story", "kind"]}
 

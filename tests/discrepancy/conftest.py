@@ -7,7 +7,8 @@ from femupdate.building import from_document
 from femupdate.discrepancy.search import problem_of
 from femupdate.dynamics import lumped
 from femupdate.effects import CATALOGUE, Placed, structure_of
-from femupdate.inference.frf_data import COMPARING, frf_data
+from femupdate.inference import COMPARING
+from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import Observation
 from tests.discrepancy import chain
 

@@ -7,13 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from femupdate.discrepancy import missed_in_turn
 from femupdate.discrepancy.evidence import Tested as Outcome
-from femupdate.discrepancy.evidence import (
-    certify,
-    gain_elsewhere,
-    least_log_e_value,
-    missed_in_turn,
-)
+from femupdate.discrepancy.evidence import certify, gain_elsewhere, least_log_e_value
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 
 GRID = 0.2 * np.arange(1, 61)

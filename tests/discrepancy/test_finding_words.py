@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.discrepancy.findings import Finding, grouped
+from femupdate.discrepancy import Finding
+from femupdate.discrepancy.findings import grouped
 from femupdate.discrepancy.fit import extended, fit
 from femupdate.effects import CATALOGUE, Placed
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femupdate.discrepancy import DiagnosisSettings
 from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.discrepancy.further_measurements import PHASE, measurement_values
-from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.effects import CATALOGUE, Placed
 
 GRID = 0.2 * np.arange(1, 61)

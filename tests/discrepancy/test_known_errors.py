@@ -8,10 +8,14 @@ import torch
 
 from femupdate.discrepancy.mesh_error import of_points_that_bend
 from femupdate.dynamics import System
-from femupdate.inference.frf_data import base_logs
-from femupdate.inference.likelihood import likelihood_of
-from femupdate.inference.maxima import settled
-from femupdate.inference.parameters import Parameters, damping_parameter, theta_prior
+from femupdate.inference import (
+    Parameters,
+    base_logs,
+    damping_parameter,
+    likelihood_of,
+    settled,
+    theta_prior,
+)
 
 MASSES, SPRINGS = np.ones(3), np.full(3, 600.0)
 GRID = 0.05 * np.arange(1, 241)

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.fit import fit_baseline, likelihood_about, parameters_at
-from femupdate.inference.diagnostics import predictive_check
+from femupdate.discrepancy import likelihood_about, parameters_at
+from femupdate.discrepancy.fit import fit_baseline
+from femupdate.inference import predictive_check
 
 GRID = 0.1 * np.arange(1, 201)
 FLOORS = ("2F", "3F", "RF")

@@ -8,15 +8,14 @@ import pytest
 import torch
 
 from femupdate.building import from_document
+from femupdate.discrepancy import MeshError, corrected, learn_mesh_error, left_open
 from femupdate.discrepancy.fit import about, fit_baseline, settle
-from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error, left_open
 from femupdate.dynamics import ConstantDamping, System, reduced_on
 from femupdate.effects import structure_of
 from femupdate.errors import StructureError
 from femupdate.fe import driven_shapes, factorize
-from femupdate.inference.frf_data import COMPARING, frf_data
-from femupdate.inference.likelihood import likelihood_of
-from femupdate.inference.parameters import Parameters
+from femupdate.inference import COMPARING, Parameters, likelihood_of
+from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import Observation
 
 GRID = np.arange(0.5, 18.0, 0.25)

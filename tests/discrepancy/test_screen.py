@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.screen import screen_channels
+from femupdate.discrepancy import screen_channels
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 GRID, FLOORS = np.arange(0.1, 10.0, 0.1), ("2F", "3F", "RF")

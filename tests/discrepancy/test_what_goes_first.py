@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from femupdate.discrepancy import DiagnosisSettings, Finding
 from femupdate.discrepancy.evidence import Tested as Outcome
-from femupdate.discrepancy.findings import Finding, in_order
-from femupdate.discrepancy.thresholds import DiagnosisSettings
+from femupdate.discrepancy.findings import in_order
 from femupdate.effects import CATALOGUE, Placed
 
 SETTINGS = DiagnosisSettings()

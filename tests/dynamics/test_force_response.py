@@ -15,7 +15,7 @@ from femupdate.dynamics import (
 )
 from femupdate.effects import structure_of
 from femupdate.fe import factorize
-from femupdate.inference.parameters import reduction_target
+from femupdate.inference import reduction_target
 
 THETA = np.array([1.3, 0.8, 1.1, 0.7])
 FREQUENCY = np.linspace(0.3, 15.0, 40)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.inference.parameters import Parameters
+from femupdate.inference import Parameters
 
 
 @pytest.fixture(scope="session")

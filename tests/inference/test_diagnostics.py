@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femupdate.inference.diagnostics import r_hat
+from femupdate.inference import r_hat
 
 
 @pytest.mark.parametrize("chains", [2, 4])

@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import simpson
 from scipy.stats import norm
 
-from femupdate.inference.event_scatter import learned_scatter, sd_density
+from femupdate.inference import learned_scatter
+from femupdate.inference.event_scatter import sd_density
 
 ESTIMATES, ERRORS = np.array([0.03, -0.05, 0.08, 0.0]), np.array([0.01, 0.02, 0.03, 0.015])
 

@@ -8,11 +8,18 @@ from scipy.stats import qmc
 from femupdate.building import load_building
 from femupdate.dynamics import ConstantDamping, Excitation, System, lumped
 from femupdate.effects import structure_of
-from femupdate.inference.frf_data import AT_ITS_WORD, forced_data
-from femupdate.inference.likelihood import likelihood_of
-from femupdate.inference.maxima import best_of_prior, draws_about, found_from, settled
-from femupdate.inference.parameters import Parameter, Parameters
-from femupdate.inference.smc import TemperedSmc
+from femupdate.inference import (
+    Parameter,
+    Parameters,
+    TemperedSmc,
+    best_of_prior,
+    draws_about,
+    forced_data,
+    found_from,
+    likelihood_of,
+    settled,
+)
+from femupdate.inference.frf_data import AT_ITS_WORD
 from femupdate.measurement import Observation
 
 TRUTH = torch.tensor([[1.3, 0.8, 1.1, 0.7, 0.02]], dtype=torch.float64)

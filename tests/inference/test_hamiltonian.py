@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.inference.smc import TRAJECTORIES, SmcSettings, TemperedSmc
+from femupdate.inference import SmcSettings, TemperedSmc
+from femupdate.inference.smc import TRAJECTORIES
 
 LINEAR = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),

@@ -6,8 +6,8 @@ import torch
 from femupdate.benchmarks.shear4dof.case import authors_case, data_likelihood
 from femupdate.benchmarks.shipped import benchmark_model
 
-from femupdate.inference.diagnostics import identifiability, separate_modes
-from femupdate.inference.smc import TemperedSmc
+from femupdate.inference import TemperedSmc, identifiability
+from femupdate.inference.diagnostics import separate_modes
 
 NAMES = ("theta_1", "theta_2", "theta_3")
 LOWER, UPPER = np.full(3, 0.2), np.array([3.0, 4.0, 5.0])

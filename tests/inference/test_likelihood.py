@@ -7,10 +7,8 @@ from scipy.stats import chi2, kstest
 
 from femupdate.dynamics import System, reduce_lumped
 from femupdate.errors import SurrogateError
-from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, log_responses
-from femupdate.inference.latent_likelihood import LatentLikelihood
-from femupdate.inference.likelihood import likelihood_of
-from femupdate.inference.parameters import Parameter, Parameters
+from femupdate.inference import LatentLikelihood, Parameter, Parameters, base_logs, likelihood_of
+from femupdate.inference.frf_data import AT_ITS_WORD, log_responses
 from femupdate.measurement import Observation, select_floors
 from femupdate.surrogate import Mvae, NetworkSizes, Surrogate, SurrogateInfo
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.inference.maxima import draws_about, found_from
+from femupdate.inference import draws_about, found_from
 
 PROBLEM = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),

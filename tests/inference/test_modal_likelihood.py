@@ -9,11 +9,18 @@ from scipy.stats import qmc
 
 from femupdate.building import load_building, shear_operators
 from femupdate.dynamics import ConstantDamping, System, reduce_lumped
-from femupdate.inference.likelihood import likelihood_of
-from femupdate.inference.maxima import best_of_prior, draws_about, found_from, settled
-from femupdate.inference.mode_data import ModalErrors, mode_data
+from femupdate.inference import (
+    ModalErrors,
+    Parameter,
+    Parameters,
+    best_of_prior,
+    draws_about,
+    found_from,
+    likelihood_of,
+    settled,
+)
+from femupdate.inference.mode_data import mode_data
 from femupdate.inference.model_error import STATED
-from femupdate.inference.parameters import Parameter, Parameters
 from femupdate.measurement import IdentifiedModes
 
 TRUTH = torch.tensor([[1.3, 0.8, 1.1, 0.7, 0.02]], dtype=torch.float64)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from femupdate.inference import EventErrors, EventScatter
 from femupdate.inference.error_draws import ErrorDraws, SizeDraws
-from femupdate.inference.event_scatter import EventScatter
-from femupdate.inference.next_event import EventErrors, between_runs, incoherent_share
+from femupdate.inference.next_event import between_runs, incoherent_share
 from femupdate.measurement import Observation, pooled
 
 GRID = np.linspace(1.0, 10.0, 10)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest, norm, truncnorm, uniform
 
-from femupdate.inference.parameters import Parameter, Parameters
+from femupdate.inference import Parameter, Parameters
 
 lower = st.floats(-50.0, 50.0)
 width = st.floats(1e-3, 100.0)

@@ -7,8 +7,14 @@ import numpy as np
 import pytest
 
 from femupdate.errors import StudyError
-from femupdate.inference.parameters import Parameter, Parameters
-from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
+from femupdate.inference import (
+    DrawnBy,
+    Parameter,
+    Parameters,
+    Posterior,
+    load_posterior,
+    save_posterior,
+)
 from femupdate.measurement import Observation
 
 CHAINS, DRAWS, POINTS = 3, 25, 12

@@ -8,7 +8,7 @@ import torch
 from scipy.stats import chi2
 
 from femupdate.dynamics import Responses
-from femupdate.inference.diagnostics import predictive_check
+from femupdate.inference import predictive_check
 from femupdate.inference.frf_data import AT_ITS_WORD, frf_data
 from femupdate.measurement import Observation
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 from scipy.stats import kstest
 
-from femupdate.inference.smc import SmcSettings, TemperedSmc
+from femupdate.inference import SmcSettings, TemperedSmc
 from femupdate.inference.tempering import Points
 
 THOROUGH = SmcSettings(ess_target=0.8, unmoved=0.0)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from femupdate.report import plus_minus
 from femupdate.report.plot_posterior import density_1d, density_2d, mass_level
-from femupdate.report.scale import force_scale, length_scale, plus_minus
+from femupdate.report.scale import force_scale, length_scale
 
 NORMAL = np.random.default_rng(2).normal(size=(2, 40000))
 

@@ -7,8 +7,7 @@ from matplotlib.figure import Figure
 from femupdate.building import load_building
 from femupdate.effects import CATALOGUE, DrawnBuilding, Glyph, structure_of
 from femupdate.errors import ReportError
-from femupdate.report.geometry import Geometry
-from femupdate.report.glyphs import drawn
+from femupdate.report import Geometry, drawn
 from femupdate.report.scenes import draw_marked
 
 

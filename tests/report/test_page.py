@@ -5,10 +5,9 @@ import re
 import numpy as np
 import pytest
 
+from femupdate.report import ElementField, Geometry, Page, Section, scene_content, thinned_geometry
 from femupdate.report.figure import new_figure
-from femupdate.report.geometry import Geometry
-from femupdate.report.page import Page, Section, page_html, prose_html
-from femupdate.report.page_scene import ElementField, scene_content, thinned_geometry
+from femupdate.report.page import page_html, prose_html
 from femupdate.report.plot_measured import thinned
 from femupdate.result import Note, Notes, Picture
 from femupdate.tables import Table

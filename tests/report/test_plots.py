@@ -11,22 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from femupdate.measurement import Observation
+from femupdate.report import SampleSet, frf_fit, posterior_pairs, stick_mode_shapes, theta_intervals
 from femupdate.report.curves import history_curves, response_curves, spectrum_curves
 from femupdate.report.plot_curves import (
     floor_history_bands,
     floor_spectra_bands,
-    frf_fit,
     member_force_bands,
     story_shear_drift,
     strong_part,
 )
 from femupdate.report.plot_diagnosis import Ranked, ResidualMap, ranking, residual_map
-from femupdate.report.plot_posterior import (
-    SampleSet,
-    posterior_pairs,
-    theta_intervals,
-)
-from femupdate.report.plot_sticks import stick_mode_shapes
 
 FLOORS = ("2F", "3F", "4F", "5F", "6F", "RF")
 RNG = np.random.default_rng(11)

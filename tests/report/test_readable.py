@@ -4,10 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from femupdate.report import SampleSet, posterior_pairs, stick_mode_shapes
 from femupdate.report.curves import history_curves
 from femupdate.report.plot_curves import member_force_bands, strong_part
-from femupdate.report.plot_posterior import SampleSet, posterior_pairs
-from femupdate.report.plot_sticks import stick_mode_shapes
 
 
 def test_the_zoom_shows_the_peak():

@@ -7,7 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from femupdate.report.geometry import Geometry, outline
+from femupdate.report import Geometry
+from femupdate.report.geometry import outline
 from femupdate.report.rendering import probe, rendering
 from femupdate.report.scenes import mode_shape_figure
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from femupdate.dynamics import System, reduce_lumped
-from femupdate.inference.parameters import Parameters
+from femupdate.inference import Parameters
 from femupdate.surrogate import (
     DatasetPlan,
     LossSettings,

@@ -5,7 +5,7 @@ import pytest
 
 from femupdate.building import from_document, save_building
 from femupdate.errors import BuildingError, MeasurementError
-from femupdate.inference.posterior import load_posterior
+from femupdate.inference import load_posterior
 from femupdate.measurement import read_record, write_observation_histories
 from femupdate.simulation import SimulationSettings, simulate_observation
 from femupdate.study import Study

@@ -10,9 +10,8 @@ from matplotlib.image import imread
 
 from femupdate.dynamics import reduced_modes
 from femupdate.errors import MeasurementError
-from femupdate.inference.posterior import load_posterior
-from femupdate.inference.smc import SmcSettings
-from femupdate.report.figure import draw
+from femupdate.inference import SmcSettings, load_posterior
+from femupdate.report import draw
 from femupdate.study import Study
 from femupdate.surrogate import TRAINED, Surrogate, TrainingSettings, require_surrogate
 from femupdate.workflow import (

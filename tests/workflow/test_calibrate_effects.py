@@ -9,7 +9,7 @@ import pytest
 
 from femupdate.building import load_building
 from femupdate.errors import MeasurementError
-from femupdate.inference.posterior import load_posterior
+from femupdate.inference import load_posterior
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.workflow import CalibrationSettings, ObservationSource, calibrate_study, open_study

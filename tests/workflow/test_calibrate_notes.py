@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.inference.diagnostics import PredictiveCheck
-from femupdate.inference.parameters import Parameter, Parameters
-from femupdate.inference.posterior import DrawnBy, Posterior
+from femupdate.inference import DrawnBy, Parameter, Parameters, Posterior, PredictiveCheck
 from femupdate.measurement import Observation
 from femupdate.result import Notes
 from femupdate.workflow.calibrate_draws import Fitting

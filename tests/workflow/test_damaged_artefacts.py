@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import StudyError
-from femupdate.inference.parameters import Parameters
-from femupdate.inference.posterior import load_posterior, save_posterior
+from femupdate.inference import Parameters, load_posterior, save_posterior
 from femupdate.storage import read_arrays, write_arrays
 from femupdate.study import MANIFEST, file_hash, write_text
 from femupdate.workflow import (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import InferenceError
-from femupdate.report.figure import draw
+from femupdate.report import draw
 from femupdate.study import Study
 from femupdate.workflow import ObservationSource, diagnose_study, open_study, repair_study
 from tests.discrepancy.chain import Chain, rayleigh

@@ -11,21 +11,15 @@ import pytest
 import torch
 from scipy.linalg import eigh
 
+from femupdate.discrepancy import FinderModel, plain_structure, prepared, refined
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.discrepancy.score import score
-from femupdate.discrepancy.search import (
-    FinderModel,
-    plain_structure,
-    prepared,
-    problem_of,
-    refined,
-    structure_near,
-)
+from femupdate.discrepancy.search import problem_of, structure_near
 from femupdate.dynamics import System, local_structure, reduced_on
 from femupdate.effects import CATALOGUE, Placed, with_effect
 from femupdate.errors import BuildingError
-from femupdate.inference.frf_data import COMPARING, frf_data
-from femupdate.inference.parameters import reduction_target
+from femupdate.inference import COMPARING, reduction_target
+from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import Observation
 from femupdate.study import Study
 from femupdate.workflow import open_study

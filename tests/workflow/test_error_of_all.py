@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.thresholds import MESH_ERROR
-from femupdate.inference.parameters import Parameter, Parameters
+from femupdate.inference import Parameter, Parameters
 from femupdate.workflow.calibrate_draws import with_error_of_all, with_own_errors
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from femupdate.discrepancy.search import FinderModel, plain_structure, prepared, sought
+from femupdate.discrepancy import FinderModel, plain_structure, prepared, sought
 from femupdate.dynamics import equations_at
 from femupdate.effects import CATALOGUE
 from femupdate.progress import SILENT

@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from femupdate.building import load_building
-from femupdate.discrepancy.mesh_error import MeshError
+from femupdate.discrepancy import MeshError
 from femupdate.errors import StudyError
+from femupdate.inference import Values
 from femupdate.inference.frf_data import frf_data
-from femupdate.inference.parameters import Values
 from femupdate.measurement import Observation
 from femupdate.study import Study
 from femupdate.workflow import kept_mesh_error, open_study, with_finer_mesh

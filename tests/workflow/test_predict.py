@@ -8,10 +8,9 @@ from matplotlib.image import imread
 from scipy.signal import StateSpace, lsim
 
 from femupdate.errors import BuildingError, MeasurementError, StudyError
-from femupdate.inference.posterior import load_posterior
+from femupdate.inference import load_posterior
 from femupdate.measurement import GroundMotion
-from femupdate.report.figure import draw
-from femupdate.report.scale import plus_minus
+from femupdate.report import draw, plus_minus
 from femupdate.workflow import (
     CalibrationSettings,
     ObservationSource,

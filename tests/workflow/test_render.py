@@ -9,7 +9,7 @@ from matplotlib.image import imread
 import femupdate
 from femupdate.dynamics import ReducedModes, track_mode
 from femupdate.effects import structure_of
-from femupdate.inference.posterior import DrawnBy, Posterior, load_posterior, save_posterior
+from femupdate.inference import DrawnBy, Posterior, load_posterior, save_posterior
 from femupdate.measurement import Observation
 from femupdate.workflow import open_study, render_study
 

@@ -11,9 +11,9 @@ from femupdate.building import load_building
 from femupdate.dynamics import System, floor_histories
 from femupdate.effects import CATALOGUE
 from femupdate.errors import MeasurementError
-from femupdate.inference.posterior import load_posterior
+from femupdate.inference import load_posterior
 from femupdate.measurement import GroundMotion
-from femupdate.report.figure import draw
+from femupdate.report import draw
 from femupdate.study import Study
 from femupdate.workflow import (
     CalibrationSettings,

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from femupdate.errors import ReportError, StudyError
-from femupdate.report.figure import new_figure, save_figure
+from femupdate.report import save_figure
+from femupdate.report.figure import new_figure
 from femupdate.study import Study, file_hash, write_text
 from femupdate.workflow import report_study
 

@@ -10,10 +10,9 @@ import torch
 
 from femupdate.building import load_building
 from femupdate.errors import MeasurementError
-from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
-from femupdate.inference.likelihood import cost_of_scatter, likelihood_of
-from femupdate.inference.posterior import load_posterior
-from femupdate.inference.smc import SmcSettings
+from femupdate.inference import SmcSettings, base_logs, likelihood_of, load_posterior
+from femupdate.inference.frf_data import AT_ITS_WORD
+from femupdate.inference.likelihood import cost_of_scatter
 from femupdate.measurement import pooled
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study, file_hash

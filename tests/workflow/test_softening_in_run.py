@@ -6,7 +6,7 @@ import torch
 from scipy.signal import butter, sosfilt
 
 from femupdate.dynamics import OwnLevel, history_batches, motion_level
-from femupdate.inference.posterior import load_posterior
+from femupdate.inference import load_posterior
 from femupdate.measurement import GroundMotion
 from femupdate.study import Study
 from femupdate.workflow import (

@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from femupdate.building import from_document
-from femupdate.discrepancy.findings import NONE, Diagnosis
+from femupdate.discrepancy import Diagnosis, DiagnosisSettings
+from femupdate.discrepancy.findings import NONE
 from femupdate.discrepancy.fit import fit_baseline
 from femupdate.discrepancy.search import problem_of
 from femupdate.discrepancy.strength import judged_by_strength, missed_in_run
-from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.dynamics import lumped
 from femupdate.effects import structure_of
-from femupdate.inference.frf_data import COMPARING, frf_data
+from femupdate.inference import COMPARING
+from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import FloorChannel, Histories, observation_for
 
 MASS, SPRING, STEP, FINE = np.array([3e5, 3e5, 2e5]), np.array([2e8, 2e8, 1.5e8]), 0.01, 8

@@ -8,7 +8,7 @@ from femupdate.building import load_building
 from femupdate.dynamics import floor_histories
 from femupdate.errors import SurrogateError
 from femupdate.measurement import GroundMotion
-from femupdate.report.figure import draw
+from femupdate.report import draw
 from femupdate.study import Study
 from femupdate.workflow import (
     CalibrationSettings,

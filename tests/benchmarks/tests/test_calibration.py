@@ -15,7 +15,7 @@ from femupdate.benchmarks.result import Job
 from femupdate.benchmarks.shear4dof.case import roof_log_frf
 from femupdate.benchmarks.shipped import benchmark_model, shipped_surrogate, surrogate_mark
 
-from femupdate.inference.diagnostics import PredictiveCheck
+from femupdate.inference import PredictiveCheck
 from femupdate.surrogate import Surrogate
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.measured.run import Event, pair_of
 
-from femupdate.inference.parameters import Parameter, Parameters
-from femupdate.inference.posterior import DrawnBy, Posterior
+from femupdate.inference import DrawnBy, Parameter, Parameters, Posterior
 from femupdate.measurement import Observation
 from femupdate.study import Study
 from femupdate.workflow import open_study
