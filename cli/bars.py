@@ -7,7 +7,6 @@ from typing import Any
 
 import click
 
-_EVERY_S = 20.0  # between two lines of a log
 _ALIKE = 10  # units of work and more are pieces alike; fewer are steps of any length
 
 
@@ -88,7 +87,8 @@ class _Log:
             self._done = min(self._done + count, self._total)
             now = time.monotonic()
             few = self._total < _ALIKE
-            if now - self._told < _EVERY_S or not 0 < self._done < self._total + few:
+            # Twenty seconds between two lines of a log.
+            if now - self._told < 20.0 or not 0 < self._done < self._total + few:
                 return
             self._told = now
             past = now - self._started

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-_MOST_NOTES = 6  # that the terminal shows
-
 
 @dataclass(frozen=True)
 class Note:
@@ -62,7 +60,7 @@ class Notes:
 
     def lines(self) -> list[str]:
         """For the terminal."""
-        most = _MOST_NOTES if self.rest else len(self.sentences)
+        most = 6 if self.rest else len(self.sentences)
         shown = [f"  - {sentence}" for sentence in self.sentences[:most]]
         if (more := len(self.sentences) - most) > 0:
             shown.append(f"  - {more} more {'note' if more == 1 else 'notes'}: {self.rest}")

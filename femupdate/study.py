@@ -23,7 +23,6 @@ MANIFEST = "study.json"
 BUILDING_FILE = "building.toml"
 LAYOUT = 1
 """Of a study's files; it grows by one when an older femupdate could not read what a newer wrote."""
-_LARGEST_MANIFEST = 10_000_000  # bytes
 
 MAIN_POSTERIOR = "posterior"
 """Name of the posterior that has none of its own; its files lie in the study's own folder."""
@@ -33,7 +32,6 @@ _OF_A_POSTERIOR = ("posterior", "prediction")  # artefacts that every posterior 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,40}")
 
 _RUNNING: ContextVar[tuple[str, ...]] = ContextVar("words of the running command", default=())
-_MOST_TEXT = 100_000  # characters of all words of a command together
 _LONGEST_SHOWN = 80  # characters of a wrong value in a message
 
 
@@ -69,7 +67,7 @@ def _are_texts(value: Any) -> bool:
 
 def _are_words(value: Any) -> bool:
     """Whether this is a command that can be shown and typed, whoever wrote it."""
-    whole = _are_texts(value) and bool(value) and sum(map(len, value)) <= _MOST_TEXT
+    whole = _are_texts(value) and bool(value) and sum(map(len, value)) <= 100_000
     return whole and all(word.isprintable() for word in value)
 
 
@@ -273,7 +271,7 @@ class Study:
         if not os.path.lexists(manifest):
             return {}
         try:
-            content = json.loads(read_file(manifest, _LARGEST_MANIFEST, StudyError))
+            content = json.loads(read_file(manifest, 10_000_000, StudyError))
             self._check_layout(content)
             return {name: _artefact(entry) for name, entry in content["artefacts"].items()}
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:

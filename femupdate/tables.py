@@ -13,7 +13,6 @@ from femupdate.study import write_text
 
 # A number with its unit or interval, or nothing.
 _NUMBER = re.compile(r"((over |under )?[-+−]?[\d.]+(e[-+]?\d+)?( ?%)?( \[.*\])?|nan|-)?")
-_WIDEST = 60  # characters of a column of a workbook
 
 
 @dataclass(frozen=True)
@@ -219,7 +218,7 @@ def _workbook(sheets: dict[str, tuple[list[str], list[tuple[Any, ...]]]]) -> byt
             page.freeze_panes(1, 0)
             page.autofilter(0, 0, len(rows), len(head) - 1)
             for column, cells in enumerate(zip(head, *rows[:200], strict=True)):
-                # Numbers show about ten characters.
                 widest = max(len(cell) if isinstance(cell, str) else 10 for cell in cells)
-                page.set_column(column, column, min(widest + 2, _WIDEST))
+                # Numbers show about ten characters.
+                page.set_column(column, column, min(widest + 2, 60))
     return content.getvalue()

@@ -11,8 +11,6 @@ from torch import Tensor
 from femupdate.arrays import Floats, Integers
 
 STEPS_AT_A_TIME = 256  # keeps the states of 50 samples x 60 modes inside a few ten megabytes
-HALF_LENGTH = 32  # of the interpolation filter, in samples of the record
-KAISER_BETA = 8.0  # 80 dB: flat to 1e-4 up to 0.92 of the Nyquist frequency
 
 
 def interpolate_record(acceleration: Floats, factor: int) -> Floats:
@@ -33,9 +31,8 @@ def interpolate_record(acceleration: Floats, factor: int) -> Floats:
         return np.asarray(acceleration, dtype=np.float64)
     from scipy.signal import firwin, resample_poly
 
-    taps = firwin(
-        2 * HALF_LENGTH * factor + 1, 1.0 / factor, window=("kaiser", KAISER_BETA), scale=False
-    )
+    # 32 samples of the record to either side; 80 dB: flat to 1e-4 up to .92 of its Nyquist rate.
+    taps = firwin(2 * 32 * factor + 1, 1.0 / factor, window=("kaiser", 8.0), scale=False)
     fine = resample_poly(acceleration, factor, 1, window=taps)
     return fine[: (len(acceleration) - 1) * factor + 1]
 

@@ -25,7 +25,6 @@ _SAMPLES, _SAMPLES_EACH = 32, 2
 TOP = 1.3  # times the top of the grid: up to where responses are right that shapes are taken from
 STATIC_WEIGHT = 1e-2  # of the static response among the shapes
 _LEAST_NEW = 1e-13  # energy of a shape, of the largest, that is kept
-_SEED = 11  # of combinations
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) 
 
 def _combined(shapes: Sequence[Floats | Singles], width: int) -> Floats:
     """Random combinations (n, width) of all shapes."""
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(11)
     whole = np.zeros((len(shapes[0]), width))
     for block in shapes:
         whole += block @ rng.standard_normal((block.shape[1], width), dtype=np.float32)

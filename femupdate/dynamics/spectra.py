@@ -13,7 +13,6 @@ from femupdate.dynamics.summary import Statistics, statistics
 from femupdate.errors import MeasurementError
 from femupdate.tables import Table
 
-_POINTS = 12  # a period: between them the peak is missed by at most 1 - cos(pi / 12), 3.4 %
 _SPECTRUM_HZ, _SPECTRUM_POINTS = (0.2, 40.0), 120
 
 
@@ -92,8 +91,9 @@ def response_spectrum(
         raise MeasurementError(f"the damping ratio {zeta} must lie from 0 to below 1")
     peaks = np.zeros((*histories.shape[:-1], len(frequency)))
     flat, found = histories.reshape(-1, histories.shape[-1]), peaks.reshape(-1, len(frequency))
-    # A step is divided into sixteen at most.
-    points = np.ceil(_POINTS * frequency * time_step).clip(1, 16).astype(int)
+    # Between twelve points a period a peak is missed by 1 - cos(pi / 12), 3.4 %, at most; a step is
+    # divided into sixteen at most.
+    points = np.ceil(12 * frequency * time_step).clip(1, 16).astype(int)
     for factor in np.unique(points):
         fine = np.stack([interpolate_record(row, int(factor)) for row in flat])
         chosen = np.flatnonzero(points == factor)

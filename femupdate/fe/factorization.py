@@ -74,7 +74,6 @@ Backend = Literal["superlu", "cholmod"]
 ENVIRONMENT = "FEMUPDATE_SPARSE"
 
 _RESIDUAL = 1e-8  # relative, in coordinates scaled by the diagonal; sound systems give 1e-12
-_SEED = 20240
 _TOGETHER = 14  # right-hand sides; a column of many takes half as long again, beyond the cache
 
 
@@ -233,7 +232,7 @@ def factorize(
         StructureError: the backend is not installed.
     """
     matrix = csc_matrix(matrix)
-    probe = np.random.default_rng(_SEED).standard_normal(matrix.shape[0]).astype(matrix.dtype)
+    probe = np.random.default_rng(20240).standard_normal(matrix.shape[0]).astype(matrix.dtype)
     chosen = backend or default_backend()
     if chosen == "cholmod" and not cholmod_is_there():
         raise StructureError("CHOLMOD is not installed; install cvxopt or use the backend superlu")

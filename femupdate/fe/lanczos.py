@@ -19,7 +19,6 @@ from femupdate.fe.products import along, combined, symmetric_times
 
 _BLOCK = 4  # vectors; a solution with all of them reads the factor from memory once
 _PROBES = 4  # random combinations of the vectors, to which a new one must be orthogonal
-_SEED = 20240
 
 
 def block_size(count: int) -> int:
@@ -149,7 +148,7 @@ class _Watch:
     """
 
     def __init__(self, size: int) -> None:
-        self._signs = np.random.default_rng(_SEED)
+        self._signs = np.random.default_rng(20240)
         self._sum = np.zeros((size, _PROBES), order="F")
 
     def add(self, image: Floats) -> None:

@@ -69,7 +69,6 @@ _COMPLEX = re.compile(
     rf"\(?\s*(?:(?P<re>{_NUMBER})\s*(?=[-+]))?(?P<im>[-+]?\s*{_NUMBER})\s*\*?\s*[ij]\s*\)?",
     re.IGNORECASE,
 )
-_ENOUGH = 40
 
 
 def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
@@ -84,7 +83,7 @@ def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
     titles = cells_of(rows[0][1], delimiter)
     complex_columns = {
         k
-        for _, text in rows[1:_ENOUGH]
+        for _, text in rows[1:40]
         for k, cell in enumerate(cells_of(text, delimiter))
         if _complex(cell)
     }

@@ -19,8 +19,6 @@ from femupdate.report.style import BLUE, MAGNITUDE_MAP, QUIET, styled
 from femupdate.storage import write_bytes
 
 FRAMES = 16  # of a cycle
-_FRAME_MS = 80
-_DOTS = 80  # an inch: a third of the pixels of a picture
 
 
 @styled
@@ -114,7 +112,8 @@ def _limits(values: Floats) -> tuple[float, float]:
 def _frame(figure: Figure, title: str) -> Pixels:
     """The pixels (h, w, 3) of a figure under its title."""
     add_head(figure, title)
-    figure.set_dpi(_DOTS)
+    # A third of the pixels of a picture.
+    figure.set_dpi(80)
     canvas: Any = figure.canvas
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
@@ -125,7 +124,7 @@ def _write(frames: Sequence[Pixels], path: Path) -> Path:
 
     first, *others = [Image.fromarray(frame).quantize(128) for frame in frames]
     content = BytesIO()
-    look: dict[str, Any] = {"duration": _FRAME_MS, "loop": 0, "optimize": True}
+    look: dict[str, Any] = {"duration": 80, "loop": 0, "optimize": True}
     first.save(content, format="GIF", save_all=True, append_images=others, **look)
     write_bytes(path, content.getvalue(), ReportError)
     return path

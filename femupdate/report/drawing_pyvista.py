@@ -13,7 +13,6 @@ from femupdate.report.style import FAINT, INK, ORANGE, QUIET
 
 WINDOW = (1200, 1300)
 TUBE = 0.006  # radius of a beam over the size of the building
-LIFT = 0.006  # of lines on a surface towards the eye, over the size: else they sink in and out
 
 
 def render(
@@ -162,7 +161,8 @@ def _wires(
 ) -> Iterator[tuple[Floats, Integers, dict[str, float]]]:
     """Points, lines and look of the building at rest, of the mesh and of the moved outline."""
     edges = outline(geometry)
-    lifted = moved + LIFT * geometry.size * np.asarray(VIEW)
+    # Lines on a surface are lifted towards the eye: else they sink in and out.
+    lifted = moved + 0.006 * geometry.size * np.asarray(VIEW)
     yield geometry.nodes, edges, {"opacity": 0.4, "line_width": 2.0}
     if len(geometry.shells):
         yield lifted, mesh_lines(geometry), {"opacity": 0.35, "line_width": 2.0}

@@ -23,12 +23,7 @@ from femupdate.storage import atomic_path
 
 DOTS_PER_INCH = 150
 
-TITLE_HEIGHT = 0.40  # inches
-TITLE_ROW = 0.22  # of every line after the first
-LEGEND_ROW_HEIGHT = 0.24
-NOTE_HEIGHT = 0.24
 _TITLE_WIDTH, _NOTE_WIDTH = 0.116, 0.075  # inches of a character, in the mean
-_VISIBLE = 0.015  # of the height of a panel
 MARGIN = 12  # white pixels left around a rendered picture
 _TICKS_HZ = tuple(m * 10.0**k for k in range(-3, 5) for m in (1, 2, 5))
 _MOST_TICKS = 8  # of 1, 2 and 5; powers of ten alone where they would be more
@@ -110,9 +105,10 @@ def add_head(
     title = _wrapped(title, figure.get_figwidth(), _TITLE_WIDTH)
     note = _wrapped(note, figure.get_figwidth(), _NOTE_WIDTH)
     columns = columns or max(len(handles), 1)
-    legend = LEGEND_ROW_HEIGHT * ceil(len(handles) / columns) + (0.06 if handles else 0.0)
-    notes = NOTE_HEIGHT * (note.count("\n") + 1) if note else 0.0
-    above = (TITLE_HEIGHT + TITLE_ROW * title.count("\n") if title else 0.1) + notes
+    # Heights in inches: of a row of the legend, of the note, of the title and its further rows.
+    legend = 0.24 * ceil(len(handles) / columns) + (0.06 if handles else 0.0)
+    notes = 0.24 * (note.count("\n") + 1) if note else 0.0
+    above = (0.40 + 0.22 * title.count("\n") if title else 0.1) + notes
     head = above + legend
     height = figure.get_figheight() + head
     figure.set_figheight(height)
@@ -142,7 +138,7 @@ def _wrapped(text: str, width: float, of_character: float) -> str:
 
 def thin_band_note(share: float, which: str = "The bands") -> str:
     """What to say of bands that are nearly all thinner than this share of the axis, if anything."""
-    if share > _VISIBLE:
+    if share > 0.015:
         return ""
     return (
         f"{which} are up to {100.0 * share:.2g} % of the axis wide nearly everywhere: thinner "

@@ -23,7 +23,6 @@ from femupdate.tables import Table
 
 BUDGET = 8_000_000  # bytes: what mail servers and phones still take
 _DIGITS = 5
-_DOTS = 110  # an inch
 _PNG, _JPEG = b"\x89PNG", b"\xff\xd8\xff"
 
 
@@ -117,7 +116,7 @@ def _picture_data(picture: Picture | Image) -> str:
         from femupdate.report.style import styled
 
         drawn = BytesIO()
-        styled(picture.figure().savefig)(drawn, format="png", dpi=_DOTS)
+        styled(picture.figure().savefig)(drawn, format="png", dpi=110)
         content, kind = drawn.getvalue(), "png"
     return f"data:image/{kind};base64,{b64encode(content).decode()}"
 

@@ -13,8 +13,6 @@ from femupdate.report.style import MAGNITUDE_MAP, SPREAD_MAP
 
 MOST_FACES = 6000  # that a phone's processor sorts and draws ten times a second
 _MAPS = {"magnitude": MAGNITUDE_MAP, "spread": SPREAD_MAP, "factor": "cividis"}
-_STEPS = 9
-_DECIMALS = 4  # of shapes, whose largest displacement is 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +121,7 @@ def scene_content(
     """
     from matplotlib import colormaps
 
-    geometry, steps = thinned.geometry, np.linspace(0.0, 1.0, _STEPS)
+    geometry, steps = thinned.geometry, np.linspace(0.0, 1.0, 9)
     low, high = geometry.nodes.min(axis=0), geometry.nodes.max(axis=0)
     plan = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
     colored, moving = [], []
@@ -136,7 +134,7 @@ def scene_content(
         colored.append({"name": field.name, "unit": field.unit, "map": field.map, **values})
     for mode in modes:
         largest = np.linalg.norm(mode.shape, axis=1).max() or 1.0
-        shape = (mode.shape[thinned.nodes] / largest).round(_DECIMALS).ravel()
+        shape = (mode.shape[thinned.nodes] / largest).round(4).ravel()
         spread = None if mode.spread is None else mode.spread[thinned.nodes].round(2)
         moving.append({"name": mode.name, "shape": shape, "spread": spread})
     return {

@@ -28,7 +28,6 @@ from femupdate.report.style import BAND, BLUE, FAINT, INK, QUIET, styled
 from femupdate.report.style import MEASURED as WIDE
 from femupdate.units import capital
 
-ZOOM_SHARE = 0.12  # of the record, at most, in the panels on the right
 ZOOM_CYCLES = 20  # there, at most
 
 _NOISE: dict[str, Any] = {"color": QUIET, "alpha": 0.28, "linewidth": 0.0, "zorder": 0.9}
@@ -125,7 +124,8 @@ def floor_history_bands(curves: Sequence[Curve], *, title: str = "Floor accelera
 
 def strong_part(time: Floats, acceleration: Floats) -> tuple[float, float]:
     """Return the start and end, s, of some twenty strong cycles of a history, its peak inside."""
-    strong = strongest(acceleration**2, max(2, round(ZOOM_SHARE * len(time))))
+    # The panels on the right show an eighth of the record at most.
+    strong = strongest(acceleration**2, max(2, round(0.12 * len(time))))
     crossings = np.count_nonzero(np.diff(np.sign(acceleration[strong])))
     length = (strong.stop - strong.start) * 2 * ZOOM_CYCLES / max(crossings, 2 * ZOOM_CYCLES)
     count = min(max(2, round(length)), len(time))

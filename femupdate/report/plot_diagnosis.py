@@ -18,8 +18,6 @@ from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, styled
 from femupdate.result import Picture
 
 DISAGREE = "Where model and measurement disagree"
-_HIGHEST = 30.0  # times the noise, beyond which a colour says no more
-_CLOSE = 0.055  # of the axis: ticks nearer than this run into one another
 
 
 @dataclass(frozen=True)
@@ -135,7 +133,8 @@ def largest_misfit(maps: Sequence[ResidualMap]) -> float:
     """Where the colours of some misfits end."""
     grids = [shown.grid for shown in maps if np.isfinite(shown.grid).any()]
     largest = max((float(np.nanmax(grid)) for grid in grids), default=2)
-    return float(np.clip(largest, 2.0, _HIGHEST))
+    # Beyond 30 times the noise a colour says no more.
+    return float(np.clip(largest, 2.0, 30.0))
 
 
 def draw_misfit(panel: Axes, shown: ResidualMap, top: float) -> QuadMesh:
@@ -194,7 +193,8 @@ def ranking(effects: Sequence[Ranked], needed: float, verdict: str) -> Figure:
     low, high = min(0.0, *(row_of.gain for row_of in shown)), max(row_of.gain for row_of in shown)
     ticks = [t for t in decades if low <= t <= 3.0 * high or t in (0.0, needed)]
     left, right = _scaled(max(low, -30.0)) - 0.1, 1.45 * _scaled(max(high, 3.0 * needed))
-    ticks = _apart(ticks, (needed, 0.0), _CLOSE * (right - left))
+    # Ticks nearer than this share of the axis run into one another.
+    ticks = _apart(ticks, (needed, 0.0), 0.055 * (right - left))
     panel.set_xticks(
         [_scaled(t) for t in ticks], [f"{t:.3g}" if t < 1e3 else f"{t:,.0f}" for t in ticks]
     )

@@ -18,9 +18,6 @@ from femupdate.report.figure import add_head, frequency_ticks, new_figure
 from femupdate.report.style import hue, look, styled
 
 MOST_LINES = 24
-SEGMENTS = 16  # of Welch's method, half overlapping
-_MOST_LETTERS = 80  # of the names below an axis
-_FEW_TICKS = 5  # in a narrow panel
 POINTS = 4000  # of a history drawn, as the extremes of short stretches
 
 
@@ -107,7 +104,7 @@ def _modes(modes: Sequence[RecordedMode], title: str) -> Figure:
     axes.set(xlabel="Component, point by point", ylabel="Shape over its largest component")
     names = shown[0].sensors
     alike = all(mode.sensors == names for mode in shown)
-    if alike and sum(map(len, names)) <= _MOST_LETTERS:
+    if alike and sum(map(len, names)) <= 80:
         axes.set_xticks(range(len(names)), names)
         axes.set_xlabel("")
     return figure
@@ -210,7 +207,7 @@ def _draw_response(
         seen = coherence(input_, output, **options)[1]
         share.semilogx(frequency[shown], seen[shown], **look(k), linewidth=0.9)
     for axes in (response, share):
-        frequency_ticks(axes, float(frequency[1]), float(frequency[-1]), _FEW_TICKS)
+        frequency_ticks(axes, float(frequency[1]), float(frequency[-1]), 5)
     response.set(xlabel="Frequency, Hz")
     share.set(xlabel="Frequency, Hz", ylim=(0.0, 1.02), title="Coherence")
 
@@ -240,4 +237,5 @@ def thinned(values: Floats, most: int = POINTS) -> Integers:
 
 
 def _segment(each: InspectedChannel) -> int:
-    return max(2 * each.channel.values.size // (SEGMENTS + 1), 2)
+    # Sixteen segments of Welch's method, half overlapping.
+    return max(2 * each.channel.values.size // 17, 2)

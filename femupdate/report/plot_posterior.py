@@ -19,7 +19,6 @@ from femupdate.report.scale import plus_minus
 from femupdate.report.style import DASHES, FAINT, KNOWN, SERIES, Dashes, hue, styled
 
 POINTS = 250  # drawn under the contours; more hide each other
-SHARES = (0.9, 0.5)
 MOST = 12  # parameters in one figure; more cannot be read
 _NAME = 18  # characters of a name that stand below a panel
 
@@ -158,7 +157,7 @@ def _draw_pair(
         thin = slice(None, None, max(1, len(x) // POINTS))
         panel.plot(x[thin], y[thin], ".", color=case.color, markersize=1.6, alpha=0.35, mew=0)
         density = density_2d(x, y, across, up)
-        levels = sorted({mass_level(density.value, share) for share in SHARES})
+        levels = sorted({mass_level(density.value, share) for share in (0.9, 0.5)})
         fill = [to_rgba(case.color, alpha) for alpha in (0.16, 0.3)]
         panel.contourf(
             density.x, density.y, density.value, [*levels, np.inf], colors=fill[-len(levels) :]
@@ -228,7 +227,6 @@ def _label(panel: Axes, row: int, column: int, names: Sequence[str]) -> None:
 
 
 CELLS = 80
-_QUARTER = 2.0 * 0.31864  # of a normal's sd: the shortest interval with a quarter of its mass
 
 
 @dataclass(frozen=True)
@@ -248,7 +246,8 @@ def bandwidth(samples: Floats, dimensions: int) -> float:
     """
     ordered = np.sort(samples)
     quarter = max(1, len(ordered) // 4)
-    shortest = float((ordered[quarter:] - ordered[:-quarter]).min()) / _QUARTER
+    # The shortest interval with a quarter of a normal's mass, in standard deviations.
+    shortest = float((ordered[quarter:] - ordered[:-quarter]).min()) / (2.0 * 0.31864)
     spread = min(ordered.std(), shortest) or ordered.std()
     return float(spread * len(samples) ** (-1.0 / (dimensions + 4)))
 
@@ -291,8 +290,6 @@ def _centres(edges: Floats) -> Floats:
 
 
 ROW_HEIGHT = 0.26  # inches for each interval
-BETWEEN_ROWS = 0.2
-_VISIBLE = 0.006  # of the axis: an interval as long as two strokes are wide
 
 
 @styled
@@ -315,7 +312,7 @@ def theta_intervals(
     """
     cases = looks_of(sets)
     rows = np.arange(len(names), dtype=np.float64)
-    band = ROW_HEIGHT * len(cases) + BETWEEN_ROWS
+    band = ROW_HEIGHT * len(cases) + 0.2
     figure = new_figure(8.5, 0.75 + band * len(names))
     panel = figure.subplots()
     panel.use_sticky_edges = False
@@ -345,7 +342,8 @@ def theta_intervals(
 def short_note(panel: Axes, shown: Sequence[Interval]) -> str:
     """What to say where an interval is shorter than the stroke at its mean."""
     low, high = panel.get_xlim()
-    if min((interval.high - interval.low).min() for interval in shown) > _VISIBLE * (high - low):
+    # An interval as long as two strokes are wide, as a share of the axis.
+    if min((interval.high - interval.low).min() for interval in shown) > 0.006 * (high - low):
         return ""
     return "Some intervals are shorter than the stroke at their mean"
 

@@ -30,7 +30,6 @@ _BEFORE: dict[str, Any] = {
 }
 _AFTER: dict[str, Any] = {"color": BLUE, "linewidth": 1.1, "label": "Model after"}
 _MEASURED: dict[str, Any] = {**MEASURED, "label": "Measured"}
-_WINDOW_S = 6.0
 
 
 @styled
@@ -146,4 +145,4 @@ def _kept_out(held: Held | None) -> Curve | None:
         beside=held.after[-1] if changed else None,
     )
     peak = held.time[np.abs(held.measured[-1]).argmax()]
-    return curve.at(np.abs(held.time - peak) <= 0.5 * _WINDOW_S)
+    return curve.at(np.abs(held.time - peak) <= 3.0)

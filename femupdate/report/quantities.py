@@ -17,8 +17,6 @@ from femupdate.result import Note
 from femupdate.tables import Column, Table
 from femupdate.units import STANDARD_GRAVITY, capital
 
-_BENCH_TOP = 100.0  # N; the largest shear of models that weigh some kilograms
-
 
 @dataclass(frozen=True, eq=False)
 class DrawnQuantity:
@@ -144,8 +142,8 @@ def quantities(
     if heights is not None:
         ratio = 100.0 * drift / heights
         found["ratio"] = DrawnQuantity("drift ratio", "%", stories, ratio)
-    # Figures of a bench-top model would vanish in the units of a building.
-    force = "N" if shear.max() < _BENCH_TOP else "kN"
+    # Figures of a bench-top model, which weighs some kilograms, would vanish in kN.
+    force = "N" if shear.max() < 100.0 else "kN"
     newton = 1.0 if force == "N" else 1e-3
     found["shear"] = DrawnQuantity("peak shear", force, stories, newton * shear)
     found["base"] = DrawnQuantity("peak base shear", force, ("base",), newton * base)

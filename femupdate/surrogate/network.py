@@ -165,8 +165,6 @@ class FloorLinear(nn.Module):
 
 # Terms of the power series that replaces the modes above the grid, as in `ModalData`.
 _SERIES = 3
-# |H|^2 below this is rounding; its logarithm would dominate the loss.
-LEAST_SQUARE = 1e-8
 
 
 @dataclass(frozen=True)
@@ -221,7 +219,8 @@ class ModalDecoder(nn.Module):
     def forward(self, z: Tensor, points: Tensor | slice = slice(None)) -> Tensor:
         """Mean of ln|H| (B, f, k) at z (B, z); `points` chooses some of the k frequencies."""
         real, imaginary = self.frf_parts(z, points)
-        return 0.5 * torch.log(real**2 + imaginary**2 + LEAST_SQUARE)
+        # |H|^2 below this is rounding; its logarithm would dominate the loss.
+        return 0.5 * torch.log(real**2 + imaginary**2 + 1e-8)
 
     def frf_parts(self, z: Tensor, points: Tensor | slice = slice(None)) -> tuple[Tensor, Tensor]:
         """Real and imaginary part of H (B, f, k)."""
@@ -290,8 +289,6 @@ class ModalDecoder(nn.Module):
         self.spread.copy_(rows.std(0).clamp_min(1e-3))
 
 
-# Least variance: finite in float32, and far below that of any posterior.
-_LEAST_LOG_VARIANCE = -18.0
 # z over the position from -1 to 1: a uniform position has a variance of 1/3, z of about one.
 _ROOT_SPREAD = 3.0**0.5
 # How far beyond the box theta may lie, as a share of its half width.
@@ -369,10 +366,11 @@ class ObservationEncoder(nn.Module):
         widths = [1, self.sizes.coordinates, self.sizes.coordinates]
         parts = self.head(hidden).float().view(len(x), self.sizes.components, sum(widths))
         log_weight, mean, log_variance = parts.split(widths, dim=-1)
+        # Least variance: finite in float32, and far below that of any posterior.
         return LatentMixture(
             log_weight[..., 0].log_softmax(dim=1),
             mean,
-            (log_variance - 3.0).clamp(_LEAST_LOG_VARIANCE, 4.0),
+            (log_variance - 3.0).clamp(-18.0, 4.0),
         )
 
 

@@ -264,15 +264,6 @@ def has_fast_half() -> bool:
 
 logger = logging.getLogger(__name__)
 
-# Number of samples that give the mean and the scale of ln|H|.
-_STANDARDISING = 4000
-# Learning rate of the decoder's variance over that of everything else.
-_VARIANCE_FASTER = 10.0
-# Decay of the running mean and square of the gradient in the eigenbasis.
-_ROTATED_BETAS = (0.95, 0.95)
-# Weight decay of the observation encoder, which sees noise.
-_PROPOSAL_DECAY = 1e-4
-
 
 @dataclass(frozen=True)
 class TrainingSettings:
@@ -462,7 +453,8 @@ def _start(
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(settings.seed)
         mvae = Mvae(task.sizes)
-    first = torch.arange(min(_STANDARDISING, len(task.dataset)))
+    # Enough samples for the mean and the scale of ln|H|.
+    first = torch.arange(min(4000, len(task.dataset)))
     pool = _draw_samples(task, settings, 0, first).log_frf.float()
     mvae.x_mean.copy_(pool.mean(0))
     mvae.x_scale.copy_(pool.std(0).clamp_min(settings.loss.noise_sd))
@@ -505,14 +497,16 @@ def _optimizer(mvae: Mvae, settings: TrainingSettings) -> Soap:
     model = [*mvae.bend.parameters(), *mvae.decoder.parameters()]
     matrices = [value for value in model if value.ndim == 2 and value is not variance]
     vectors = [value for value in model if value.ndim == 1]
+    # The decoder's variance learns faster, and the observation encoder's weights, which see noise,
+    # decay; `betas` are those of gradients in the eigenbasis.
     groups = [
-        {"params": matrices, "faster": 1.0, "rotate": True, "betas": _ROTATED_BETAS},
+        {"params": matrices, "faster": 1.0, "rotate": True, "betas": (0.95, 0.95)},
         {"params": vectors, "faster": 1.0},
-        {"params": [variance], "faster": _VARIANCE_FASTER},
+        {"params": [variance], "faster": 10.0},
         {
             "params": list(mvae.observation_encoder.parameters()),
             "faster": 1.0,
-            "weight_decay": _PROPOSAL_DECAY,
+            "weight_decay": 1e-4,
         },
     ]
     return Soap(groups, lr=settings.learning_rate)

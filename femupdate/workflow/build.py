@@ -31,7 +31,6 @@ from femupdate.workflow.modes import full_modes, keep_modes
 from femupdate.workflow.observed import direction_of
 
 _SHOWN = 12  # lowest modes that are told; above them those that move a share of the mass
-_MOVES = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +104,7 @@ class BuildReport(Result):
     def _told(self) -> list[int]:
         """The lowest modes, and those above them that move much."""
         mass = self.modes.effective_mass.max(axis=1)
-        return [k for k in range(len(mass)) if k < _SHOWN or mass[k] >= _MOVES]
+        return [k for k in range(len(mass)) if k < _SHOWN or mass[k] >= 0.01]
 
 
 def build_study(

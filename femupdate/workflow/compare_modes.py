@@ -16,8 +16,6 @@ from femupdate.result import Item, Note, Notes, Result
 from femupdate.tables import Column, Table
 from femupdate.units import percent
 
-_PAIRED = 0.5  # MAC from which two shapes are more alike than not
-
 
 @dataclass(frozen=True, kw_only=True)
 class ModeComparison(Result):
@@ -38,7 +36,8 @@ class ModeComparison(Result):
         """Modes that belong together: one to one, so that their MAC adds up to most."""
         rows, columns = linear_sum_assignment(-self.mac)
         found = zip(rows.tolist(), columns.tolist(), strict=True)
-        return [(k, m) for k, m in found if self.mac[k, m] >= _PAIRED]
+        # Above a MAC of .5 two shapes are more alike than not.
+        return [(k, m) for k, m in found if self.mac[k, m] >= 0.5]
 
     @cached_property
     def comac(self) -> Floats:

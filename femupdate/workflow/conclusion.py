@@ -38,8 +38,6 @@ from femupdate.workflow.summary import identified
 
 _STIFFNESS, _DAMPING = 0.4, 1.5  # ln, to either side of the posterior's mean that is tried
 _POINTS, _ROUNDS = 17, 4  # of a grid of each, each grid about what the one before found,
-_REACH = 4.0  # sd to either side
-_BEST = 9  # points of a grid that tell which errors of a model count
 
 
 def concluded(
@@ -136,7 +134,7 @@ def _moments(model: StudyModel, run: Observation, level: float, posterior: Poste
         known = factors, damped[:, 0], mean.sizes.expand(len(moved), -1)
         left = missed((data,), model.system, known)
         # A row that is unlikely where least is left is so everywhere.
-        best = left.square().sum(1).argsort()[:_BEST]
+        best = left.square().sum(1).argsort()[:9]
         rows = error.counting(error.log_densities(left[best]))
         return error.kept(rows).log_density(left)
 
@@ -160,5 +158,5 @@ def moments_on_grid(judge: Callable[[Tensor], Tensor], damping: bool) -> Floats:
         mean = weight @ points
         sd = np.sqrt(weight @ (points - mean) ** 2)
         cell = 2.0 * half / (_POINTS - 1)
-        centre, half = mean, np.minimum(half, np.maximum(_REACH * sd, 2.0 * cell))
+        centre, half = mean, np.minimum(half, np.maximum(4.0 * sd, 2.0 * cell))
     return np.array([mean, np.where([True, damping], sd, np.inf)])

@@ -327,7 +327,6 @@ def no_base_motion(
     )
 
 
-_PROBES = 256  # draws of the prior that are held against the level of what was measured
 # Factors by which responses may miss all of them: to a force, where the masses tell the level; and
 # floor over base acceleration, which is one at zero frequency whatever the building is.
 _FORCE_LEVEL, _BASE_LEVEL = 2.0, 6.0
@@ -422,7 +421,7 @@ def check_base_level(model: StudyModel, base: Observation) -> None:
 def _away(model: StudyModel, data: FrfData) -> Tensor:
     """(n, f, k) measured less predicted ln|H| at draws of the prior; NaN where not valid."""
     generator = torch.Generator().manual_seed(0)
-    draws = model.parameters.split(model.parameters.sample(_PROBES, generator))
+    draws = model.parameters.split(model.parameters.sample(256, generator))
     predicted = log_responses(data, model.system, draws.of_structure, draws.zeta)
     return torch.where(data.valid, data.log_frf - predicted, torch.nan)
 

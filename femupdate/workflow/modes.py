@@ -29,8 +29,6 @@ from femupdate.units import percent
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import direction_of
 
-_LARGEST = 4e9  # bytes
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StudyMode:
@@ -165,7 +163,7 @@ def write_full_modes(modes: FullModes, path: Path) -> None:
 
 def read_full_modes(path: Path) -> FullModes:
     """Read what `write_full_modes` has written."""
-    data = read_arrays(path, _LARGEST)
+    data = read_arrays(path, 4e9)
     names = tuple(str(name) for name in data["direction"])
     return FullModes(data["frequency_hz"], data["shapes"], data["effective_mass"], names)
 

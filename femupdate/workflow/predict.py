@@ -50,8 +50,6 @@ from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.observed import direction_of
 from femupdate.workflow.summary import kept_posterior
 
-_EXAMPLES = 100
-
 
 @dataclass(frozen=True)
 class RecordSource:
@@ -243,7 +241,7 @@ def _summary(
     histories = history_batches(
         system, theta, zeta, motion.inputs, motion.time_step, level=level, progress=progress
     )
-    return summarise(errors.applied(histories) if errors else histories, _EXAMPLES), told
+    return summarise(errors.applied(histories) if errors else histories, 100), told
 
 
 def _measured_floors(

@@ -34,7 +34,6 @@ from femupdate.workflow.model import StudyModel, choose_building, require_named
 
 _CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
-_MODES_DECODED = 28
 
 
 @dataclass(frozen=True)
@@ -218,7 +217,7 @@ def network_sizes(model: StudyModel) -> NetworkSizes:
         points=len(model.frequency_hz),
         parameters=model.prior.size,
         free_damping=model.damping.free,
-        modes=modes_kept(model.system, _MODES_DECODED),
+        modes=modes_kept(model.system, _MODES_KEPT),
         floor_features=max(24, 384 // floors),
     )
 

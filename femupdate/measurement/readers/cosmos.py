@@ -36,7 +36,6 @@ _CHANNEL = re.compile(
 )
 # |<SCNL>BMR.BNZ.AK.--  says the channel's code, which ends with its direction
 _CODE = re.compile(r"^\|\s*<?SCNL>?:?\s*[^.\s]*\.[A-Z][A-Z]([ENZ])\.")
-_UNKNOWN = -999.0
 # Integer header 54: an azimuth, or one of these.
 _VERTICAL = {400.0: "Up", 401.0: "Down", 402.0: "Vertical"}
 _NOTHING = {"other", "unknown", "?", ""}
@@ -126,7 +125,7 @@ def _scale(file: TextFile, at: int, unit: str, real: list[float | None]) -> tupl
 def _item(header: list[float | None], number: int) -> float | None:
     """Item of a header by its number from 1; None where it is unknown."""
     value = header[number - 1] if len(header) >= number else None
-    return None if value == _UNKNOWN else value
+    return None if value == -999.0 else value
 
 
 def _step(file: TextFile, at: int, announced: re.Match[str], real: list[float | None]) -> float:

@@ -37,12 +37,11 @@ _PEAK = re.compile(
 )
 _MENTIONED = re.compile(r"accelerogram points|points of accel data", re.IGNORECASE)
 _RAW = re.compile(r"^\s*uncorrected accelerogram data", re.IGNORECASE)
-_HEADER_LINES = 200
 _PER_LINE = "8"  # values in a line of files that do not state their format
 
 
 def recognises(head: str, suffix: str) -> bool:
-    lines = head.split("\n")[:_HEADER_LINES]
+    lines = head.split("\n")[:200]
     told = any(_MENTIONED.search(line) for line in lines if not line.startswith("#"))
     return told or _RAW.match(head) is not None
 

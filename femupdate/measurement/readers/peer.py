@@ -10,7 +10,6 @@ from femupdate.measurement.text import TextFile, read_text
 
 READS = "PEER NGA records (AT2)"
 
-_HEADER_LINES = 12
 _ANNOUNCED = re.compile(
     r"^(?!\s*#).*?(?:NPTS\s*=\s*(?P<n>[^\s,]+)[\s,]+DT\s*=\s*(?P<dt>[^\s,]+)"
     r"|^\s*(?P<count>\d+)[\s,]+(?P<step>[\d.Ee+-]+)[\s,]+NPTS\s*,\s*DT)",
@@ -19,7 +18,7 @@ _ANNOUNCED = re.compile(
 
 
 def _announcement(lines: Sequence[str]) -> tuple[int, re.Match[str]] | None:
-    matches = ((index, _ANNOUNCED.match(line)) for index, line in enumerate(lines[:_HEADER_LINES]))
+    matches = ((index, _ANNOUNCED.match(line)) for index, line in enumerate(lines[:12]))
     return next(((index, match) for index, match in matches if match), None)
 
 

@@ -18,12 +18,10 @@ from femupdate.measurement.text import TextFile, read_text
 READS = "tables in CSV or other text"
 FALLBACK = True
 
-_LOOKED_AT = 50
-
 
 def recognises(head: str, suffix: str) -> bool:
     """Whether a file begins like a table: with a column of times or rows of numbers."""
-    rows = TextFile(Path(), tuple(head.split("\n"))).rows()[:_LOOKED_AT]
+    rows = TextFile(Path(), tuple(head.split("\n"))).rows()[:50]
     rows = split_complex(rows) if rows else rows
     cells = [cells_of(text, find_delimiter(text)) for _, text in rows]
     named = bool(cells) and TIME_NAME.match(cells[0][0]) is not None

@@ -25,7 +25,6 @@ _HEADS = (
 )
 # A SAC file says the version of its header, 6, in either order of bytes.
 _SAC_VERSION, _SAC_AT, _SAC_HEADER = ("\x06\0\0\0", "\0\0\0\x06"), slice(304, 308), 632
-_HEAD = 5000  # bytes
 _ALTUS = "KINEMETRICS_EVT"  # accelerographs, whose files say volts per count and per g
 
 
@@ -47,7 +46,7 @@ def read(path: Path) -> Recording:
     obspy = reading_package(file, "obspy", "ObsPy", "records of seismic networks")
     with warnings.catch_warnings(), path.open("rb") as stream:
         warnings.simplefilter("ignore")
-        kind = _format(stream.read(_HEAD).decode("latin-1"), path.suffix.lower())
+        kind = _format(stream.read(5000).decode("latin-1"), path.suffix.lower())
         stream.seek(0)
         try:
             # Kinemetrics say volts per count and per g: theirs come in m/s2.

@@ -18,7 +18,6 @@ _FIRST = re.compile(
 )
 _TEXT_LINES, _INTEGER_LINES, _REAL_LINES = 11, 6, 10
 _INTEGER_WIDTH, _REAL_WIDTH = 10, 15
-_UNKNOWN = 1e38  # what is not known is written as 1.7e38
 _COUNT, _COMMENTS, _AZIMUTH, _TILT, _SAMPLING = 16, 15, 13, 12, 1  # positions in the headers
 
 
@@ -37,7 +36,8 @@ def read(path: Path) -> Recording:
     reals = _numbers(file, _TEXT_LINES + _INTEGER_LINES, _REAL_LINES, _REAL_WIDTH)
     count = positive(file, integers[_COUNT], "the number of values", _TEXT_LINES + 2)
     rate = positive(file, reals[_SAMPLING], "the sampling rate", _TEXT_LINES + _INTEGER_LINES)
-    if rate > _UNKNOWN:
+    # What is not known is written as 1.7e38.
+    if rate > 1e38:
         raise file.error(
             "there is no sampling rate: these are raw pairs of times and values as they were"
             " digitised; take the corrected accelerogram (volume 2)"

@@ -39,7 +39,6 @@ _KINDS = {
 _QUANTITIES = {8: "displacement", 11: "velocity", 12: "acceleration", 13: "force", 15: "pressure"}
 _QUANTITIES |= {9: "force", 21: "pressure"}
 _SI_UNITS = {8: "m", 9: "N", 11: "m/s", 12: "m/s2", 13: "N"}
-_RESPONSES = (4, 5)
 _DIRECTIONS = {
     1: "+X",
     -1: "-X",
@@ -53,11 +52,9 @@ _DIRECTIONS = {
 }
 _COMPONENTS = (1, 2, 3, 4, 5, 6)  # directions of the components of a shape
 _TIME, _HISTORY = 17, 1
-_SI = 1  # units code of set 164
 _MODES, _COMPLEX_MODES = 2, (3, 7)  # analysis types of sets 55 and 2414
 # Of set 2414: vectors of 3 or 6 components, motions or of unknown kind, and complex data types.
 _VECTORS, _MOTIONS, _COMPLEX_DATA = (2, 3), (8, 11, 12, 95, 96), (5, 6)
-_GENERAL = (0, 1)  # quantities of the ordinate that tell nothing
 
 
 def recognises(head: str, suffix: str) -> bool:
@@ -161,7 +158,8 @@ def _around_names(row: str) -> list[str]:
 
 
 def _recording(file: TextFile, types: list[int], sets: list[dict[str, Any]]) -> Recording:
-    si = all(dataset["units_code"] == _SI for dataset in sets if dataset["type"] == 164)
+    # Code 1 of set 164 stands for SI.
+    si = all(dataset["units_code"] == 1 for dataset in sets if dataset["type"] == 164)
     histories: list[dict[str, Any]] = []
     functions: list[dict[str, Any]] = []
     points: dict[int, tuple[float, float, float]] = {}
@@ -213,7 +211,8 @@ def _channel(file: TextFile, dataset: Mapping[str, Any], number: int, si: bool) 
         values = values if times is None else interpolated(values, x, times)
     label = _unit(dataset)
     axis, code = _text(dataset["ordinate_axis_lab"]), dataset["ordinate_spec_data_type"]
-    general = code in _GENERAL and axis.lower() not in _QUANTITIES.values()
+    # Codes 0 and 1 of the ordinate tell nothing.
+    general = code in (0, 1) and axis.lower() not in _QUANTITIES.values()
     quantity = "" if general else _QUANTITIES.get(code, axis.lower())
     if not label and quantity == "acceleration" and si:
         label = "m/s2"  # the format's own unit, unless set 164 says otherwise
@@ -352,7 +351,8 @@ def _unit(dataset: Mapping[str, Any]) -> str:
 def _ratio(dataset: Mapping[str, Any], si: bool) -> str:
     """Unit of a function; of a response, that of its numerator over its denominator's."""
     above, below = _unit(dataset), _text(dataset["orddenom_axis_units_lab"])
-    if dataset["func_type"] not in _RESPONSES or force_unit(above) is not None:
+    # Kinds 4 and 5 are responses.
+    if dataset["func_type"] not in (4, 5) or force_unit(above) is not None:
         return above
     if not above and not below and si:
         above, below = (
