@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 
 from femupdate.arrays import Floats
@@ -270,6 +269,8 @@ def modes_shown(model: ReducedModel, theta: Floats, top_hz: float) -> MeshModes:
 
 def _matched(ours: MeshModes, theirs: MeshModes) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pairs of modes that are the same: near in frequency, with the same effect on the floors."""
+    from scipy.optimize import linear_sum_assignment
+
     shift = 0.5 * np.abs(np.log(ours.squared[:, None] / theirs.squared))
     sizes = [np.linalg.norm(side.effect, axis=0) for side in (ours, theirs)]
     change = np.abs(np.log(sizes[0][:, None] / sizes[1]))

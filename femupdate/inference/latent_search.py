@@ -20,7 +20,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.interpolate import CubicSpline
 from torch import Tensor
 
 from femupdate.maximise import (
@@ -391,6 +390,8 @@ def _widest(point: Descent) -> tuple[Tensor, float]:
 
 def _kernels(ridge: _Ridge) -> Descent:
     """Gaussians side by side along a ridge, from splines through its points."""
+    from scipy.interpolate import CubicSpline
+
     place = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ridge.z, axis=0), axis=1))])
     curve = CubicSpline(place, ridge.z.numpy())
     height = CubicSpline(place, ridge.nats.numpy())

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from scipy.optimize import linear_sum_assignment
 from scipy.special import chdtrc
 from torch import Tensor
 
@@ -174,6 +173,8 @@ def shown_modes(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> S
 
 def paired(terms: ModalTerms, shown: ShownModes) -> Paired:
     """Every identified mode with one of the model's, which are shown on all floors."""
+    from scipy.optimize import linear_sum_assignment
+
     shape = shown.shape[:, list(terms.rows)]
     cost = _cost(terms, shown, shape)
     cost = np.where(np.isfinite(cost), cost, np.finfo(np.float64).max / 1e9)

@@ -20,7 +20,6 @@ from functools import cached_property
 import numpy as np
 import torch
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import lfilter
 
 from femupdate.arrays import Complexes, Floats, Integers
 from femupdate.dynamics.history import ResponseHistories
@@ -177,6 +176,8 @@ class EventErrors:
 
 def _alike(shape: tuple[int, ...], step: float, rng: np.random.Generator) -> Floats:
     """Normal series (2, f, k) of unit variance whose values 1 / `step` points apart are alike."""
+    from scipy.signal import lfilter
+
     kept = np.exp(-step)
     white = rng.standard_normal((2, *shape))
     # Stationary from the first frequency on.
