@@ -121,8 +121,8 @@ class Likelihood:
             return self
         terms = tuple(self.reduced.terms(effect) for effect in placed)
         system = replace(self.system, placed=placed, terms=terms)
-        own = effect_parameters(placed, searched=True)
-        prior = self.prior.of("stiffness", "damping") + own
+        added = effect_parameters(placed, searched=True)
+        prior = self.prior.of("stiffness", "damping") + added
         return replace(self, system=system, prior=prior)
 
     def of(self, other: "Likelihood") -> "Likelihood":
@@ -170,11 +170,11 @@ class Likelihood:
         Of data that cannot be parted every other kind goes to the same half.
         """
         parts, whole = [], 0
-        for one in self.data:
-            if one.halves:
-                parts.append(one.halves[number])
+        for kind in self.data:
+            if kind.halves:
+                parts.append(kind.halves[number])
                 continue
-            parts.append(one if whole % 2 == number else one.emptied())
+            parts.append(kind if whole % 2 == number else kind.emptied())
             whole += 1
         return replace(self, data=tuple(parts), error=joint_error(parts).with_rows_of(self.error))
 
@@ -196,12 +196,12 @@ class Likelihood:
     @property
     def levels(self) -> tuple[float, ...]:
         """Of motion, in doublings above the first, each once."""
-        return tuple(dict.fromkeys(level for one in self.data for level in one.levels))
+        return tuple(dict.fromkeys(level for kind in self.data for level in kind.levels))
 
     @property
     def measured_floors(self) -> tuple[str, ...]:
         """Floors with a sensor, bottom to top."""
-        rows = sorted({row for one in self.data for row in one.rows})
+        rows = sorted({row for kind in self.data for row in kind.rows})
         return tuple(self.system.floors[row] for row in rows)
 
     def shows(self, effect: Effect) -> bool:
@@ -233,7 +233,7 @@ class Likelihood:
         """
         raw = self.raw(parameters)
         parts = zip(self.error.parts, self.error.apart(raw), strict=True)
-        squares = [one.by_noise_alone(own).square().sum(1) for one, own in parts]
+        squares = [error.by_noise_alone(missed_by).square().sum(1) for error, missed_by in parts]
         return torch.stack(squares).sum(0) / max(self.effective, 1.0)
 
     def explained(self, parameters: Tensor) -> float | None:
@@ -252,12 +252,12 @@ class Likelihood:
         than counts in the likelihood is in neither.
         """
         raw, generator = self.raw(parameters), torch_generator(seed)
-        shares = [own.softmax(1) for own in self.error.log_densities(raw)]
+        shares = [left.softmax(1) for left in self.error.log_densities(raw)]
         parts = zip(self.data, self.error.parts, self.error.apart(raw), shares, strict=True)
         found: list[tuple[str, Tensor, Tensor]] = []
-        for data, error, own, share in parts:
+        for data, error, left, share in parts:
             rows = torch.multinomial(share, 1, generator=generator)[:, 0]
-            found += data.checked(*error.floor_squares(own, rows))
+            found += data.checked(*error.floor_squares(left, rows))
         return found
 
     def _raw(self, parameters: Tensor) -> Tensor:
@@ -295,8 +295,8 @@ def cost_of_scatter(observation: Observation, data: FrfData) -> float:
     """Half the scatter of runs about what they were pooled into, at independent points."""
     if observation.scatter is None:
         return 0.0
-    own = float(observation.scatter[observation.valid].sum())
-    return 0.5 * data.blocks[0].independent * own
+    scatter = float(observation.scatter[observation.valid].sum())
+    return 0.5 * data.blocks[0].independent * scatter
 
 
 __all__ = ["KnownErrors", "Likelihood", "cost_of_scatter", "likelihood_of", "missed"]

@@ -79,7 +79,11 @@ class Histories:
     def rows(self, floor: str, direction: str) -> list[int]:
         """Rows of the sensors of a floor, or of the base, in one direction."""
         here = floor, direction
-        return [k for k, one in enumerate(self.channels) if (one.floor, one.direction) == here]
+        return [
+            k
+            for k, channel in enumerate(self.channels)
+            if (channel.floor, channel.direction) == here
+        ]
 
     def means(self, direction: str) -> tuple[Floats, Floats, tuple[str, ...]]:
         """Mean over the sensors of base (n,) and of each floor (f, n), and the floors' names."""
@@ -92,7 +96,7 @@ class Histories:
                 f"{self.source}: there is no {missing} channel in direction {direction}; the file"
                 f" has {there}"
             )
-        base, *means = (self.acceleration[rows[one]].mean(axis=0) for one in (BASE, *floors))
+        base, *means = (self.acceleration[rows[place]].mean(axis=0) for place in (BASE, *floors))
         return base, np.array(means), floors
 
 
@@ -100,7 +104,7 @@ def histories_of(
     file: TextFile, channels: Mapping[Motion, RecordedChannel], unit: str | None = None
 ) -> Histories:
     """The histories of a building in channels."""
-    motions = {ours: one for ours, one in channels.items() if isinstance(ours, FloorChannel)}
+    motions = {ours: motion for ours, motion in channels.items() if isinstance(ours, FloorChannel)}
     forces = [ours for ours in channels if isinstance(ours, ForceChannel)]
     if forces:
         return _under_force(file, forces, channels, motions, unit)
@@ -116,7 +120,9 @@ def motions_in(
 ) -> Mapping[FloorChannel, RecordedChannel]:
     """Histories of floors at the same times, of any quantity, with or without the base."""
     channels = placed_channels(recording, columns)
-    motions = {ours: one for ours, one in channels.items() if isinstance(ours, FloorChannel)}
+    motions = {
+        ours: channel for ours, channel in channels.items() if isinstance(ours, FloorChannel)
+    }
     return _at_same_times(recording.file, motions)[0]
 
 
@@ -129,11 +135,11 @@ def _under_force(
 ) -> Histories:
     if len(forces) > 1:
         raise file.error(
-            f"forces act at {' and '.join(one.floor for one in forces)}; give the record of each in"
-            " a file of its own"
+            f"forces act at {' and '.join(force.floor for force in forces)}; give the record of"
+            " each in a file of its own"
         )
     (force,) = forces
-    floors = {ours: one for ours, one in motions.items() if ours.floor != BASE}
+    floors = {ours: channel for ours, channel in motions.items() if ours.floor != BASE}
     if not floors:
         raise file.error("there is a force but no floor that responds; add columns 2F ... RF")
     together, done = _at_same_times(file, {force: channels[force], **floors})
@@ -161,8 +167,8 @@ def _base_beside(forced: str, base: Sequence[Floats], floors: Sequence[Floats]) 
     """What is told of motion of the base that was measured beside a force."""
     if not base:
         return ()
-    largest, own = (max(float(np.std(one)) for one in rows) for rows in (floors, base))
-    share = f" ({percent(own / largest)} of the largest floor's, rms)" if largest > 0.0 else ""
+    largest, beneath = (max(float(np.std(row)) for row in rows) for rows in (floors, base))
+    share = f" ({percent(beneath / largest)} of the largest floor's, rms)" if largest > 0.0 else ""
     return (
         f"The base's motion{share} is not used beside the force at {forced}: the force is taken"
         " for all that moves the building.",
@@ -291,7 +297,9 @@ def said_of_rotation(
             f" {moved:.3g} rad/s2 rms, which moves a point {_HEIGHT_M:g} m up by"
             f" {percent(share)} of what the translation does.{doubt}",
         )
-    alone = [one.name for one in channels if one.floor == BASE and one.direction == "z"]
+    alone = [
+        channel.name for channel in channels if channel.floor == BASE and channel.direction == "z"
+    ]
     if not alone:
         return ()
     few = f"{alone[0]} alone does" if len(alone) == 1 else f"{', '.join(alone)} do"
@@ -303,5 +311,7 @@ def said_of_rotation(
 
 def _vertical(channels: Sequence[FloorChannel]) -> tuple[list[int], Floats]:
     """Rows and places of the vertical sensors whose place is known."""
-    known = [(row, one.place) for row, one in enumerate(channels) if one.place is not None]
+    known = [
+        (row, channel.place) for row, channel in enumerate(channels) if channel.place is not None
+    ]
     return [row for row, _ in known], np.array([place for _, place in known], dtype=np.float64)
