@@ -17,7 +17,7 @@ from femupdate.study import Study
 from femupdate.workflow import ObservationSource, diagnose_study, open_study
 
 PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
-STICK, SIZE = "shear_4dof", 0.15
+STICK, SIZE = "shear_3dof", 0.15
 HIDDEN = SimulationSettings(effects=(("neighbour@RF", (SIZE,)),), seed=4)
 
 
@@ -41,7 +41,7 @@ def test_it_is_named_with_its_place_and_size(effect, tmp_path):
     write_simulation(simulate_observation(load_building(STICK), HIDDEN), path)
     source = ObservationSource(path)
     found = diagnose_study(study, open_study(study, STICK), source).diagnosis
-    assert {"neighbour@3F", "neighbour@4F"} <= {one.placed.label for one in found.scores}
+    assert {"neighbour@3F", "neighbour@RF"} <= {one.placed.label for one in found.scores}
     assert (found.verdict, found.leading.placed.label) == ("named", "neighbour@RF")
     assert abs(found.leading.size - SIZE) < 3.0 * found.leading.size_sd
     assert found.leading.size_sd < 0.3 * SIZE
@@ -56,7 +56,7 @@ def test_without_it_its_name_is_refused():
 
 def test_it_is_drawn_beside_its_floor(effect):
     building = DrawnBuilding(structure_of(load_building(STICK)))
-    for place, level in (("3F", 2), ("RF", 4)):
+    for place, level in (("3F", 2), ("RF", 3)):
         points = np.concatenate(drawn(effect.glyphs(building, place)).lines)
         assert points[:, 2].mean() == pytest.approx(building.levels[level], abs=0.05)
         assert points[:, 0].max() == pytest.approx(building.low[0])

@@ -41,16 +41,6 @@ def test_from_which_change_on_an_effect_matters_is_the_user_s_choice(femupdate, 
     assert "of no consequence" in found["sentence"]
 
 
-def test_words_for_people(femupdate, walk, walked):
-    """Without --json: the verdict first, a table, the pictures."""
-    study = walked
-    told = femupdate("diagnose", walk.heavy, "--study", study)
-    assert told.code == 0
-    assert told.out.startswith("Verdict: named. The story below RF adds ")
-    (row, *_) = [line.split() for line in told.out.splitlines() if "story_damper@RF" in line]
-    assert float(row[1]) > 6.0  # the log evidence that a name needs
-
-
 def test_the_repaired_study_answers_to_the_other_commands(femupdate, walk, walked, record):
     study = walked / "repaired"
     told = femupdate("predict", "--study", study, "--record", record, "--json", "--samples", 20)

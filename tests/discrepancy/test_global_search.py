@@ -12,7 +12,7 @@ from femupdate.discrepancy.findings import NAMED
 from femupdate.discrepancy.fit import fit_baseline
 from femupdate.discrepancy.global_search import global_fit
 
-GRID = 0.1 * np.arange(1, 121)
+GRID = 0.2 * np.arange(1, 61)
 FLOORS = ("2F", "3F", "4F", "5F", "RF")
 MASSES, SPRINGS, SD = np.ones(5), np.full(5, 600.0), 0.02
 
@@ -24,9 +24,8 @@ def posed(chains, building_of, observe, pose):
     def make(floor, share, theta):
         masses = MASSES + share * np.array([name == floor for name in FLOORS])
         frf = chains.Chain(masses, SPRINGS * np.array(theta), zeta=0.01).frf(GRID)
-        grid = {"frequency_grid": {"start": 0.1, "step": 0.1, "count": 120}}
         seen = observe(FLOORS, GRID, frf, SD, 7)
-        problem = pose(building_of(MASSES, SPRINGS, **grid), seen)
+        problem = pose(building_of(MASSES, SPRINGS), seen)
         return problem, fit_baseline(problem)[0]
 
     return make

@@ -28,7 +28,7 @@ def stick(tmp_path_factory):
     def calibrated(more):
         building = folder / f"stick_{len(more)}.toml"
         building.write_text(SHIPPED.read_text() + more)
-        how = {"exact": True, "particles": 2000, "building": str(building)}
+        how = {"exact": True, "particles": 1000, "building": str(building)}
         return femupdate.calibrate(folder / building.stem, path, **how)
 
     return calibrated
