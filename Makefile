@@ -9,7 +9,7 @@ check:
 	ruff check .
 	ruff format --check .
 	mypy
-	pytest -m "not slow" tests/test_*.py tests/fe tests/building tests/dynamics tests/effects
+	pytest -n auto -m "not slow" tests/test_*.py tests/fe tests/building tests/dynamics tests/effects
 
 test:
 	pytest -n auto

@@ -36,6 +36,7 @@ def effect(tmp_path, monkeypatch):
     sys.modules.pop(f"{catalogue.__name__}.neighbour", None)
 
 
+@pytest.mark.slow
 def test_it_is_named_with_its_place_and_size(effect, tmp_path):
     path, study = tmp_path / "seen.csv", Study(tmp_path / "study")
     write_simulation(simulate_observation(load_building(STICK), HIDDEN), path)

@@ -57,6 +57,7 @@ def spoiled():
     return Spoiled()
 
 
+@pytest.mark.slow
 def test_a_worker_that_comes_later_gets_work_that_was_used(processes, killer):
     """The process that replaces one that was killed asks the other for it."""
     seen = set()

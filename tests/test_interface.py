@@ -26,6 +26,7 @@ def write_quake(path="quake.csv"):
     Path(path).write_text("\n".join(["time_s,base", *rows]), encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_recipes_run_and_a_softened_story_is_found(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for seed, (name, second) in enumerate({"before": 1.1, "after": 0.99}.items()):
