@@ -132,10 +132,10 @@ def infill_notes(building: FrameBuilding) -> tuple[str, ...]:
     for panel in panels(building):
         widths.setdefault(panel.key, []).append(panel.width)
     notes = []
-    for infill, (key, own) in zip(building.infills, widths.items(), strict=True):
-        low, high = (f"{value:.3g}" for value in (min(own), max(own)))
+    for infill, (key, of_bays) in zip(building.infills, widths.items(), strict=True):
+        low, high = (f"{value:.3g}" for value in (min(of_bays), max(of_bays)))
         wide = f"{low} m" if low == high else f"{low} to {high} m"
-        bays = "1 bay" if len(own) == 1 else f"{len(own)} bays"
+        bays = "1 bay" if len(of_bays) == 1 else f"{len(of_bays)} bays"
         notes.append(
             f"{key}: strut {wide} wide by {infill.formula}, half of it along each diagonal of "
             f"{bays}."

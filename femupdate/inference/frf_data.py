@@ -169,8 +169,8 @@ class FrfData:
         force = f"/{self.excitation.force}" if self.forced else ""
         counted = self.valid & ~wild.unflatten(1, (self._parts, *self.sd.shape))
         counts = (counted * self.independent).sum((1, 3))
-        own = zip(self.names, squares.unbind(1), counts.unbind(1), strict=True)
-        return [(f"{name}{force}", square, count) for name, square, count in own]
+        rows_of = zip(self.names, squares.unbind(1), counts.unbind(1), strict=True)
+        return [(f"{name}{force}", square, count) for name, square, count in rows_of]
 
     @property
     def turns(self) -> bool:
@@ -216,12 +216,12 @@ class FrfData:
         for block in self.blocks:
             frequency = self.frequency_hz[first : first + block.points]
             first += block.points
-            own = system.at_level(theta, zeta, sizes, block.level)
+            moved = system.at_level(theta, zeta, sizes, block.level)
             if block.estimator is None:
-                parts.append(self._frf(system, *own, sizes, frequency))
+                parts.append(self._frf(system, *moved, sizes, frequency))
                 continue
             moving = _as_run(system, block.estimator)
-            known = *own, sizes, torch.from_numpy(block.estimator.frequency_hz)
+            known = *moved, sizes, torch.from_numpy(block.estimator.frequency_hz)
             if block.estimator.turns:
                 parts.append(moving.seen_frf(*known, block.estimator))
                 continue
@@ -449,8 +449,8 @@ class FrfData:
         worst = (0.0, 0, (float(frequency.min()), float(frequency.max())))
         for low, high in pairwise(band_edges(frequency)):
             inside = (frequency >= low) & (frequency < high)
-            for row, own in enumerate(values):
-                some = own[inside & valid[row]]
+            for row, residuals in enumerate(values):
+                some = residuals[inside & valid[row]]
                 if some.size:
                     worst = max(worst, (_rms(some), row, (float(low), float(high))))
         return worst[0], self.names[worst[1]], worst[2]
@@ -460,7 +460,7 @@ class FrfData:
 
         Of an instrument, what it adds to the readings.
         """
-        before, after = (one[0, list(self.rows)] for one in (from_, to))
+        before, after = (side[0, list(self.rows)] for side in (from_, to))
         if instrument:
             change = torch.where(self.valid, (after / before - 1.0).abs() ** 2, 0.0)
             return float((change.sum(1) / self.valid.sum(1).clamp_min(1)).sqrt().max())
@@ -572,8 +572,8 @@ def forced_data(
         believed: of the data and of the model.
     """
 
-    def read(one: Observation, parts: Sequence[Observation]) -> FrfData:
-        seen = at_frequencies(one, np.asarray(one.valid.any(axis=0)))
+    def read(source: Observation, parts: Sequence[Observation]) -> FrfData:
+        seen = at_frequencies(source, np.asarray(source.valid.any(axis=0)))
         return frf_data(
             seen,
             floors,
@@ -583,10 +583,10 @@ def forced_data(
             believed=believed,
         )
 
-    own = read(forced, forced.halves)
+    whole = read(forced, forced.halves)
     # Points of a table err independently, so every other one is a half.
     table = forced.coherence is None
-    return in_alternate_points(own) if table and own.points >= _PARTED else own
+    return in_alternate_points(whole) if table and whole.points >= _PARTED else whole
 
 
 def log_responses(data: FrfData, system: System, parameters: Tensor, zeta: Tensor) -> Tensor:
@@ -602,7 +602,7 @@ def in_alternate_points(data: FrfData) -> FrfData:
     """A table of FRFs whose points err independently, with every other one as its halves."""
     even = torch.arange(len(data.frequency_hz)) % 2 == 0
     parts = (
-        replace(data, sd=torch.where(own, data.sd, torch.inf), halves=()) for own in (even, ~even)
+        replace(data, sd=torch.where(kept, data.sd, torch.inf), halves=()) for kept in (even, ~even)
     )
     return replace(data, halves=tuple(parts))
 
@@ -627,10 +627,12 @@ def together(first: FrfData, second: FrfData) -> FrfData:
     )
 
 
-def _on_rows(values: Tensor, own: tuple[int, ...], rows: tuple[int, ...], missing: float) -> Tensor:
+def _on_rows(
+    values: Tensor, seen: tuple[int, ...], rows: tuple[int, ...], missing: float
+) -> Tensor:
     """Values (f, k) of some floors on the rows of more."""
     wide = values.new_full((len(rows), values.shape[1]), missing)
-    wide[[rows.index(row) for row in own]] = values
+    wide[[rows.index(row) for row in seen]] = values
     return wide
 
 

@@ -104,17 +104,17 @@ def error_levels(width_hz: float, table: ErrorTable = MODEL_ERROR) -> tuple[Erro
     sizes = (0.0, *table.sizes)
     kinds = [(0.0, 0.0, table.lengths[-1])]
     kinds += [
-        (common, own, share)
+        (common, alone, share)
         for common in sizes
-        for own in sizes
-        if common + own > 0.0
+        for alone in sizes
+        if common + alone > 0.0
         for share in table.lengths
     ]
     rows = [(*kind, noise) for kind in kinds for noise in table.noise]
     other = math.log1p(-table.none) - math.log(table.none) - math.log(max(len(rows) - 1, 1))
     return tuple(
-        ErrorLevel(common, own, share * width_hz, noise, other if row else 0.0)
-        for row, (common, own, share, noise) in enumerate(rows)
+        ErrorLevel(common, alone, share * width_hz, noise, other if row else 0.0)
+        for row, (common, alone, share, noise) in enumerate(rows)
     )
 
 
@@ -128,9 +128,9 @@ def finer_levels(
         return sorted({max(least, value * ratio**step) for step in (-1, 0, 1)})
 
     rows = [
-        (common, own, length, noise)
+        (common, alone, length, noise)
         for common in steps(about.common, table.sizes)
-        for own in steps(about.own, table.sizes)
+        for alone in steps(about.own, table.sizes)
         for length in steps(about.length_hz, table.lengths)
         for noise in steps(about.noise, table.noise, 1.0)
     ]
@@ -212,15 +212,15 @@ class _Factor:
     across: Tensor
     shared: Tensor
 
-    def forward(self, own: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, alone: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
         """The factors' inverses times values of all coefficients, (r, g, j, n) and (r, s, n)."""
-        first = torch.linalg.solve_triangular(self._groups, own, upper=False)
+        first = torch.linalg.solve_triangular(self._groups, alone, upper=False)
         rest = shared - (self.across.mT @ first).sum(1)
         return first, torch.linalg.solve_triangular(self.shared, rest, upper=False)
 
-    def solve(self, own: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
+    def solve(self, alone: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
         """The precisions' inverses times values of all coefficients, shaped likewise."""
-        first, rest = self.forward(own, shared)
+        first, rest = self.forward(alone, shared)
         rest = torch.linalg.solve_triangular(self.shared.mT, rest, upper=True)
         first = first - self.across @ rest[:, None]
         return torch.linalg.solve_triangular(self._groups.mT, first, upper=True), rest
@@ -229,8 +229,8 @@ class _Factor:
     def half_log_determinants(self) -> Tensor:
         """(r,) of the precisions."""
         parts = self.across.shape[1] // self.own.shape[1]
-        own = self.own.diagonal(dim1=2, dim2=3).log().sum((1, 2))
-        return parts * own + self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
+        alone = self.own.diagonal(dim1=2, dim2=3).log().sum((1, 2))
+        return parts * alone + self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
 
     @property
     def size(self) -> int:
@@ -360,8 +360,8 @@ class LearnedError:
         most = self.levels[row]
         return [
             number
-            for number, one in enumerate(self.levels)
-            if one.common <= most.common and one.own <= most.own and one.noise <= most.noise
+            for number, level in enumerate(self.levels)
+            if level.common <= most.common and level.own <= most.own and level.noise <= most.noise
         ]
 
     def counting(self, densities: Tensor) -> list[int]:
@@ -436,9 +436,9 @@ class LearnedError:
         if level.common == level.own == 0.0 and not len(self._known):
             none = residuals.new_zeros(len(residuals), self._coefficients, dtype=torch.float64)
             return torch.cat([residuals.to(self._wide) / level.noise, none], dim=1)
-        own, shared = self._standard(residuals, row)
-        left = residuals.to(self._wide) - self._along_back(*self._scaled((row,), own, shared))
-        return torch.cat([left / level.noise, own[0].flatten(0, 1).T, shared[0].T], dim=1)
+        alone, shared = self._standard(residuals, row)
+        left = residuals.to(self._wide) - self._along_back(*self._scaled((row,), alone, shared))
+        return torch.cat([left / level.noise, alone[0].flatten(0, 1).T, shared[0].T], dim=1)
 
     @property
     def _coefficients(self) -> int:
@@ -469,15 +469,15 @@ class LearnedError:
 
         Without the errors that are known beforehand.
         """
-        own, shared = self._scaled((row,), *self._standard(residuals, row))
+        alone, shared = self._scaled((row,), *self._standard(residuals, row))
         common = shared[0, len(self._known) :].unflatten(0, (self._parts, 1, -1))
-        return (own[0].unflatten(0, (self._parts, -1)) + common).flatten(0, 1).permute(2, 0, 1)
+        return (alone[0].unflatten(0, (self._parts, -1)) + common).flatten(0, 1).permute(2, 0, 1)
 
     def _factor(self, rows: tuple[int, ...]) -> _Factor:
         found = self._factors.get(rows)
         if found is None:
             found = self._factored(rows)
-            if found.size + sum(one.size for one in list(self._factors.values())) < _KEPT:
+            if found.size + sum(factor.size for factor in list(self._factors.values())) < _KEPT:
                 self._factors[rows] = found
         return found
 
@@ -497,17 +497,17 @@ class LearnedError:
         )
         owns, commons = (self._of(rows, name) for name in ("own", "common"))
         scaled = spread[:, None, :, None] * self._normal * spread[:, None, None, :]  # (r, f, j, j)
-        one = torch.eye(spread.shape[1]).to(scaled)
-        own = torch.linalg.cholesky(one + owns[:, None, None, None] ** 2 * scaled)
+        identity = torch.eye(spread.shape[1]).to(scaled)
+        alone = torch.linalg.cholesky(identity + owns[:, None, None, None] ** 2 * scaled)
         known = (
             spread[:, None, :, None] * self._across.permute(1, 2, 0) / noise[:, None, None, None]
         )
         both = self._with_common(known, commons[:, None, None, None] * scaled)
         both = owns[:, None, None, None] * both
-        groups = own.repeat(1, self._parts, 1, 1)
+        groups = alone.repeat(1, self._parts, 1, 1)
         across = torch.linalg.solve_triangular(groups, both, upper=False)
         shared = self._shared_precision(rows, scaled, known) - (across.mT @ across).sum(1)
-        return _Factor(own, across, torch.linalg.cholesky(shared))
+        return _Factor(alone, across, torch.linalg.cholesky(shared))
 
     def _with_common(self, known: Tensor, common: Tensor) -> Tensor:
         """(r, g, j, s) of the known errors (r, g, j, c) and of each part's own (r, f, j, j)."""
@@ -537,17 +537,19 @@ class LearnedError:
 
     def _standard(self, residuals: Tensor, row: int) -> tuple[Tensor, Tensor]:
         """Likeliest coefficients (1, g, j, n) and (1, s, n), whose prior is of unit variance."""
-        own, shared = self._scaled((row,), *self._along(residuals.to(self._wide)[None]))
+        alone, shared = self._scaled((row,), *self._along(residuals.to(self._wide)[None]))
         squared = self.levels[row].noise ** 2
-        return self._factor((row,)).solve(own / squared, shared / squared)
+        return self._factor((row,)).solve(alone / squared, shared / squared)
 
-    def _scaled(self, rows: tuple[int, ...], own: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
+    def _scaled(
+        self, rows: tuple[int, ...], alone: Tensor, shared: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """Coefficients (r, g, j, n) and (r, s, n), times their standard deviations."""
         spread = self._spread(rows)
         owns, commons = (self._of(rows, name)[:, None] for name in ("own", "common"))
         common = (commons * spread).repeat(1, self._parts)
         every = torch.cat([common.new_ones(len(rows), len(self._known)), common], 1)
-        return (owns * spread)[:, None, :, None] * own, every[:, :, None] * shared
+        return (owns * spread)[:, None, :, None] * alone, every[:, :, None] * shared
 
     def _beside(self, residuals: Tensor) -> Tensor:
         """Products (..., g, j) of residuals (..., p f k) with the harmonics of every floor."""
@@ -556,15 +558,15 @@ class LearnedError:
 
     def _along(self, residuals: Tensor) -> tuple[Tensor, Tensor]:
         """What residuals (r, n, p f k) say of all coefficients, (r, g, j, n) and (r, s, n)."""
-        own = self._beside(residuals)  # (r, n, g, j)
-        common = own.unflatten(2, (self._parts, -1)).sum(3).flatten(2)
+        alone = self._beside(residuals)  # (r, n, g, j)
+        common = alone.unflatten(2, (self._parts, -1)).sum(3).flatten(2)
         known = residuals @ self._known.T
-        return own.permute(0, 2, 3, 1), torch.cat([known, common], 2).mT
+        return alone.permute(0, 2, 3, 1), torch.cat([known, common], 2).mT
 
-    def _along_back(self, own: Tensor, shared: Tensor) -> Tensor:
+    def _along_back(self, alone: Tensor, shared: Tensor) -> Tensor:
         """Residuals (n, p f k) that coefficients (1, g, j, n) and (1, s, n) bring."""
         count = len(self._known)
         common = shared[0, count:].unflatten(0, (self._parts, 1, -1))
-        of_floors = own[0].unflatten(0, (self._parts, -1)) + common  # (p, f, j, n)
+        of_floors = alone[0].unflatten(0, (self._parts, -1)) + common  # (p, f, j, n)
         back = (self._wide @ of_floors).permute(3, 0, 1, 2).flatten(1)
         return back + shared[0, :count].T @ self._known

@@ -255,8 +255,8 @@ def estimator_of(
     power = np.square(np.abs(of_segments)).sum(axis=0)
     # Of every column, what goes with a unit of the first one.
     shares = [
-        (of_segments.conj() * own).sum(axis=0) / np.maximum(power, np.finfo(float).tiny)
-        for own, _, _ in cut
+        (of_segments.conj() * weighted).sum(axis=0) / np.maximum(power, np.finfo(float).tiny)
+        for weighted, _, _ in cut
     ]
     used = np.unique(bins.nonzero()[1])
     # Beyond four times 1 / T the spectrum of a Hann window of length T is negligible.
@@ -275,7 +275,7 @@ def estimator_of(
         together = np.einsum("bjs,sb->bj", turn, of_segments[:, some].conj())
         apart = (2.0 * np.pi * bin_hz[some, None] - omega) * time_step
         seen = _window_spectrum(apart, length)
-        parts = [np.where(inside, together * own[near] * seen, 0.0) for own in spectra]
+        parts = [np.where(inside, together * spectrum[near] * seen, 0.0) for spectrum in spectra]
         # They add up to the power of the segments, but where what leaks in from beyond the reach
         # rules, as near zero frequency: there phases say nothing.
         of_all = padded * power[some, None]
@@ -290,8 +290,8 @@ def estimator_of(
         columns.append(near.ravel())
     shape = (len(bin_hz), len(fine))
     at, cubics = (np.concatenate(rows), np.concatenate(columns)), _cubics(fine, dense)
-    columns_of_all = (csr_array((np.concatenate(own), at), shape=shape) for own in values)
-    return Estimator(dense, tuple(csr_array(bins @ own @ cubics) for own in columns_of_all))
+    columns_of_all = (csr_array((np.concatenate(part), at), shape=shape) for part in values)
+    return Estimator(dense, tuple(csr_array(bins @ part @ cubics) for part in columns_of_all))
 
 
 def mean_estimator(
@@ -315,7 +315,7 @@ def mean_estimator(
         for number, means in enumerate(columns):
             totals[number] = csr_array(totals[number] + diags_array(share) @ means @ onto)
     levels = [part.run_levels for part in known if part.run_levels]
-    middle = tuple(float(one) for one in np.mean(levels, axis=0)) if levels else ()
+    middle = tuple(float(level) for level in np.mean(levels, axis=0)) if levels else ()
     return Estimator(dense, tuple(totals), middle)
 
 

@@ -117,7 +117,7 @@ def select_floors(observation: Observation, floors: Sequence[str]) -> Observatio
 
 def at_frequencies(observation: Observation, used: Flags) -> Observation:
     """The observation at some of its frequencies (m,); its resolution stays what it is."""
-    grid, own = observation.frequency_hz, observation.estimator
+    grid, estimator = observation.frequency_hz, observation.estimator
     spacing = float(np.median(np.diff(grid))) if grid.size > 1 else None
     return replace(
         observation,
@@ -129,7 +129,7 @@ def at_frequencies(observation: Observation, used: Flags) -> Observation:
         coherence=None if observation.coherence is None else observation.coherence[:, used],
         scatter=None,
         resolution_hz=observation.resolution_hz or spacing,
-        estimator=None if own is None else own.at(used),
+        estimator=None if estimator is None else estimator.at(used),
         rotation=None if observation.rotation is None else observation.rotation[used],
         halves=tuple(at_frequencies(half, used) for half in observation.halves),
     )
