@@ -41,15 +41,16 @@ def test_mesh_is_the_one_of_the_table():
 def test_shipped_building_lies_within_one_per_cent_of_the_table():
     # It carries its non-structural walls' weight along X1 and X4, the table's does not.
     np.testing.assert_allclose(
-        frequencies(load_building("six_story_wall_frame")), TABLE[0.3][1], rtol=0.01
+        frequencies(load_building("six_story_wall_frame")), TABLE[0.15][1], rtol=0.01
     )
 
 
 def test_frequencies_without_non_structural_walls():
-    # Same mesh, another four-node shell (lumped against consistent mass, another membrane): 0.3 %
-    # holds the 0.21 % that both shells differ by in the second torsion mode.
+    # Ours at 0.3 m lies within 0.25 % of the limit of the table, by second order from both meshes;
+    # ASDShellQ4 at 0.3 m is 1.3 % off it in the first mode.
+    coarse, fine = (np.array(TABLE[size][1]) for size in (0.3, 0.15))
     building = without_dead_walls(load_building("six_story_wall_frame"))
-    np.testing.assert_allclose(frequencies(building, 0.3), TABLE[0.3][1], rtol=0.003)
+    np.testing.assert_allclose(frequencies(building, 0.3), fine - (coarse - fine) / 3, rtol=0.003)
 
 
 def test_stiff_non_structural_walls_change_torsion_and_x_but_hardly_y():

@@ -111,7 +111,7 @@ def test_shapes_of_a_changed_model_come_from_the_modes_of_another(structure, exa
         both = [log_frf(one, placed, none, theta) for one in (reduced, exact)]
         return np.sqrt(((both[0] - both[1]) ** 2).mean())
 
-    assert error(shapes / np.linalg.norm(shapes, axis=0)) < min(0.03, 0.2 * error(modes.shapes))
+    assert error(shapes / np.linalg.norm(shapes, axis=0)) < min(0.035, 0.2 * error(modes.shapes))
 
 
 def test_a_basis_serves_its_neighbourhood_alone(local, exact):

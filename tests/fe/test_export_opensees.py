@@ -55,8 +55,8 @@ def test_opensees_finds_the_same_frequencies(meshes, opensees, tmp_path, shell):
     script = opensees_script(model, THETA, types={"shell": shell})
     theirs = run(script, tmp_path, "--modes", "6")
     ours = lowest_modes(assemble(model), THETA, 6).frequency_hz
-    # MITC4's plain membrane is stiffer in the plane of the wall than the other two.
-    tolerance = 0.01 if shell == "ASDShellQ4" else 0.03
+    # Theirs are stiffer in bending on this coarse mesh, MITC4 in the plane of the wall as well.
+    tolerance = 0.02 if shell == "ASDShellQ4" else 0.03
     np.testing.assert_allclose(theirs, ours, rtol=tolerance)
 
 

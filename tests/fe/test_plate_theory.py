@@ -58,35 +58,28 @@ def navier_deflection(thickness, pressure):
     return 16 * pressure / (np.pi**6 * rigidity) * term.sum()
 
 
-def rates(errors):
-    return np.log2(np.abs(errors[:-1]) / np.abs(errors[1:]))
-
-
-def test_static_deflection_converges_to_navier_at_second_order(meshes):
+def test_static_deflection_converges_to_navier(meshes):
     thickness, pressure = 0.006, 10.0  # B / t = 667: shear adds 1e-5 only
-    errors = []
-    for count in (4, 8, 16):
+    # A third of the error of second order from 4 % on the first mesh.
+    for count, allowed in ((4, 0.03), (8, 0.0035), (16, 0.0009)):
         model = plate(meshes, 2 * count, count, thickness)
         load = meshes.zeros(len(model.nodes))
         load[:, 2] = pressure * meshes.area_shares(model.nodes, model.elements_of(Shells).nodes)
         u = meshes.displacement(model, load)
         middle = np.linalg.norm(model.nodes - [A / 2, B / 2, 0], axis=1).argmin()
-        errors.append(u[middle, 2] / navier_deflection(thickness, pressure) - 1)
-    assert rates(np.array(errors)) == pytest.approx(2.0, abs=0.25)
-    assert abs(errors[-1]) < 3e-3
+        assert u[middle, 2] == pytest.approx(navier_deflection(thickness, pressure), rel=allowed)
 
 
 @pytest.mark.parametrize("thickness", [0.02, 0.2, 0.8])
 def test_frequencies_converge_to_mindlin_at_second_order(meshes, thickness):
     errors = []
-    for count in (6, 12, 24):
+    for count in (24, 48):
         operators = assemble(plate(meshes, count + 2, count, thickness))
         found = lowest_modes(operators, np.ones(1), 4).frequency_hz
-        errors.append(found / mindlin_frequencies(thickness, 4) - 1)
-    # Stiffness errs high along the sides and low along the diagonals: the largest error counts.
-    worst = np.abs(errors).max(axis=1)
-    assert rates(worst) == pytest.approx(2.0, abs=0.3)
-    assert worst[-1] < 0.0025
+        errors.append(np.abs(found / mindlin_frequencies(thickness, 4) - 1))
+    # The largest counts: errors of a thin plate change their sign on coarser meshes.
+    assert np.log2(errors[0].max() / errors[1].max()) == pytest.approx(2.0, abs=0.25)
+    assert errors[0].max() < 0.0025
 
 
 def test_mindlin_oracle_gives_the_published_thick_plate(monkeypatch):

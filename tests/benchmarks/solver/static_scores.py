@@ -62,11 +62,14 @@ _TRAPEZOIDS = (
     "parallelogram with 6 elements (MacNeal 1987); pyfe3d's, which does, fails the patch test"
 )
 _STRETCHED = (
-    "MITC4's constant shear along a side stiffens elements five times as long as wide; Pynite's "
-    "DKMQ adds a quadratic rotation there, which errs the other way on square ones"
+    "in a clamped thin plate the tied shear still stiffens elements five times as long as wide; "
+    "Pynite's DKMQ adds a quadratic rotation on each side, which is too soft on square ones"
 )
 _PINCHED = "the load acts on a wrinkle narrower than one element; DKMQ is softer there"
-_PLATE_STRIP = "ours is MITC4 in bending; DKMQ is ahead by 2.4 % on trapezoids, at 0.74 in twist"
+_HELD = (
+    "the rotations inside the elements are free while those of the nodes are held; a constant "
+    "shear force has linear moments, so that the state is none of a plate without moments on it"
+)
 _ROOF = "on 2x2 elements both bending and membrane are too soft (they share that with ASDShellQ4)"
 _HEMISPHERE = "elements of 18 x 22 degrees; every element errs by 2.5 % or more here"
 
@@ -93,13 +96,13 @@ def static_scores() -> Iterator[Score]:
 
 
 def _patch() -> Iterator[Score]:
-    test = ElementTest("Patch test", "-", MACNEAL)
     for name in PATCH_FIELDS:
+        test = ElementTest("Patch test", "-", MACNEAL, _HELD if name == "shear" else "")
         yield test.score(_PATCH_CASES[name], "5 distorted", 0.0, patch_error(name))
 
 
 def _straight_cantilevers() -> Iterator[Score]:
-    reasons = {"in-plane": _TRAPEZOIDS, "out-of-plane": _PLATE_STRIP}
+    reasons = {"in-plane": _TRAPEZOIDS}
     for shape, name in _SHAPES.items():
         for case in CANTILEVER_CASES:
             unit = "in" if case != "twist" else "rad"
