@@ -1,7 +1,7 @@
 """What other four-node elements score: value over target, coarse meshes as in our own tests.
 
 Measured by the authors with OpenSees 3.7.1 (ShellMITC4, ASDShellQ4, ShellDKGQ), torch-fem 0.14,
-Pynite 3.2 (DKMQ) and pyfe3d 0.11; figures of other programs are those of their verification
+Pynite 3.2 (DKMQ), pyfe3d 0.11 and, on some rows, MYSTRAN 18; figures of other programs are those of their verification
 manuals, as named. pyfe3d's element does not pass the patch test (its error is 11 % in membrane and
 23 % in bending) and is listed for completeness.
 """
@@ -74,6 +74,26 @@ Cook N=64                     0.998   1.000   0.999       -   0.999
 """
 _WIDTH = 28  # of the first column
 
+# MYSTRAN 18.0.0.1, `PARAM,QUAD4TYP`, run on 2026-11-25; the rows that were run.
+_MYSTRAN_ELEMENTS = ("MYSTRAN MIN4T", "MYSTRAN MITC4+")
+_MYSTRAN = {
+    "plate b/a=1 cl p N=2": (0.995, 0.865),
+    "plate b/a=1 cl p N=4": (1.000, 0.965),
+    "plate b/a=5 cl p N=2": (0.921, 0.318),
+    "cant trap twist": (0.984, 0.884),
+    "cant para twist": (0.977, 0.849),
+    "pinched cylinder N=4": (0.545, 0.371),
+    "pinched cylinder N=8": (0.880, 0.743),
+    "pinched cylinder N=16": (0.987, 0.929),
+    "pinched cylinder N=32": (1.013, 0.992),
+    "hemisphere N=4": (1.078, 0.992),
+    "Scordelis-Lo N=2": (1.471, 1.181),
+    "Scordelis-Lo N=16": (1.079, 1.008),
+    "Cook N=2": (0.592, 0.494),
+    "Cook N=8": (0.950, 0.922),
+    "plain wall 1x6": (0.947, 0.839),
+}
+
 _WALLS = {
     "plain wall 1x6": {"ShellMITC4": 0.813, "ASDShellQ4": 0.984, "ShellDKGQ": 0.947},
     "plain wall 2x6": {"ShellMITC4": 0.830, "ASDShellQ4": 0.980, "ShellDKGQ": 0.977},
@@ -121,11 +141,12 @@ FV32     OptiStruct CQUAD4                  1.001  1.008  1.001  1.001  1.033  1
 
 def static_peers(key: str) -> dict[str, float]:
     """Ratios of all elements for a row of the table of static tests, empty for an unknown row."""
+    found = dict(_WALLS.get(key, {}))
     for line in _STATIC.strip().splitlines():
         if line[:_WIDTH].strip() == key:
             values = zip(_STATIC_ELEMENTS, line[_WIDTH:].split(), strict=True)
-            return {name: float(value) for name, value in values if value != "-"}
-    return _WALLS.get(key, {})
+            found = {name: float(value) for name, value in values if value != "-"}
+    return found | dict(zip(_MYSTRAN_ELEMENTS, _MYSTRAN.get(key, ()), strict=False))
 
 
 def static_peer(key: str) -> Peer | None:
