@@ -1,9 +1,9 @@
 """What other four-node elements score: value over target, coarse meshes as in our own tests.
 
 Measured by the authors with OpenSees 3.7.1 (ShellMITC4, ASDShellQ4, ShellDKGQ), torch-fem 0.14,
-Pynite 3.2 (DKMQ), pyfe3d 0.11 and, on some rows, MYSTRAN 18; figures of other programs are those of their verification
-manuals, as named. pyfe3d's element does not pass the patch test (its error is 11 % in membrane and
-23 % in bending) and is listed for completeness.
+Pynite 3.2 (DKMQ), pyfe3d 0.11 and, on some rows, MYSTRAN 18; figures of other programs are those
+of their verification manuals, as named. pyfe3d's element does not pass the patch test (its error
+is 11 % in membrane and 23 % in bending) and is listed for completeness.
 """
 
 from .score import Peer, best_peer
