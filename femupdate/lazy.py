@@ -21,3 +21,13 @@ def lazily(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
         return getattr(import_module(f"{package}.{module}"), inner or name)
 
     return get
+
+
+def public(package: str, modules: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
+    """Return the `__all__` and the `__getattr__` of a room.
+
+    Args:
+        modules: the public names of each module of the room, parted by blanks.
+    """
+    where = {name: module for module, names in modules.items() for name in names.split()}
+    return sorted(where), lazily(package, where)

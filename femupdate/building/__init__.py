@@ -1,25 +1,20 @@
 """The building as data: files, validation, mesh, and the matrices of shear buildings."""
 
-from femupdate.lazy import lazily
+from femupdate.lazy import public
 
-_PUBLIC = {
-    "building_hash": "document",
-    "building_text": "shipped",
-    "EffectEntry": "common",
-    "factor_titles": "parameters",
-    "FrameBuilding": "frame",
-    "from_document": "document",
-    "import_mesh": "mesh_import",
-    "load_building": "files",
-    "mechanics_hash": "document",
-    "mesh_building": "mesh",
-    "save_building": "files",
-    "Section": "sections",
-    "self_mass": "building_mesh",
-    "shear_operators": "shear",
-    "shipped_buildings": "shipped",
-    "stiffness_factors": "parameters",
-    "to_document": "document",
-}
-__all__ = list(_PUBLIC)
-__getattr__ = lazily(__name__, _PUBLIC)
+__all__, __getattr__ = public(
+    __name__,
+    {
+        "building_mesh": "self_mass",
+        "common": "EffectEntry",
+        "document": "building_hash from_document mechanics_hash to_document",
+        "files": "load_building save_building",
+        "frame": "FrameBuilding",
+        "mesh": "mesh_building",
+        "mesh_import": "import_mesh",
+        "parameters": "factor_titles stiffness_factors",
+        "sections": "Section",
+        "shear": "shear_operators",
+        "shipped": "building_text shipped_buildings",
+    },
+)

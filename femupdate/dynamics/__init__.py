@@ -1,59 +1,31 @@
 """Reduced structures with effects on them: modes, frequency responses and histories."""
 
-from femupdate.lazy import lazily
+from femupdate.lazy import public
 
-_PUBLIC = {
-    "BaseRecord": "members",
-    "BaseRotation": "reduced",
-    "choose_members": "members",
-    "compare": "summary",
-    "ConstantDamping": "damping",
-    "CutMember": "members",
-    "damping_law": "damping",
-    "DampingLaw": "damping",
-    "driven_modes": "tracking",
-    "driven_system": "equations",
-    "equations_at": "equations",
-    "Excitation": "excitation",
-    "floor_histories": "history",
-    "history_batches": "history",
-    "HistorySettings": "history",
-    "local_structure": "local_basis",
-    "lumped": "reduced",
-    "member_forces": "members",
-    "MemberForces": "members",
-    "mesh_modes": "tracking",
-    "modal_sum": "modes",
-    "ModalData": "modes",
-    "Modes": "modes",
-    "motion_level": "level",
-    "on_finer_mesh": "finer_mesh",
-    "on_nodes_of": "finer_mesh",
-    "OwnLevel": "history",
-    "RayleighDamping": "damping",
-    "reduce_lumped": "reduced",
-    "reduce_structure": "reduction",
-    "reduced_modes": "tracking",
-    "reduced_on": "reduced",
-    "ReducedModel": "reduced",
-    "ReducedModes": "tracking",
-    "ReducedStructure": "reduced",
-    "ReductionTarget": "snapshots",
-    "response": "modes",
-    "response_spectrum": "spectra",
-    "ResponseHistories": "history",
-    "Responses": "system",
-    "rest_flexibility": "force_response",
-    "Rows": "system",
-    "SensorRows": "equations",
-    "Statistics": "summary",
-    "statistics": "summary",
-    "story_stiffness": "summary",
-    "summarise": "summary",
-    "System": "system",
-    "track_mode": "tracking",
-    "transformed_sensors": "history",
-    "write_member_forces": "members",
-}
-__all__ = list(_PUBLIC)
-__getattr__ = lazily(__name__, _PUBLIC)
+__all__, __getattr__ = public(
+    __name__,
+    {
+        "damping": "ConstantDamping damping_law DampingLaw RayleighDamping",
+        "equations": "driven_system equations_at SensorRows",
+        "excitation": "Excitation",
+        "finer_mesh": "on_finer_mesh on_nodes_of",
+        "force_response": "rest_flexibility",
+        "history": (
+            "floor_histories history_batches HistorySettings OwnLevel ResponseHistories "
+            "transformed_sensors"
+        ),
+        "level": "motion_level",
+        "local_basis": "local_structure",
+        "members": (
+            "BaseRecord choose_members CutMember member_forces MemberForces write_member_forces"
+        ),
+        "modes": "modal_sum ModalData Modes response",
+        "reduced": "BaseRotation lumped reduce_lumped reduced_on ReducedModel ReducedStructure",
+        "reduction": "reduce_structure",
+        "snapshots": "ReductionTarget",
+        "spectra": "response_spectrum",
+        "summary": "compare Statistics statistics story_stiffness summarise",
+        "system": "Responses Rows System",
+        "tracking": "driven_modes mesh_modes reduced_modes ReducedModes track_mode",
+    },
+)

@@ -1,19 +1,13 @@
 """What a model may lack: the catalogue of effects, and what each adds to a structure."""
 
-from femupdate.lazy import lazily
+from femupdate.lazy import public
 
-_PUBLIC = {
-    "building_effects": "registry",
-    "CATALOGUE": "registry",
-    "check_places": "registry",
-    "DrawnBuilding": "drawn_building",
-    "Effect": "effect",
-    "effect_named": "registry",
-    "Glyph": "drawn_building",
-    "Placed": "effect",
-    "structure_of": "structure",
-    "Terms": "effect",
-    "with_effect": "registry",
-}
-__all__ = list(_PUBLIC)
-__getattr__ = lazily(__name__, _PUBLIC)
+__all__, __getattr__ = public(
+    __name__,
+    {
+        "drawn_building": "DrawnBuilding Glyph",
+        "effect": "Effect Placed Terms",
+        "registry": "building_effects CATALOGUE check_places effect_named with_effect",
+        "structure": "structure_of",
+    },
+)

@@ -1,28 +1,21 @@
 """Elements, assembly, static and modal solution, export."""
 
-from femupdate.lazy import lazily
+from femupdate.lazy import public
 
-_PUBLIC = {
-    "assemble": "assembly",
-    "Beams": "elements.beam",
-    "cell_types": "registry",
-    "driven_shapes": "driven",
-    "edge_joints": "joints",
-    "element_for": "registry",
-    "element_kinds": "registry",
-    "Elements": "element",
-    "factorize": "factorization",
-    "FiniteElementModel": "model",
-    "joint_links": "joints",
-    "lowest_modes": "solve",
-    "modes_below": "solve",
-    "opensees_script": "export_opensees",
-    "PointMasses": "model",
-    "RigidLinks": "model",
-    "Shells": "elements.shell",
-    "Springs": "model",
-    "static_displacement": "solve",
-    "Triangles": "elements.triangle",
-}
-__all__ = list(_PUBLIC)
-__getattr__ = lazily(__name__, _PUBLIC)
+__all__, __getattr__ = public(
+    __name__,
+    {
+        "assembly": "assemble",
+        "driven": "driven_shapes",
+        "element": "Elements",
+        "elements.beam": "Beams",
+        "elements.shell": "Shells",
+        "elements.triangle": "Triangles",
+        "export_opensees": "opensees_script",
+        "factorization": "factorize",
+        "joints": "edge_joints joint_links",
+        "model": "FiniteElementModel PointMasses RigidLinks Springs",
+        "registry": "cell_types element_for element_kinds",
+        "solve": "lowest_modes modes_below static_displacement",
+    },
+)

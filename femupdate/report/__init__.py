@@ -1,24 +1,18 @@
 """Report: figures of the results and pictures of the mode shapes."""
 
-from femupdate.lazy import lazily
+from femupdate.lazy import public
 
-_PUBLIC = {
-    "draw": "figure",
-    "drawn": "glyphs",
-    "ElementField": "page_scene",
-    "frf_fit": "plot_curves",
-    "Geometry": "geometry",
-    "Glyphs": "glyphs",
-    "Page": "page",
-    "plus_minus": "scale",
-    "posterior_pairs": "plot_posterior",
-    "SampleSet": "plot_posterior",
-    "save_figure": "figure",
-    "scene_content": "page_scene",
-    "Section": "page",
-    "stick_mode_shapes": "plot_sticks",
-    "theta_intervals": "plot_posterior",
-    "thinned_geometry": "page_scene",
-}
-__all__ = list(_PUBLIC)
-__getattr__ = lazily(__name__, _PUBLIC)
+__all__, __getattr__ = public(
+    __name__,
+    {
+        "figure": "draw save_figure",
+        "geometry": "Geometry",
+        "glyphs": "drawn Glyphs",
+        "page": "Page Section",
+        "page_scene": "ElementField scene_content thinned_geometry",
+        "plot_curves": "frf_fit",
+        "plot_posterior": "posterior_pairs SampleSet theta_intervals",
+        "plot_sticks": "stick_mode_shapes",
+        "scale": "plus_minus",
+    },
+)

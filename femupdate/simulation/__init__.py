@@ -1,16 +1,14 @@
 """Synthetic observations: a building's own equations, seen by accelerometers."""
 
-from femupdate.lazy import lazily
+from femupdate.lazy import public
 
-_PUBLIC = {
-    "fine_model": "truth",
-    "parse_effect": "simulate",
-    "simulate_observation": "simulate",
-    "SimulationSettings": "simulate",
-    "truth_of": "truth",
-    "truth_path": "simulate",
-    "white_noise": "simulate",
-    "write_simulation": "simulate",
-}
-__all__ = list(_PUBLIC)
-__getattr__ = lazily(__name__, _PUBLIC)
+__all__, __getattr__ = public(
+    __name__,
+    {
+        "simulate": (
+            "parse_effect simulate_observation SimulationSettings truth_path white_noise "
+            "write_simulation"
+        ),
+        "truth": "fine_model truth_of",
+    },
+)

@@ -1,30 +1,20 @@
 """Networks that stand in for the response of one building: data, training, storage."""
 
-from femupdate.lazy import lazily
+from femupdate.lazy import public
 
-_PUBLIC = {
-    "compute_dataset": "dataset",
-    "DatasetPlan": "dataset",
-    "find_surrogate": "storage",
-    "LatentMixture": "network",
-    "load_surrogate": "storage",
-    "loss_terms": "training",
-    "LossSettings": "training",
-    "ModalDecoder": "network",
-    "Mvae": "network",
-    "NetworkSizes": "network",
-    "proposal": "training",
-    "reconstruction": "training",
-    "require_surrogate": "storage",
-    "save_surrogate": "storage",
-    "Soap": "soap",
-    "Surrogate": "storage",
-    "SurrogateInfo": "storage",
-    "train_mvae": "training",
-    "TRAINED": "storage",
-    "TrainingSettings": "training",
-    "TrainingTask": "training",
-    "Visibility": "network",
-}
-__all__ = list(_PUBLIC)
-__getattr__ = lazily(__name__, _PUBLIC)
+__all__, __getattr__ = public(
+    __name__,
+    {
+        "dataset": "compute_dataset DatasetPlan",
+        "network": "LatentMixture ModalDecoder Mvae NetworkSizes Visibility",
+        "soap": "Soap",
+        "storage": (
+            "find_surrogate load_surrogate require_surrogate save_surrogate Surrogate "
+            "SurrogateInfo TRAINED"
+        ),
+        "training": (
+            "loss_terms LossSettings proposal reconstruction train_mvae TrainingSettings "
+            "TrainingTask"
+        ),
+    },
+)

@@ -1,45 +1,30 @@
 """What the commands do with a study, one file a command."""
 
-from femupdate.lazy import lazily
+from femupdate.lazy import public
 
-_PUBLIC = {
-    "build_study": "build",
-    "calibrate_study": "calibrate",
-    "CalibrationSettings": "likelihoods",
-    "CertifiedModel": "model",
-    "check_calibration": "calibrate",
-    "check_training": "train",
-    "choose_building": "model",
-    "compare_states": "compare",
-    "DEFAULT_BUILDING": "model",
-    "diagnose_study": "diagnose",
-    "draw_model": "render",
-    "find_state": "compare",
-    "kept_mesh_error": "mesh_error",
-    "kept_posterior": "summary",
-    "level_between": "amplitude",
-    "measured_of": "kinds",
-    "observation_of": "observed",
-    "ObservationSource": "observed",
-    "open_state": "compare",
-    "open_structure": "effects",
-    "open_study": "model",
-    "open_system": "mesh_error",
-    "predict_study": "predict",
-    "PredictionSettings": "predict",
-    "readable": "observed",
-    "record_levels": "amplitude",
-    "RecordSource": "predict",
-    "reduce_building": "model",
-    "REDUCED": "model",
-    "render_study": "render",
-    "repair_study": "repair",
-    "report_study": "report",
-    "runs_of": "observed",
-    "study_status": "status",
-    "StudyModel": "model",
-    "train_study": "train",
-    "with_finer_mesh": "mesh_error",
-}
-__all__ = list(_PUBLIC)
-__getattr__ = lazily(__name__, _PUBLIC)
+__all__, __getattr__ = public(
+    __name__,
+    {
+        "amplitude": "level_between record_levels",
+        "build": "build_study",
+        "calibrate": "calibrate_study check_calibration",
+        "compare": "compare_states find_state open_state",
+        "diagnose": "diagnose_study",
+        "effects": "open_structure",
+        "kinds": "measured_of",
+        "likelihoods": "CalibrationSettings",
+        "mesh_error": "kept_mesh_error open_system with_finer_mesh",
+        "model": (
+            "CertifiedModel choose_building DEFAULT_BUILDING open_study reduce_building REDUCED "
+            "StudyModel"
+        ),
+        "observed": "observation_of ObservationSource readable runs_of",
+        "predict": "predict_study PredictionSettings RecordSource",
+        "render": "draw_model render_study",
+        "repair": "repair_study",
+        "report": "report_study",
+        "status": "study_status",
+        "summary": "kept_posterior",
+        "train": "check_training train_study",
+    },
+)
