@@ -16,7 +16,6 @@ BUILD = {
     "reduction_error",
     "study",
 }
-FEW = ("--particles", 200)
 
 
 def not_blank(path):
@@ -96,7 +95,8 @@ def test_a_calibration_without_a_surrogate_says_three_things_first(
     short, long = femupdate(*words), femupdate(*words, "-v")
     assert short.code == 0, short.err
     first = short.out.splitlines()
-    assert first[0].startswith("Exact posterior of tower from 2F, RF")
+    name = tower_observation.path.name
+    assert first[0].startswith(f"Exact posterior of tower from 2F, RF of {name}: 200 draws, ")
     assert first[1] == "  Verdict: the data are explained."
     assert [line.split()[0] for line in first[3:6]] == ["theta_1", "theta_2", "zeta"]
     assert first[6].startswith("  Next: `femupdate predict --record RECORD`")
@@ -104,6 +104,8 @@ def test_a_calibration_without_a_surrogate_says_three_things_first(
     for jargon in ("effective sample size", "p-value", "No surrogate of tower is trained"):
         assert jargon not in short.out
         assert jargon in long.out
+    for word in ("damping ratio", "Welch H1", str(tmp_path / "posterior.nc")):
+        assert word in long.out
 
 
 def test_calibrate(walk, tower_observation):
@@ -130,18 +132,6 @@ def test_calibrate(walk, tower_observation):
     assert list(p_values["floors"]) == ["2F", "RF"]
     assert 0.0 < p_values["whole"] <= 1.0
     assert [p["mean"] for p in summary["parameters"]] == pytest.approx(answer["mean"])
-
-
-def test_calibrate_in_words(femupdate, calibrated, tower_observation):
-    done = femupdate(
-        "calibrate", tower_observation.path, "--exact", *FEW, "--study", calibrated, "--chains", 1
-    )
-    assert done.code == 0
-    name = tower_observation.path.name
-    assert done.out.startswith(f"Exact posterior of tower from 2F, RF of {name}: 200 draws, ")
-    for word in ("theta_1", "theta_2", "damping ratio", "Welch H1"):
-        assert word in done.out
-    assert str(calibrated / "posterior.nc") in done.out
 
 
 def test_train(walk):
