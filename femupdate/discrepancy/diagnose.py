@@ -28,13 +28,17 @@ from femupdate.discrepancy.findings import (
     sentence_of,
     share_in_words,
     unseen,
+    within_tolerances,
 )
 from femupdate.discrepancy.fit import (
+    FAR_STEPS,
     FEWER_SHAPES,
     FIRST_STEPS,
+    RIGHT,
     STEPS,
     Fit,
     about,
+    error_left,
     extended,
     fit,
     fit_baseline,
@@ -50,6 +54,7 @@ from femupdate.discrepancy.global_search import exchange_fits
 from femupdate.discrepancy.score import (
     Score,
     candidates,
+    measures,
     same_to_sensors,
     score,
     unobservable_effects,
@@ -57,6 +62,7 @@ from femupdate.discrepancy.score import (
 )
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.effects.effect import Placed
+from femupdate.effects.tolerances import USUAL, tolerances_of
 from femupdate.inference.likelihood import Likelihood
 from femupdate.progress import SILENT, Progress, counted
 from femupdate.workers import in_threads
@@ -114,10 +120,14 @@ def diagnose(
     findings = _certified(base, findings, len(scores), chosen)
     beside = partial(keeps_beside, settings=chosen)
     findings = in_order(findings, chosen, beside) if findings else ()
-    verdict, twins = NONE, list[Finding]()
+    verdict, twins, allowed = NONE, list[Finding](), None
     if base.remains().size >= chosen.least_response:
         verdict = UNKNOWN
     if findings and findings[0].names(base, chosen):
+        findings, allowed = _beyond_tolerances(base, findings, chosen)
+    if allowed is not None:
+        verdict = NONE if allowed.remains().size < chosen.least_response else UNKNOWN
+    elif findings and findings[0].names(base, chosen):
         first, twins = findings[0], rivals(findings, chosen, beside)
         verdict = PARTLY if first.fitted.remains().size >= chosen.least_response else NAMED
         if twins:
@@ -127,6 +137,8 @@ def diagnose(
     best = findings[0].fitted if verdict in (NAMED, PARTLY) else base
     labels, left = tuple(twin.placed.label for twin in twins), best.remains()
     sentence = sentence_of(verdict, findings, labels, left, removed(base, best))
+    if allowed is not None:
+        sentence = within_tolerances(verdict, findings, allowed.remains())
     problem.error.forget()
     if verdict == NONE and too_few(base):
         verdict = UNKNOWN
@@ -137,7 +149,38 @@ def diagnose(
     others = [twin.fitted for twin in twins[: VERDICT.compared]]
     worth = measurement_values(problem, findings[0].fitted, others) if twins else ()
     seen = unseen(unobservable, verdict, findings, labels)
-    return Diagnosis(base, verdict, findings, tuple(scores), seen, labels, left, worth, sentence)
+    diagnosis = Diagnosis(
+        base, verdict, findings, tuple(scores), seen, labels, left, worth, sentence
+    )
+    return replace(diagnosis, allowed=allowed)
+
+
+def _beyond_tolerances(
+    base: Fit, findings: tuple[Finding, ...], settings: DiagnosisSettings
+) -> tuple[tuple[Finding, ...], Fit | None]:
+    """The findings, led by one that goes beyond the usual tolerances of an unstated building.
+
+    Where none of the leading ones does, the model with these tolerances, too.
+    """
+    problem = base.likelihood
+    varying = tuple(
+        placed
+        for placed in tolerances_of(problem.building, USUAL)
+        if problem.building.tolerances is None and measures(problem, placed)
+    )
+    if not varying or findings[0].placed.exchange:
+        return findings, None
+    together = (*base.placed, *varying)
+    start = extended(problem, base, together, np.append(base.known, np.zeros(len(varying))))
+    allowed = settle(problem, fit(problem, together, start))
+    without = laplace(problem, allowed)
+    for finding in findings[: VERDICT.compared + 1]:
+        if not finding.names(base, settings):
+            continue
+        both = with_more(allowed, finding.placed, finding.fitted.known_of(-1))
+        if laplace(problem, both) - without >= finding.needed(settings):
+            return (finding, *(other for other in findings if other is not finding)), None
+    return findings, allowed
 
 
 def too_few(base: Fit) -> bool:
@@ -161,6 +204,11 @@ def _fitted(
         best = max([base, *fits], key=lambda fitted: log_posterior(problem, fitted))
         return best.remains().size >= settings.least_response
 
+    exchanges = [test.placed for test in scores if test.placed.exchange]
+    if among is None and error_left(problem, base) >= RIGHT:
+        progress.advance(note="trying exchanged channels")
+        if sure := _surely_exchanged(base, exchanges, settings.seed):
+            return sure
     progress.advance(note="fitting the leading effects")
     leading = _leading(scores, settings.fitted, distant)
     if among is not None:
@@ -173,6 +221,7 @@ def _fitted(
     if among is None and (gain > settings.over_none or problem.row != problem.error.first):
         progress.advance(note="fitting every effect")
         fits += _others(base, scores, fits, settings, distant)
+        fits += _over_ranges(base, scores, fits, settings, progress)
     if much_left(fits):
         # A fit that is allowed an error may stay where the error makes up for what needs none
         # farther on: the leading ones are sought again as if nothing but noise were left.
@@ -189,7 +238,6 @@ def _fitted(
     if much_left(fits):
         # Without an exchange of channels theta may lie far off.
         progress.advance(note="trying exchanged channels")
-        exchanges = [test.placed for test in scores if test.placed.exchange]
         most = max(log_posterior(problem, fitted) for fitted in [base, *fits])
         swapped = exchange_fits(problem, base, exchanges, settings.seed)
         swapped = in_threads(partial(settle, problem), swapped)
@@ -197,6 +245,50 @@ def _fitted(
         redone = {fitted.placed[-1] for fitted in swapped}
         fits = [*(fitted for fitted in fits if fitted.placed[-1] not in redone), *swapped]
     return fits
+
+
+def _surely_exchanged(base: Fit, exchanges: list[Placed], seed: int) -> list[Fit]:
+    """Fits with an exchange each, where together they leave the factors right; else none.
+
+    What channels say surely goes before every effect of the structure.
+    """
+    problem = base.likelihood
+    fits = [settle(problem, near) for near in exchange_fits(problem, base, exchanges, seed)]
+    if not fits:
+        return []
+    best = min(fits, key=lambda fitted: error_left(problem, fitted))
+    if error_left(problem, best) >= RIGHT:
+        placed = tuple(fitted.placed[-1] for fitted in fits)
+        best = fit(problem, (*base.placed, *placed), best.z, FAR_STEPS)
+    sure = error_left(problem, best) < RIGHT and removed(base, best) >= VERDICT.most
+    return fits if sure else []
+
+
+def _over_ranges(
+    base: Fit,
+    scores: list[Score],
+    fits: list[Fit],
+    settings: DiagnosisSettings,
+    progress: Progress,
+) -> list[Fit]:
+    """Fits of the leading effects over ranges of stories or floors, whose tests join the scores.
+
+    Among so many ranges one always removes something: only what leaves nothing of note counts.
+    """
+    problem = base.likelihood
+    ahead = sorted(fits, key=lambda fitted: -log_posterior(problem, fitted))[:4]
+    known = {placed.label for placed in base.placed}
+    places = [
+        Placed(effect, place)
+        for effect in {fitted.placed[-1].effect for fitted in ahead}
+        for place in effect.points(problem.reduced.structure)
+    ]
+    wanted = [one for one in places if one.is_range and one.label not in known]
+    tests = in_threads(partial(score, problem, base), wanted)
+    scores += tests
+    best = sorted(tests, key=lambda test: -abs(test.statistic))[: VERDICT.compared]
+    tried = _fit_candidates(base, best, None, settings.over_none, progress)
+    return [fitted for fitted in tried if fitted.remains().size < settings.least_response]
 
 
 def _at_large_sizes(base: Fit, fits: list[Fit], scores: list[Score]) -> list[Fit]:
@@ -444,26 +536,34 @@ def with_pair(
 ) -> Diagnosis:
     """The diagnosis, told by two effects where the first alone leaves most of the misfit.
 
+    What removes less than a third is no name but a candidate.
+
     Each by itself explains little, and a third that imitates both may lead. The stronger of the two
     must hold by itself on data to which it was not fitted, the other beside it, and both must
     remove more than the first. Else, and where the first leaves less than half, the diagnosis stays
     as it is.
     """
     first = found.leading
-    if first is None or found.verdict not in (PARTLY, AMBIGUOUS):
+    if first is None or found.verdict not in (PARTLY, AMBIGUOUS, INDISTINGUISHABLE):
         return found
     alone = removed(found.base, first.fitted)
     if alone >= VERDICT.most:
         return found
+    little = alone < VERDICT.least and first.fitted.remains().size >= settings.least_response
+    # What channels say of themselves stands beside anything else.
+    told = _with_candidates(found) if little and not first.placed.exchange else found
+    if found.verdict == INDISTINGUISHABLE:
+        return told
     progress.advance(0, "fitting two effects at once")
     best = _best_pair(found, settings, progress)
     if best is None or denied(found, best[0], settings):
-        return found
+        return told
     pair = _together(found, best, settings)
     both = pair[1].fitted
     together = removed(found.base, both)
-    if not (pair[1].carried(settings) and pair[1].matters(settings) and together > alone):
-        return found
+    enough = together > alone and together >= VERDICT.least
+    if not (pair[1].carried(settings) and pair[1].matters(settings) and enough):
+        return told
     left = both.remains()
     text = (
         f"Two effects together: {pair[0].in_words}. {pair[1].in_words}. They remove "
@@ -482,6 +582,15 @@ def with_pair(
         pair=pair,
         left=left,
         sentence=" ".join(part for part in (text, doubt, left.sentence) if part),
+    )
+
+
+def _with_candidates(found: Diagnosis) -> Diagnosis:
+    """The diagnosis of an unknown cause, what leads it as candidates alone."""
+    share, left = removed(found.base, found.findings[0].fitted), found.base.remains()
+    sentence = sentence_of(UNKNOWN, found.findings, (), left, share)
+    return replace(
+        found, verdict=UNKNOWN, twins=(), worth=(), pair=(), left=left, sentence=sentence
     )
 
 

@@ -14,6 +14,7 @@ from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.effect import Effect, Placed, Sway
 from femupdate.effects.structure import Structure
+from femupdate.effects.tolerances import USUAL
 from femupdate.units import percent
 
 LITTLE = 0.005  # share of the misfit beyond the noise that rounds to none
@@ -157,6 +158,7 @@ class Diagnosis:
         sentence: the verdict for an engineer.
         pair: two that explain together what the best alone does not, the stronger first, with the
             sizes that they have together; empty where none was sought or found.
+        allowed: the model with the usual tolerances, where they explain what no name may then.
     """
 
     base: Fit
@@ -169,6 +171,7 @@ class Diagnosis:
     worth: tuple[MeasurementValue, ...]
     sentence: str
     pair: tuple[Finding, ...] = ()
+    allowed: Fit | None = None
 
     @property
     def p_value(self) -> float:
@@ -235,7 +238,8 @@ def in_order(
     """The findings by their evidence, but for what goes first.
 
     What says less than the first goes before it, where that is not clearly better: the same effect
-    in all places says not where; one that the first contains has a parameter less. Then comes an
+    in all places says not where, and in one place needs no range; one that the first contains has a
+    parameter less. Then comes an
     instrument's effect that is missing beside the first and close to it, for an instrument is
     mended before the structure is judged by it. One that the other half of the data holds far
     likelier than the first need not be close.
@@ -249,8 +253,9 @@ def in_order(
 
     for finding in findings[1:]:
         first = findings[0]
-        wider = finding.placed.effect is first.placed.effect and finding.placed.place == "all"
-        simpler = wider or first.contains(finding)
+        wider = finding.placed.place == "all" or first.placed.is_range
+        wider = wider and finding.placed.effect is first.placed.effect
+        simpler = (wider and not finding.placed.is_range) or first.contains(finding)
         if simpler and finding.log_evidence > least(first) and finding.carried(settings):
             findings = led_by(finding)
             break
@@ -266,10 +271,17 @@ def in_order(
 
 
 def others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:
-    """Others than the same effect at one place, where it leads in all: that does not say where."""
-    if first.placed.place != "all":
-        return list(others)
-    return [other for other in others if other.placed.effect is not first.placed.effect]
+    """Others than the same effect at one place, where it leads in all: that does not say where.
+
+    Nor ranges of places, where it leads in one.
+    """
+    everywhere, ranges = first.placed.place == "all", first.placed.is_range
+    return [
+        other
+        for other in others
+        if other.placed.effect is not first.placed.effect
+        or not (everywhere or (other.placed.is_range and not ranges))
+    ]
 
 
 def rivals(
@@ -347,6 +359,23 @@ def mass_in_words(mass: float) -> str:
     return f"{mass:.3g} kg" if abs(mass) < 100.0 else f"{1e-3 * mass:.3g} t"
 
 
+def within_tolerances(verdict: str, findings: Sequence[Finding], left: Remains) -> str:
+    """The verdict where the usual tolerances explain what the leading finding does."""
+    start = "Nothing needs to be added" if verdict == NONE else "No cause is certain"
+    return (
+        f"{start}: masses that are known to {percent(USUAL.mass, 1)}, gains to "
+        f"{percent(USUAL.gain, 1)} and clocks to {1e3 * USUAL.delay:.1g} ms, as is usual, explain "
+        f"as much as the likeliest effect ({findings[0].placed.in_words}). Where they are known "
+        f"better, state [tolerances]. {left.sentence}"
+    ).rstrip()
+
+
+def candidates_in_words(findings: Sequence[Finding]) -> str:
+    """The leading findings that the data speak for, three at most."""
+    likely = [finding for finding in findings if finding.log_evidence >= VERDICT.positive]
+    return "; ".join(finding.placed.in_words for finding in likely[:3])
+
+
 def share_in_words(share: float) -> str:
     """A share in per cent, or "none" and "all" where it is no less."""
     return "none" if share < LITTLE else percent(share) if share < 1.0 else "all"
@@ -359,7 +388,10 @@ def sentence_of(
     left: Remains,
     share: float,
 ) -> str:
-    """The verdict for an engineer; the share is that which the first removes of the misfit."""
+    """The verdict for an engineer; the share is that which the first removes of the misfit.
+
+    Beside an unknown cause, zero where there are no candidates.
+    """
     if verdict == NONE:
         text = "The model explains the data; nothing needs to be added."
         if findings and findings[0].tested is not None and findings[0].tested.certified:
@@ -370,6 +402,11 @@ def sentence_of(
             "The model misses the data by more than their noise, and no effect of the catalogue is "
             "certain to explain it."
         )
+        if share > 0.0:
+            text += (
+                f" The likeliest candidates remove {share_in_words(share)} of the misfit and may "
+                f"only stand in for the cause: {candidates_in_words(findings)}."
+            )
         return f"{text} {left.sentence}".rstrip()
     first = findings[0]
     if verdict == NAMED:

@@ -54,12 +54,13 @@ class Score:
 
 def candidates(problem: Likelihood, present: tuple[Placed, ...] = ()) -> list[Placed]:
     """Every effect at every place that these data could show."""
-    return [
-        placed
-        for placed in _not_present(problem, present)
-        if problem.shows(placed.effect)
-        and (_at_a_sensor(problem, placed) or not placed.effect.instrument)
-    ]
+    return [placed for placed in _not_present(problem, present) if measures(problem, placed)]
+
+
+def measures(problem: Likelihood, placed: Placed) -> bool:
+    """Whether the data could show an effect at its place."""
+    there = not placed.effect.instrument or _at_a_sensor(problem, placed)
+    return problem.shows(placed.effect) and there
 
 
 def without_phase(problem: Likelihood, present: tuple[Placed, ...] = ()) -> tuple[str, ...]:

@@ -69,6 +69,12 @@ class VERDICT:
         "of the misfit beyond noise, below which a name among several causes is told with doubt",
         "113 trials of sticks: 9 of 10 wrong names removed less, all right ones more",
     )
+    least: float = entry(
+        1.0 / 3.0,
+        "share",
+        "of the misfit beyond noise, below which a name is told as a candidate alone",
+        "113 trials of sticks: no right name removed less than half",
+    )
     beside: float = entry(
         0.5,
         "share",

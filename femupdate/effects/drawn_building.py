@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.effects.structure import Structure
+from femupdate.effects.structure import Structure, numbers_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +108,8 @@ class DrawnBuilding:
         return face
 
     def stories(self, place: str) -> list[int]:
-        """Index of the story that a place names, or those of all."""
-        names = self.structure.building.story_names
-        return [names.index(place)] if place in names else list(range(len(names)))
+        """Index of the stories that a place names, or those of all."""
+        return numbers_of(place, self.structure.building.story_names)
 
     def sensors(self, place: str) -> tuple[Glyph, ...]:
         """The sensors of the floors that a place names, or those of all, along the motion."""

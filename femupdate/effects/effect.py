@@ -16,7 +16,7 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.structure import Structure
+from femupdate.effects.structure import RANGE, Structure
 
 ALL_STORIES = -1
 UNSCALED = -2
@@ -272,7 +272,8 @@ class Effect(ABC):
 
     def said(self, place: str, size: float) -> str:
         """What is there, with its first parameter; a clause for an engineer, no full stop."""
-        known = {"title": self.title, "place": _in_words(place), "where": self.where(place)}
+        named = f"Each of {place}" if RANGE in place else _in_words(place)
+        known = {"title": self.title, "place": named, "where": self.where(place)}
         for first in self.parameters[:1]:
             size_as_read = first.shown(size)
             known |= {
@@ -367,6 +368,11 @@ class Placed:
     def in_words(self) -> str:
         """Such as "Added mass at 3F"."""
         return f"{self.effect.title} {self.effect.where(self.place)}"
+
+    @property
+    def is_range(self) -> bool:
+        """Whether it sits in several neighbouring stories or floors, not in all."""
+        return RANGE in self.place
 
     @property
     def exchange(self) -> bool:

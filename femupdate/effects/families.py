@@ -10,7 +10,7 @@ from torch import Tensor
 from femupdate.effects.bars import bending_terms
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, Stiffness, Terms
-from femupdate.effects.structure import Structure
+from femupdate.effects.structure import Structure, numbers_of, ranges_of
 from femupdate.fe.element import Elements
 
 
@@ -60,6 +60,13 @@ class MemberStiffness(Effect):
         stories = tuple(structure.building.story_names[k] for k in sorted(groups))
         return (ALL, *stories) if len(stories) > 1 else stories
 
+    def points(self, structure: Structure) -> tuple[str, ...]:
+        """Ranges of stories that have such members, where all of them are neighbours."""
+        stories = [place for place in self.places(structure) if place != ALL]
+        names = structure.building.story_names
+        between = numbers_of(f"{stories[0]} to {stories[-1]}", names) if stories else []
+        return ranges_of(stories) if len(between) == len(stories) else ()
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The members themselves."""
         return drawn.members(self.kinds, place)
@@ -67,7 +74,7 @@ class MemberStiffness(Effect):
     def terms(self, structure: Structure, place: str) -> Terms:
         """The stiffness of the members, scaled by the factor of their story."""
         names = structure.building.story_names
-        chosen = range(len(names)) if place == ALL else [names.index(place)]
+        chosen = numbers_of(place, names)
         if not self.bending_only:
             matrices = self.stiffness(structure)
             scaled = (Stiffness(k, matrices[k]) for k in chosen if matrices[k].nnz)

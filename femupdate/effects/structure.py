@@ -5,9 +5,10 @@ The displacement of every node is that of a rigid body on the moving base plus u
 A shear building is a stick; its heights are the stories' own, or one metre each where not given.
 """
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
 from typing import TypeVar, cast
 
 import numpy as np
@@ -28,6 +29,7 @@ from femupdate.fe.factorization import factorize
 from femupdate.fe.model import DOF_PER_NODE
 
 TRANSLATION, ROTATION = 0, 1
+RANGE = " to "  # in places that name several neighbours
 T = TypeVar("T")
 
 
@@ -323,3 +325,17 @@ def _points(mesh: BuildingMesh, operators: AffineOperators, shapes: Floats) -> N
     if motion is None:
         motion = csr_matrix((np.ones(len(free)), where), shape=(operators.dof, len(free)))
     return NodeMotions(position, np.arange(operators.dof) % DOF_PER_NODE, mass, shapes, motion)
+
+
+def ranges_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Neighbours of two or more, but for all of them, as in "S2 to S4"."""
+    ends = combinations(range(len(names)), 2)
+    return tuple(f"{names[k]}{RANGE}{names[n]}" for k, n in ends if n - k < len(names) - 1)
+
+
+def numbers_of(place: str, names: Sequence[str]) -> list[int]:
+    """Numbers of the floors or stories that a place such as "S2" or "S2 to S4" names, or of all."""
+    first, _, last = place.partition(RANGE)
+    if first not in names:
+        return list(range(len(names)))
+    return list(range(names.index(first), names.index(last or first) + 1))

@@ -9,6 +9,7 @@ from femupdate.building.document import to_document
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.registry import building_effects
 from femupdate.effects.structure import structure_of
+from femupdate.effects.tolerances import tolerances_of
 from femupdate.report.quantities import heights_of
 from femupdate.report.scale import mass_scale
 from femupdate.result import Item, Note, Notes, Picture, Result
@@ -113,7 +114,7 @@ class BuildingDescription(Result):
             f"A stiffness factor multiplies Young's modulus of everything {which}, alike. Before "
             f"the data it may be anything from {prior.theta.lower:.3g} to {prior.theta.upper:.3g}."
         )
-        if building.tolerances is None:
+        if not tolerances_of(building):
             yield "Masses, gains of the sensors and clocks are taken to be exact."
 
     def figures(self) -> Iterator[Picture]:

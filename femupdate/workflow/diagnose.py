@@ -12,10 +12,7 @@ import torch
 
 from femupdate.discrepancy.diagnose import with_pair
 from femupdate.discrepancy.findings import (
-    NONE,
-    NONLINEAR,
     PARTLY,
-    UNKNOWN,
     Diagnosis,
     Finding,
     grouped,
@@ -328,7 +325,7 @@ def _notes(given: Given, data: Sequence[Data], found: Diagnosis) -> Iterator[str
 
 def _of_tolerances(found: Diagnosis) -> Iterator[str]:
     """How what was found compares with what is known to a tolerance alone."""
-    base, first = found.base, found.leading
+    base = found.base
     for key, what in TOLERANCES.items():
         used = [
             f"{placed.place} {100.0 * base.known_of(number)[0]:+.2g} %"
@@ -339,16 +336,6 @@ def _of_tolerances(found: Diagnosis) -> Iterator[str]:
         ]
         if used:
             yield f"Within the stated tolerance of {what} the model takes {', '.join(used)}."
-    told = first is not None and found.verdict not in (NONE, UNKNOWN, NONLINEAR)
-    if not told or first is None or first.placed.effect.instrument:
-        return
-    moved = first.changes.frequency
-    if base.likelihood.building.tolerances is None and 0.0 < moved < 0.01:
-        yield (
-            f"It moves no natural frequency by more than {percent(moved, 2)}; masses that are off "
-            f"by {percent(2.0 * moved, 2)} do as much. Where they are known no better, state it "
-            "under [tolerances], and names must go beyond it."
-        )
 
 
 def _of_gravity(base: Fit) -> Iterator[str]:

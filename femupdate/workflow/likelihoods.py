@@ -292,20 +292,24 @@ def beyond_prior(
     points = torch.cat([best, wider.from_normal(found.found.z)])
     density = likelihood(points)
     at = int(density.nan_to_num(nan=-torch.inf).argmax())
-    named, keys = [], []
-    for entry, value in zip(wider.entries, points[at].tolist(), strict=True):
-        own = next(known for known in likelihood.prior.entries if known.name == entry.name)
-        if not own.lower <= value <= own.upper:
-            end = "lower" if value < own.lower else "upper"
-            named.append(f"{own.called} near {value:.3g} ({end} limit {getattr(own, end):.3g})")
-            keys.append(f"{end} of {own.key}")
+    named, keys = _outside(likelihood.prior, points[at])
     if not named or float(density[at] - density[0]) < _FAR_BETTER:
         return ()
     return (
-        f"The prior is too narrow: the model meets the data far better with {', '.join(named)}. "
-        f"Do not trust these intervals; change {' and '.join(dict.fromkeys(keys))} in the building "
-        "file.",
+        f"The prior is too narrow: the model meets the data far better with {named}. "
+        f"Do not trust these intervals; change {keys} in the building file.",
     )
+
+
+def _outside(prior: Parameters, point: Tensor) -> tuple[str, str]:
+    """Which parameters (p,) lie outside a prior, and the keys of the limits."""
+    named, keys = [], []
+    for entry, value in zip(prior.entries, point.tolist(), strict=True):
+        if not entry.lower <= value <= entry.upper:
+            end = "lower" if value < entry.lower else "upper"
+            named.append(f"{entry.called} near {value:.3g} ({end} limit {getattr(entry, end):.3g})")
+            keys.append(f"{end} of {entry.key}")
+    return ", ".join(named), " and ".join(dict.fromkeys(keys))
 
 
 def settled_likelihood(
@@ -351,6 +355,19 @@ def require_own_building(
         likely = likelihood.prior.sample(_TRIED, torch_generator(0))
         explained = max(likelihood.explained(likely) or 0.0, explained)
     if not explained >= LEAST_EXPLAINED:  # which no number is not
+        # Damage may have taken it out of the prior.
+        wider = Parameters(tuple(entry.widened() for entry in likelihood.prior.entries))
+        found = wider.from_normal(settled(replace(likelihood, prior=wider), 0).found.z)
+        each = [likelihood.explained(point[None]) or 0.0 for point in found]
+        at = int(np.argmax(each))
+        named, keys = _outside(likelihood.prior, found[at])
+        if named and each[at] >= LEAST_EXPLAINED:
+            raise MeasurementError(
+                f"the prior of {model.building.name} is too narrow for the observation: the best "
+                f"response has {percent(each[at])} of its variation with {named}. If the building "
+                f"was damaged, change {keys} in its file; then `femupdate compare` says "
+                "what changed"
+            )
         best = 0.0 if explained != explained else max(explained, 0.0)
         raise MeasurementError(
             f"the observation is unlike anything that {model.building.name} can do: its best "

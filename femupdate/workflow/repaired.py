@@ -6,6 +6,7 @@ from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.repair import Repair
 from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.effects.registry import with_effect
+from femupdate.effects.tolerances import tolerances_of
 from femupdate.inference.posterior import save_posterior
 from femupdate.seeds import Seed, spawn
 from femupdate.study import BUILDING_FILE, REPAIRED, Study
@@ -29,8 +30,10 @@ from femupdate.workflow.observed import ObservationSource
 def repaired_building(building: Building, done: Repair) -> Building:
     """The building with all effects of the last fit at their fitted values."""
     repaired = without_effects(building)
+    varying = tolerances_of(building)
     for number, placed in enumerate(done.after.placed):
-        repaired = with_effect(repaired, placed, done.after.known_of(number))
+        if placed not in varying:  # the file states them still
+            repaired = with_effect(repaired, placed, done.after.known_of(number))
     names = "; ".join(added.finding.placed.in_words for added in done.rounds)
     text = f"{building.description.rstrip()}\nRepaired: {names}.".strip()
     return repaired.model_copy(update={"description": text})

@@ -38,6 +38,7 @@ def building_of():
             "frequency_grid": {"start": 0.2, "step": 0.2, "count": 60},
             "prior": prior,
             "damping": {"law": "constant", "ratio": ratio},
+            "tolerances": {"mass": 0.0},  # names need go beyond none
         }
         return from_document({**document, **changes})
 

@@ -56,6 +56,10 @@ def test_added_mass_is_told_in_its_own_unit_too(unit_mass, nominal, told):
             ("channel_delay", "RF", 0.0021, 0.0001),
             "RF is 2.1 ms late (± 0.1 ms)",
         ),
+        (
+            ("added_mass", "2F to 4F", 0.1, 0.01),
+            "Each of 2F to 4F carries 10 % more mass than modelled (± 1 %)",
+        ),
         (("swapped_channels", "2F,3F", 1.0, 0.0), "The channels of 2F and 3F are exchanged"),
         (
             ("damping_law", "rayleigh", 0.5, 0.1),
@@ -63,8 +67,8 @@ def test_added_mass_is_told_in_its_own_unit_too(unit_mass, nominal, told):
         ),
         (
             ("damping_law", "proportional", -0.155, 0.02),
-            "Damping falls with frequency, as by the mass part of Rayleigh's law: by 15.5 % "
-            "against a law proportional to frequency (± 2 %)",
+            "Damping falls with frequency: by 15.5 % against a law proportional to frequency "
+            "(± 2 %)",
         ),
         (
             ("wall_stiffness", "S2", -0.25, 0.02),

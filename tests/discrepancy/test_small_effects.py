@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from femupdate.discrepancy.diagnose import diagnose
+from femupdate.discrepancy.diagnose import diagnose, with_pair
+from femupdate.discrepancy.thresholds import DiagnosisSettings
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5, 1.5]), np.array([9e3, 5e3, 4e3, 4e3])
 FLOORS = ("2F", "3F", "4F", "RF")
@@ -40,3 +41,34 @@ def test_too_few_points_tell_nothing(chains, building_of, observe, pose):
     found = diagnose(pose(building_of(MASSES, SPRINGS), seen))
     assert found.verdict == "unknown"
     assert found.sentence.startswith("The data are too few to tell: 8 independent points for 5")
+
+
+def test_a_name_goes_beyond_the_usual_tolerances(chains, building_of, observe, pose):
+    """Masses off by one per cent, each by chance: a name only where the file says zero."""
+    masses, among = MASSES * np.array([1.009, 0.988, 1.011, 0.992]), frozenset({"added_mass@4F"})
+    seen = observe(FLOORS, GRID, chains.Chain(masses, SPRINGS, zeta=0.01).frf(GRID), 0.005, 3)
+    exact = diagnose(pose(building_of(MASSES, SPRINGS), seen), among=among)
+    assert exact.leading.placed.label == "added_mass@4F"
+    assert exact.verdict in ("named", "partly")
+    found = diagnose(pose(building_of(MASSES, SPRINGS, tolerances=None), seen), among=among)
+    assert found.verdict == "none"
+    assert "masses that are known to 1.5 %" in found.sentence
+
+
+def test_one_cause_on_several_floors_is_one_name(chains, building_of, observe, pose):
+    heavy = MASSES * np.array([1.0, 1.15, 1.15, 1.0])
+    exact = chains.Chain(heavy, SPRINGS, zeta=0.02).frf(GRID)
+    found = diagnose(pose(building_of(MASSES, SPRINGS), observe(FLOORS, GRID, exact, 0.01, 3)))
+    assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@3F to 4F")
+    assert found.leading.size == pytest.approx(0.15, abs=3.0 * found.leading.size_sd)
+    assert found.leading.in_words.startswith("Each of 3F to 4F carries 1")
+
+
+def test_what_removes_little_is_a_candidate_alone(chains, building_of, observe, pose):
+    """A tie from the roof to the ground, which the catalogue lacks."""
+    tied = chains.Chain(MASSES, SPRINGS, zeta=0.02, tie=0.1 * SPRINGS[-1]).frf(GRID)
+    problem = pose(building_of(MASSES, SPRINGS), observe(FLOORS, GRID, tied, 0.01, 3))
+    among = frozenset({"added_mass@4F", "added_mass@RF"})
+    found = with_pair(diagnose(problem, among=among), DiagnosisSettings())
+    assert found.verdict == "unknown"
+    assert "may only stand in for the cause" in found.sentence

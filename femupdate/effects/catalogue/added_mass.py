@@ -5,11 +5,11 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, EffectParameter, Terms, mass_terms
-from femupdate.effects.structure import Structure
+from femupdate.effects.structure import Structure, numbers_of, ranges_of
 
 
 class AddedMass(Effect):
-    """A share of the mass of one floor, spread like the floor's own."""
+    """A share of the mass of a floor or of each of several, spread like the floor's own."""
 
     name = "added_mass"
     title = "Added mass"
@@ -24,11 +24,16 @@ class AddedMass(Effect):
         EffectParameter("size", "1", 0.1, lower=-0.5, upper=1.0, text="share of the floor's mass"),
     )
 
+    def points(self, structure: Structure) -> tuple[str, ...]:
+        """Ranges of floors."""
+        return ranges_of(structure.floors)
+
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """A ball on the floor."""
+        """A ball on each floor."""
         radius = 0.055 * drawn.size
-        foot = drawn.centre(drawn.level(place))
-        return (Glyph.of("ball", foot + np.array([0.0, 0.0, radius]), radius),)
+        up = np.array([0.0, 0.0, radius])
+        levels = [1 + floor for floor in numbers_of(place, drawn.structure.floors)]
+        return tuple(Glyph.of("ball", drawn.centre(level) + up, radius) for level in levels)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The masses of the floor's nodes once more."""
@@ -36,7 +41,7 @@ class AddedMass(Effect):
 
     def masses(self, structure: Structure, place: str) -> Floats:
         """What unit size adds to every point of the structure (m,), kg."""
-        here = structure.level_of == structure.floors.index(place)
+        here = np.isin(structure.level_of, numbers_of(place, structure.floors))
         return np.where(here, structure.points.mass, 0.0)
 
     def basis_questions(self, structure: Structure) -> tuple[tuple[str, float], ...]:

@@ -7,7 +7,11 @@ from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, EffectParameter, Terms
 from femupdate.effects.structure import Structure
 
-_LAWS = {"rayleigh": "Rayleigh's law", "proportional": "a law proportional to frequency"}
+_LAWS = {
+    "rayleigh": "Rayleigh's law",
+    "proportional": "a law proportional to frequency",
+    "mass": "the mass part of Rayleigh's law, which falls with frequency",
+}
 _ANCHORS = (1.0, 6.0)  # of the first frequency
 
 
@@ -26,7 +30,7 @@ class OtherDampingLaw(Effect):
     )
 
     def places(self, structure: Structure) -> tuple[str, ...]:
-        """Which law: Rayleigh's, or proportional to frequency."""
+        """Which law: Rayleigh's, or one of its parts, that of stiffness or of mass."""
         return tuple(_LAWS)
 
     def where(self, place: str) -> str:
@@ -35,11 +39,8 @@ class OtherDampingLaw(Effect):
 
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
-        if size < 0.0 and place != "rayleigh":
-            against = f"{-100.0 * size:.3g} % against {_LAWS[place]}"
-            return (
-                f"Damping falls with frequency, as by the mass part of Rayleigh's law: by {against}"
-            )
+        if size < 0.0 and place == "proportional":
+            return f"Damping falls with frequency: by {-100.0 * size:.3g} % against {_LAWS[place]}"
         return f"Damping follows {_LAWS[place]} by {100.0 * size:.3g} %"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
@@ -49,17 +50,15 @@ class OtherDampingLaw(Effect):
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The first frequency and which law."""
-        return Terms(constants=(structure.fundamental[0], float(place == "rayleigh")))
+        return Terms(constants=(structure.fundamental[0], float([*_LAWS].index(place))))
 
     def damping(
         self, ratio: Tensor, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]
     ) -> Tensor:
         """zeta (1 + s (g - 1)), g = 1 at the first frequency (both anchors for Rayleigh's)."""
-        first, rayleigh = constants
+        first, law = constants
+        low, high = _ANCHORS
         relative = omega / first
-        if rayleigh:
-            low, high = _ANCHORS
-            shape = (low * high / relative + relative) / (low + high)
-        else:
-            shape = relative
+        shapes = (low * high / relative + relative) / (low + high), relative, 1.0 / relative
+        shape = shapes[int(law)]
         return torch.clamp(ratio * (1.0 + sizes[:, :1] * (shape - 1.0)), 1e-4, 0.9)

@@ -50,7 +50,7 @@ def with_effects(number: str, task: Mapping[str, Any], folder: Path) -> None:
     effects = [
         {
             "kind": KINDS.get(placed.effect.name, placed.effect.name),
-            "places": _places(placed.effect.name, placed.place, building),
+            "places": places_of(placed.effect.name, placed.place, building),
             "size": added.finding.told[0],  # at the fitted factors
             "size_sd": added.finding.told[1],
         }
@@ -59,7 +59,7 @@ def with_effects(number: str, task: Mapping[str, Any], folder: Path) -> None:
     ]
     if verdict == "nonlinear":
         leading = done.last.leading
-        places = [] if leading is None else _places("", leading.placed.place, building)
+        places = [] if leading is None else places_of("", leading.placed.place, building)
         effects.append({"kind": "nonlinear", "places": places})
     _forecast(number, report.study or study, folder)
     _write(number, folder, started, {
@@ -127,7 +127,7 @@ def enter(name: str, number: str, folder: Path) -> None:
         (folder / f"{number}.failed").write_text(f"{error}\n")
 
 
-def _places(effect: str, place: str, building: Path) -> list[str]:
+def places_of(effect: str, place: str, building: Path) -> list[str]:
     """A place as a list: floors of an exchange, all stories, no place of a law, or itself."""
     known = load_building(building)
     if effect == "damping_law":
@@ -138,6 +138,10 @@ def _places(effect: str, place: str, building: Path) -> list[str]:
         walls = {story for wall in getattr(known, "walls", ()) for story in wall.stories}
         only = walls if "wall" in effect and "*" not in walls else set(known.story_names)
         return [story for story in known.story_names if story in only]
+    first, _, last = place.partition(" to ")
+    for names in (known.floors, known.story_names):
+        if last and first in names:
+            return list(names[names.index(first) : names.index(last) + 1])
     return place.split(",")
 
 

@@ -23,7 +23,7 @@ from .stick import STEP_S, Stick
 
 FOLDER = Path(__file__).parent
 RATE_HZ = 50.0
-_EVERY = round(1.0 / (RATE_HZ * STEP_S))
+EVERY = round(1.0 / (RATE_HZ * STEP_S))
 _BAND_HZ = (0.2, 19.0)
 _MEASURED_S, _NEXT_S = 60.0, 30.0
 _WHITE, _QUAKE = "white", "quake"
@@ -256,9 +256,9 @@ def make(number: int, task: Task, folder: Path = FOLDER) -> None:
     elif task.what == "hammer":
         _write_hammer(measured / "measured.csv", stick, zeta, rng)
     else:
-        base = _motion(task.shaking, _MEASURED_S, rng) * task.strength
+        base = motion(task.shaking, _MEASURED_S, rng) * task.strength
         _write(measured / "measured.csv", task, base, respond, floors, sensors, rng)
-    base = _motion(_QUAKE, _NEXT_S, rng) * task.strength
+    base = motion(_QUAKE, _NEXT_S, rng) * task.strength
     seen = replace(task, channels=None)
     _write(hidden / "next.csv", seen, base, respond, floors, floors, rng)
     rows = list(csv.reader((hidden / "next.csv").open()))
@@ -281,7 +281,7 @@ def make(number: int, task: Task, folder: Path = FOLDER) -> None:
         place.write_text(json.dumps(content, indent=1) + "\n")
 
 
-def _motion(shaking: str, seconds: float, rng: np.random.Generator) -> Floats:
+def motion(shaking: str, seconds: float, rng: np.random.Generator) -> Floats:
     """Motion of the base every `STEP_S`, m/s2: white, or Kanai and Tajimi's in an envelope.
 
     The envelope is that of Amin and Ang (1968, J. Eng. Mech. Div. ASCE 94, 559).
@@ -314,7 +314,7 @@ def _write(
     if task.channels is not None:
         seen = task.channels(seen)
     rows = [0, *(1 + floors.index(floor) for floor in sensors)]
-    kept = resample_poly(seen[rows], 1, _EVERY, axis=1)
+    kept = resample_poly(seen[rows], 1, EVERY, axis=1)
     kept = kept + task.noise * kept[0].std() * rng.standard_normal(kept.shape)
     with path.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
