@@ -18,7 +18,6 @@ class Chain:
         rocking: rotational spring under the base, N m/rad.
         sway: horizontal spring under the base, N/m.
         dashpots: (n,) N s/m, of the stories.
-        tie: N/m, from the highest floor to the ground.
         tower: (masses, springs, dashpots) of a second chain that stands on the roof.
     """
 
@@ -31,7 +30,6 @@ class Chain:
     sway: float | None = None
     dashpots: np.ndarray | None = None
     tower: tuple | None = None
-    tie: float = 0.0
 
     def but(self, **changes):
         return replace(self, **changes)
@@ -79,7 +77,6 @@ class Chain:
         M = absolute.T @ np.diag(masses) @ absolute
         K = np.diag(np.append(np.zeros(count), [spring for _, spring in free]))
         K[:count, :count] = _stiffness(springs)
-        K[own - 1, own - 1] += self.tie
         if self.proportional is not None:
             C = self.proportional[0] * M + self.proportional[1] * K
         else:

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import pytest
 
 from femupdate.discrepancy import DiagnosisSettings, Finding
+from femupdate.discrepancy.diagnose import with_pair
 from femupdate.discrepancy.evidence import Tested as Outcome
-from femupdate.discrepancy.findings import in_order
+from femupdate.discrepancy.findings import Diagnosis, in_order
 from femupdate.effects import CATALOGUE, Placed
 
 SETTINGS = DiagnosisSettings()
@@ -45,6 +46,27 @@ def test_what_removes_nothing_of_the_misfit_beyond_the_noise_is_no_name(chi2, na
     late = finding(LATE, 12.0, 24.0)
     late.fitted.chi2 = chi2
     assert late.names(base, SETTINGS) == named
+
+
+@pytest.mark.parametrize(
+    ("chi2", "left", "verdict"),
+    [(900.0, 0.1, "unknown"), (900.0, 0.0, "indistinguishable"), (600.0, 0.1, "indistinguishable")],
+    ids=["little", "nothing is left", "enough"],
+)
+def test_what_removes_less_than_a_third_is_a_candidate(chi2, left, verdict):
+    def remains():
+        return SimpleNamespace(size=left, sentence="The model is off.")
+
+    likelihood = SimpleNamespace(effective=100.0)
+    base = SimpleNamespace(chi2=1000.0, likelihood=likelihood, remains=remains)
+    heavy = finding(MASS, 12.0, 24.0)
+    heavy.fitted.chi2, heavy.fitted.remains = chi2, remains
+    found = Diagnosis(base, "indistinguishable", (heavy,), (), (), ("brace@2F-RF",), None, (), "")
+    told = with_pair(found, SETTINGS)
+    assert told.verdict == verdict
+    if verdict == "unknown":
+        assert "remove 11 % of the misfit" in told.sentence
+        assert told.sentence.endswith("cause: Added mass at RF. The model is off.")
 
 
 @pytest.mark.parametrize(
