@@ -324,8 +324,8 @@ def _hidden(
     if rng.uniform() < 0.5:
         law = ("BoucWen", alpha, initial, 1.0, bend, bend, 1.0, 0.0, 0.0, 0.0)
     yielding = replace(stick, materials={level - 1: law})
-    told = [effect("nonlinear", story)]
-    return yielding, None, told, f"{law[0]}, {alpha} beyond 1/{ductility:.1f} of the elastic peak"
+    words = f"{law[0]}, {alpha} beyond 1/{ductility:.1f} of the elastic peak"
+    return yielding, None, [effect("nonlinear", story)], words
 
 
 def _displacements(stick: Stick, base: Floats) -> Floats:
