@@ -302,12 +302,12 @@ def _hidden(
         order[[low, low + 1]] = low + 1, low
         return stick, lambda a: a[order], [effect("exchanged", *floors[low - 1 : low + 1])], ""
     if kind == "pair":
-        told: list[dict[str, Any]] = []
+        both: list[dict[str, Any]] = []
         channels = None
         for part in rng.choice([["mass", "delay"], ["mass", "damper"], ["brace", "gain"]]):
             stick, more, parts, _ = _hidden(stick, str(part), floors, stories, base, rng)
-            channels, told = more or channels, told + parts
-        return stick, channels, told, ""
+            channels, both = more or channels, both + parts
+        return stick, channels, both, ""
     if kind == _OUTSIDE and rng.uniform() < 0.5:
         tie = (0, count, 0.1 * float(stick.stiffness[-1]))
         return replace(stick, springs=(tie,)), None, [], "a tie from the roof to the ground"
