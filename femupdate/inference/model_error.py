@@ -215,7 +215,7 @@ class _Factor:
     def forward(self, alone: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
         """The factors' inverses times values of all coefficients, (r, g, j, n) and (r, s, n)."""
         first = torch.linalg.solve_triangular(self._groups, alone, upper=False)
-        rest = shared - (self.across.mT @ first).sum(1)
+        rest = shared - self.across.flatten(1, 2).mT @ first.flatten(1, 2)
         return first, torch.linalg.solve_triangular(self.shared, rest, upper=False)
 
     def solve(self, alone: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
@@ -239,7 +239,8 @@ class _Factor:
 
     @property
     def _groups(self) -> Tensor:
-        return self.own.repeat(1, self.across.shape[1] // self.own.shape[1], 1, 1)
+        parts = self.across.shape[1] // self.own.shape[1]
+        return self.own if parts == 1 else self.own.repeat(1, parts, 1, 1)
 
 
 class LearnedError:
@@ -502,11 +503,12 @@ class LearnedError:
         known = (
             spread[:, None, :, None] * self._across.permute(1, 2, 0) / noise[:, None, None, None]
         )
-        both = self._with_common(known, commons[:, None, None, None] * scaled)
-        both = owns[:, None, None, None] * both
-        groups = alone.repeat(1, self._parts, 1, 1)
-        across = torch.linalg.solve_triangular(groups, both, upper=False)
-        shared = self._shared_precision(rows, scaled, known) - (across.mT @ across).sum(1)
+        both = owns[:, None, None, None] * known
+        both = self._with_common(both, (owns * commons)[:, None, None, None] * scaled)
+        groups = alone if self._parts == 1 else alone.repeat(1, self._parts, 1, 1)
+        across = torch.linalg.solve_triangular(groups, both, upper=False).contiguous()
+        flat = across.flatten(1, 2)
+        shared = self._shared_precision(rows, scaled, known) - flat.mT @ flat
         return _Factor(alone, across, torch.linalg.cholesky(shared))
 
     def _with_common(self, known: Tensor, common: Tensor) -> Tensor:

@@ -23,7 +23,7 @@ from femupdate.arrays import Complexes, Flags, Floats, Indices
 from femupdate.errors import MeasurementError
 
 # Figures by which files are judged.
-_PADDING = 4  # bins for each independent one: the FRF is then nearly straight between them
+PADDING = 4  # bins for each independent one: the FRF is then nearly straight between them
 _AVERAGES = 5.0  # independent segments that the default length leaves
 
 
@@ -92,14 +92,12 @@ class Spectra:
         base: (b,) of the base.
         floors: (f, b) of each floor.
         cross: (f, b) of base and floor, conj(base) times floor.
-        padding: bins per independent bin.
     """
 
     frequency_hz: Floats
     base: Floats
     floors: Floats
     cross: Complexes
-    padding: int = _PADDING
 
 
 def effective_averages(length: int, count: int) -> float:
@@ -141,7 +139,7 @@ def welch_spectra(base: Floats, floors: Floats, time_step: float, segments: Segm
         "window": "hann",
         "nperseg": length,
         "noverlap": overlap,
-        "nfft": _PADDING * length,
+        "nfft": PADDING * length,
         "detrend": "constant",
     }
     frequency_hz, base_density = welch(base, **options)
@@ -158,7 +156,7 @@ def segment_spectra(
     length, starts = segments.length, segments.starts
     cut = np.stack([base[start : start + length] for start in starts])
     window = window_of(length)
-    padded = _PADDING * length
+    padded = PADDING * length
     spectra = np.fft.rfft(window * (cut - cut.mean(axis=1, keepdims=True)), padded)
     bins = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
     return np.asarray(spectra), bins, np.asarray(starts * time_step, dtype=np.float64)

@@ -22,6 +22,7 @@ from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.dynamics.level import levels_in_run, strongest_hz
 from femupdate.errors import MeasurementError
 from femupdate.measurement.estimated import (
+    PADDING,
     Segments,
     Spectra,
     choose_segments,
@@ -291,11 +292,11 @@ def _checked_grid(frequency_hz: Floats) -> Floats:
     return grid
 
 
-def _smooth(density: Floats, spectra: Spectra) -> Floats:
+def _smooth(density: Floats) -> Floats:
     """Mean of a density (f, b) over its neighbours, Hann-weighted."""
     from scipy.ndimage import convolve1d
 
-    kernel = np.hanning(2 * _NOISE_BINS * spectra.padding + 1)
+    kernel = np.hanning(2 * _NOISE_BINS * PADDING + 1)
     return np.asarray(convolve1d(density, kernel / kernel.sum(), axis=-1, mode="nearest"))
 
 
@@ -303,7 +304,7 @@ def _incoherent(spectra: Spectra, coherence: Floats, averages: float, inputs: in
     """Power of each floor (f, b) that does not follow the base."""
     free = max(averages - inputs, 1.0)
     share = (1.0 - np.minimum(coherence, 1.0)) * averages / free
-    return _smooth(share * spectra.floors, spectra)
+    return _smooth(share * spectra.floors)
 
 
 def _noise(spectra: Spectra, coherence: Floats, incoherent: Floats, averages: float) -> Floats:
@@ -317,7 +318,7 @@ def _trusted(spectra: Spectra, incoherent: Floats, noise: Floats, averages: floa
     """Whether an estimate at the bins (f, b) may be used."""
     from scipy.ndimage import maximum_filter1d
 
-    around = 1.0 - incoherent / np.maximum(_smooth(spectra.floors, spectra), _TINY)
+    around = 1.0 - incoherent / np.maximum(_smooth(spectra.floors), _TINY)
     # Chance exceeds g2 with probability (1 - g2)^(n - 1) between unrelated signals. The coherence
     # around a frequency rests on about half as many more averages as it has bins (Hann windows
     # make neighbours repeat each other).
@@ -325,7 +326,7 @@ def _trusted(spectra: Spectra, incoherent: Floats, noise: Floats, averages: floa
     # A coherence that unrelated signals exceed in one of a hundred counts as zero.
     chance = 1.0 - 0.01 ** (1.0 / (pooled - 1.0))
     # Ten independent bins to either side are nearby.
-    nearby = maximum_filter1d(spectra.base, 2 * 10 * spectra.padding + 1)
+    nearby = maximum_filter1d(spectra.base, 2 * 10 * PADDING + 1)
     # With so little power the base shows leakage: far side lobes of the window fall as k^-6.
     # Likewise of the largest power anywhere.
     power = (spectra.base > 1e-3 * nearby) & (spectra.base > 1e-7 * spectra.base.max())
