@@ -50,6 +50,13 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
             "MN m/rad": 1e6,
             "GN m/rad": 1e9,
         },
+        "damping": {"N s/m": 1.0, "kN s/m": 1e3, "MN s/m": 1e6, "kN s/mm": 1e6},
+        "rotational damping": {
+            "N m s/rad": 1.0,
+            "kN m s/rad": 1e3,
+            "MN m s/rad": 1e6,
+            "GN m s/rad": 1e9,
+        },
         "stiffness per mass": {"1/s2": 1.0, "N/m/kg": 1.0, "kN/m/t": 1.0},
         "frequency": {"Hz": 1.0},
         "force": {

@@ -1,6 +1,6 @@
 """A building as a finite-element model, and what the model's nodes mean."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,11 +10,13 @@ from femupdate.arrays import Floats, Integers
 from femupdate.building.blocks import DeadWall
 from femupdate.building.connections import connected
 from femupdate.building.entry import Complaint
-from femupdate.building.frame import FrameBuilding
-from femupdate.building.members import SPRING_KEYS, Supports
+from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
+from femupdate.building.members import SPRING_KEYS, SixSprings, Supports
+from femupdate.building.mesh_check import nearest_node
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.parameters import StiffnessFactor, stiffness_factors, with_factors
-from femupdate.building.references import resolve
+from femupdate.building.quantities import ALL
+from femupdate.building.references import intersections, resolve
 from femupdate.fe.model import FiniteElementModel, PointMasses
 
 Massive = FrameBuilding | MeshBuilding
@@ -94,6 +96,48 @@ def _refuse_soft_springs(
             )
 
 
+def _refuse_soft_isolation(model: FiniteElementModel, masses: PointMasses, base: Integers) -> None:
+    """Raise Complaint for springs under single columns on which the building would hardly stand."""
+    mass = masses.mass.sum() + sum(part.mass(model.nodes).sum() for part in model.elements)
+    own = np.isin(model.springs.nodes[:, 0], base)
+    for way in range(3):
+        total = model.springs.stiffness[own & (model.springs.direction == way)].sum()
+        free = len(base) and not model.fixed[base, way].any()
+        if free and total and (hz := np.sqrt(total / mass) / (2.0 * np.pi)) < 0.05:
+            text = f"the whole building would move at {hz:.1g} Hz on these springs"
+            raise Complaint(f"springs[0].{SPRING_KEYS[way]}", f"{text}; is the unit wrong?")
+
+
+def _sprung(
+    building: Massive, model: FiniteElementModel, base: Integers
+) -> Iterator[tuple[Integers, SixSprings]]:
+    """The nodes of every group of springs to the ground."""
+    ends = np.unique(np.concatenate([b.nodes[b.kind == "column"].ravel() for b in model.elements]))
+    feet = np.intersect1d(base, ends)
+    for number, group in enumerate(building.springs):
+        key, nodes = f"springs[{number}]", feet
+        if group.points:
+            sides = model.nodes[np.concatenate([model.lines, model.faces[:, :2]])]
+            found = [
+                nearest_node(model.nodes, sides, np.array(point), f"{key}.points[{m}]")
+                for m, point in enumerate(group.points)
+            ]
+            nodes = np.array(found)
+        elif group.at != ALL and isinstance(building, FrameBuilding):
+            grid, found = building.grid, []
+            for m, point in enumerate(intersections(grid, group.at, f"{key}.at")):
+                away = np.abs(model.nodes[feet, :2] - (grid.x[point.x], grid.y[point.y]))
+                here = feet[(away < CLOSEST_LINES).all(axis=1)]
+                if not len(here):
+                    text = f"no column stands on the base at {group.at[m]}; name another or remove"
+                    raise Complaint(f"{key}.at[{m}]", f"{text} it")
+                found.append(int(here[0]))
+            nodes = np.array(found)
+        elif not len(feet):
+            raise Complaint(f"{key}.at", "no column stands on the base; give points instead")
+        yield nodes, group
+
+
 @dataclass(frozen=True, kw_only=True)
 class BuildingMesh:
     """A meshed building."""
@@ -137,7 +181,9 @@ def finished(
     """
     masses, factors = place_masses(building, model, dead), stiffness_factors(building)
     _refuse_soft_springs(model, masses, base, building.supports)
-    held = connected(model, base, building.supports, diaphragms)
+    sprung = _sprung(building, model, base)
+    held = connected(model, base, building.supports, sprung, diaphragms)
+    _refuse_soft_isolation(held, masses, base)
     if building.by_kind:
         held = with_factors(held, factors)
     return BuildingMesh(

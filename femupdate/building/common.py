@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
+from itertools import pairwise
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -9,7 +10,15 @@ from pydantic import Field, model_validator
 
 from femupdate.arrays import Floats
 from femupdate.building.entry import Complaint, Entry, unknown
-from femupdate.building.members import Base, FloorMass, FrameStory, Material, Story, Supports
+from femupdate.building.members import (
+    Base,
+    FloorMass,
+    FrameStory,
+    Material,
+    SpringGroup,
+    Story,
+    Supports,
+)
 from femupdate.building.quantities import (
     Flag,
     Frequency,
@@ -91,25 +100,53 @@ class Damping(Entry):
 
     With the law "constant" all modes have `ratio`, which predictions use. With "rayleigh" the ratio
     is reached at two frequencies, the anchors, and fixed whatever theta is: that of a mode of
-    circular frequency w is a0 / (2 w) + a1 w / 2 (Clough and Penzien, 1993, section 12-5).
+    circular frequency w is a0 / (2 w) + a1 w / 2 (Clough and Penzien, 1993, section 12-5). With
+    "modes" each mode has its own of `ratios`, told by its frequency among the anchors: between two
+    of them linear in the logarithm of frequency, beyond them as at the last. All go with the first,
+    which is `ratio`, where that is unknown.
     """
 
-    law: Literal["constant", "rayleigh"]
+    law: Literal["constant", "rayleigh", "modes"]
     ratio: PositiveNumber
-    anchors: tuple[Frequency, Frequency] | None = None
+    anchors: tuple[Frequency, ...] | None = None
+    ratios: tuple[PositiveNumber, ...] | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> "Damping":
         if self.ratio >= 1.0:
             text = f"{self.ratio:g} must lie below 1 (critical); 2 % is written 0.02"
             raise Complaint("ratio", text)
-        if self.is_rayleigh and self.anchors is None:
-            raise Complaint("anchors", "the key is missing; add the two frequencies")
-        if not self.is_rayleigh and self.anchors is not None:
-            raise Complaint("anchors", 'they need law = "rayleigh"; remove them or change the law')
-        if self.anchors is not None and self.anchors[0] == self.anchors[1]:
+        if self.law == "constant":
+            for key in ("anchors", "ratios"):
+                if getattr(self, key) is not None:
+                    text = 'they need law = "rayleigh" or "modes"; remove them or change the law'
+                    raise Complaint(key, text)
+            return self
+        if self.anchors is None:
+            text = "the two frequencies" if self.is_rayleigh else "the frequency of each mode"
+            raise Complaint("anchors", f"the key is missing; add {text}")
+        if self.is_rayleigh and len(self.anchors) != 2:
+            raise Complaint("anchors", f"the list has {len(self.anchors)} entries; write 2")
+        if self.is_rayleigh and self.anchors[0] == self.anchors[1]:
             raise Complaint("anchors", "the two frequencies must differ; change one of them")
+        if self.is_rayleigh:
+            return self
+        if self.ratios is None or len(self.ratios) != len(self.anchors):
+            text = f"write a ratio for each of the {len(self.anchors)} anchors"
+            raise Complaint("ratios", text)
+        if any(low >= high for low, high in pairwise(self.anchors)):
+            raise Complaint("anchors", "frequencies of modes must rise; put them in order")
+        if max(self.ratios) >= 1.0:
+            raise Complaint("ratios", f"{max(self.ratios):g} must lie below 1 (critical)")
+        if self.ratios[0] != self.ratio:
+            text = f"the first, {self.ratios[0]:g}, must be `ratio`, {self.ratio:g}; correct one"
+            raise Complaint("ratios", text)
         return self
+
+    @property
+    def lowest(self) -> float:
+        """Lowest ratio of any mode, over `ratio`."""
+        return min(self.ratios or (self.ratio,)) / self.ratio
 
     @property
     def is_rayleigh(self) -> bool:
@@ -248,6 +285,11 @@ class Building(Entry):
         return False
 
     @property
+    def has_dashpots(self) -> bool:
+        """Whether dashpots stand between building and ground, so that modes are complex."""
+        return False
+
+    @property
     def forces_are_relative(self) -> bool:
         """Whether masses are nominal, so that only stiffness over mass can be known."""
         return self.masses_known is False
@@ -284,6 +326,12 @@ class MeshedBuilding(Building):
     sections: dict[str, Section] = Field(default_factory=dict)
     floor_mass: tuple[FloorMass, ...] = ()
     supports: Supports = Supports()
+    springs: tuple[SpringGroup, ...] = ()
+
+    @property
+    def has_dashpots(self) -> bool:
+        """As of a `Building`."""
+        return any(any(group.dashpots) for group in (self.supports, *self.springs))
 
     @property
     def floor_levels(self) -> Floats:
@@ -302,6 +350,9 @@ class MeshedBuilding(Building):
             raise Complaint("materials", text)
         for name, section in self.sections.items():
             self.check_material(section.material, f"sections.{name}")
+        if self.springs and self.supports.base not in ("fixed", "pinned"):
+            text = f'they stand on a base that is "fixed" or "pinned", not {self.supports.base!r}'
+            raise Complaint("springs", f"{text}; change supports.base")
         given: dict[str, int] = {}
         for n, mass in enumerate(self.floor_mass):
             key = f"floor_mass[{n}].floors"

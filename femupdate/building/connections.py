@@ -7,7 +7,7 @@ import numpy as np
 
 from femupdate.arrays import Integers
 from femupdate.building.lattice import ExtraLines
-from femupdate.building.members import Supports
+from femupdate.building.members import SixSprings, Supports
 from femupdate.building.mesh_check import piece_of
 from femupdate.fe.joints import edge_joints, joint_links
 from femupdate.fe.model import CONSTANT, DOF_PER_NODE, FiniteElementModel, RigidLinks, Springs
@@ -18,13 +18,18 @@ _IN_PLAN = np.array([True, True, False, False, False, True])
 
 
 def connected(
-    model: FiniteElementModel, base: Integers, supports: Supports, diaphragms: Iterable[Integers]
+    model: FiniteElementModel,
+    base: Integers,
+    supports: Supports,
+    springs: Iterable[tuple[Integers, SixSprings]],
+    diaphragms: Iterable[Integers],
 ) -> FiniteElementModel:
     """Return the model with its supports and rigid links.
 
     Args:
         base: (n,) nodes at the base.
         supports: how they are held; a sprung footing adds one node, the last.
+        springs: nodes with springs to the ground, which take the place of their support.
         diaphragms: node indices of each slab that is rigid in plan.
     """
     fixed = np.zeros((len(model.nodes), DOF_PER_NODE), dtype=np.bool_)
@@ -33,6 +38,8 @@ def connected(
     footing = RigidLinks()
     if supports.base == "springs":
         model, footing = _on_springs(model, base, supports)
+    for nodes, group in springs:
+        model = _with_springs(model, nodes, group)
     joints = []
     for joint in edge_joints(model):
         if joint.node not in base:  # the base's nodes are left to its support
@@ -62,15 +69,7 @@ def _on_springs(
     """Return the model with one more node under the middle of the base, on springs."""
     footing = len(model.nodes)
     middle = 0.5 * (model.nodes[base].min(axis=0) + model.nodes[base].max(axis=0))
-    given = [k for k, value in enumerate(supports.springs) if value is not None]
     held = np.ones((1, DOF_PER_NODE), dtype=np.bool_)
-    held[0, given] = False
-    springs = Springs(
-        nodes=np.tile([footing, -1], (len(given), 1)),
-        direction=np.array(given, dtype=np.int64),
-        stiffness=np.array([k for k in supports.springs if k is not None]),
-        group=np.full(len(given), CONSTANT, dtype=np.int64),
-    )
     links = RigidLinks(
         master=np.full(len(base), footing, dtype=np.int64),
         slave=base.astype(np.int64),
@@ -78,7 +77,27 @@ def _on_springs(
     )
     nodes = np.concatenate([model.nodes, middle[None]])
     fixed = np.concatenate([model.fixed, held])
-    return replace(model, nodes=nodes, fixed=fixed, springs=springs), links
+    model = replace(model, nodes=nodes, fixed=fixed)
+    return _with_springs(model, np.array([footing]), supports), links
+
+
+def _with_springs(
+    model: FiniteElementModel, nodes: Integers, group: SixSprings
+) -> FiniteElementModel:
+    """Return the model with springs from nodes (n,) to the ground, free in their directions."""
+    given = [k for k, value in enumerate(group.springs) if value is not None]
+    count, fixed = len(nodes), model.fixed.copy()
+    fixed[nodes[:, None], given] = False
+    at_node, way = np.repeat(nodes, len(given)), np.tile(given, count)
+    before = model.springs
+    springs = Springs(
+        nodes=np.concatenate([before.nodes, np.column_stack([at_node, np.full(len(at_node), -1)])]),
+        direction=np.concatenate([before.direction, way]),
+        stiffness=np.append(before.stiffness, [group.springs[k] or 0.0 for k in way]),
+        group=np.append(before.group, np.full(len(way), CONSTANT)),
+        damping=np.append(before.dashpots, [group.dashpots[k] or 0.0 for k in way]),
+    )
+    return replace(model, fixed=fixed, springs=springs)
 
 
 def _diaphragms(

@@ -101,8 +101,8 @@ def mechanics_hash(building: Building) -> str:
     where zeta has a prior.
     """
     document = {k: v for k, v in _by_content(building).items() if k not in _NOT_MECHANICS}
-    if not building.damping.is_rayleigh and building.prior.zeta is not None:
-        document["damping"] = {"law": building.damping.law}
+    if building.damping.law == "constant" and building.prior.zeta is not None:
+        document["damping"] = {"law": "constant"}
     return _digest(document)
 
 

@@ -83,6 +83,8 @@ class FrameBuilding(MeshedBuilding):
         for floor in self.sensors.floors:
             key, points = self.sensors.of(floor)
             intersections(self.grid, points, key)
+        for n, group in enumerate(self.springs):
+            intersections(self.grid, group.at, f"springs[{n}].at")
         named = [columns.stories for columns in self.columns]
         named += [wall.stories for wall in self.walls if wall.is_stiff]
         stories = self.story_names

@@ -8,6 +8,7 @@ from femupdate.building.entry import Complaint, Entry
 from femupdate.building.quantities import (
     ALL,
     Coordinate,
+    Damping,
     Density,
     Flag,
     Label,
@@ -16,6 +17,7 @@ from femupdate.building.quantities import (
     Mass,
     Names,
     Number,
+    RotationalDamping,
     RotationalStiffness,
     Stiffness,
     Stress,
@@ -206,6 +208,60 @@ class FloorMass(Entry):
 SPRING_KEYS = ("kx", "ky", "kz", "krx", "kry", "krz")
 
 
+class SixSprings(Entry):
+    """A spring along and about each axis, with a dashpot beside it; None where there is none."""
+
+    kx: Stiffness | None = None
+    ky: Stiffness | None = None
+    kz: Stiffness | None = None
+    krx: RotationalStiffness | None = None
+    kry: RotationalStiffness | None = None
+    krz: RotationalStiffness | None = None
+    cx: Damping | None = None
+    cy: Damping | None = None
+    cz: Damping | None = None
+    crx: RotationalDamping | None = None
+    cry: RotationalDamping | None = None
+    crz: RotationalDamping | None = None
+
+    @property
+    def springs(self) -> tuple[float | None, ...]:
+        """Stiffness along x, y, z and about x, y, z, N/m and N m/rad."""
+        return (self.kx, self.ky, self.kz, self.krx, self.kry, self.krz)
+
+    @property
+    def dashpots(self) -> tuple[float | None, ...]:
+        """Damping along x, y, z and about x, y, z, N s/m and N m s/rad."""
+        return (self.cx, self.cy, self.cz, self.crx, self.cry, self.crz)
+
+    @model_validator(mode="after")
+    def _dashpots_beside_springs(self) -> "SixSprings":
+        for key, k, c in zip(SPRING_KEYS, self.springs, self.dashpots, strict=True):
+            if c is not None and k is None:
+                text = f"a dashpot needs a spring beside it; give {key} or remove it"
+                raise Complaint(f"c{key[1:]}", text)
+        return self
+
+
+class SpringGroup(SixSprings):
+    """Alike springs to the ground: isolators, piles, soil under single footings or beside a wall.
+
+    Each stands under a column ("*": under all), or at the node nearest to a point (x, y, z). In its
+    own directions it takes the place of the support there.
+    """
+
+    at: Names = ALL
+    points: tuple[tuple[Coordinate, Coordinate, Coordinate], ...] = ()
+
+    @model_validator(mode="after")
+    def _some_spring(self) -> "SpringGroup":
+        if not any(self.springs):
+            raise Complaint("kx", f"give a stiffness, one of {', '.join(SPRING_KEYS)}")
+        if self.points and self.at != ALL:
+            raise Complaint("points", "give either columns (at) or points; write two tables")
+        return self
+
+
 RELEASED = ("slides", "free")
 
 
@@ -226,7 +282,7 @@ class Base(Entry):
         return self
 
 
-class Supports(Base):
+class Supports(Base, SixSprings):
     """How the nodes at the base are held.
 
     "fixed" holds them in all six directions, "pinned" in three. With "springs" they are one rigid
@@ -234,18 +290,6 @@ class Supports(Base):
     foundation; a direction without a stiffness is held.
     With "slides" and "free" (see `Base`) they are clamped to a base that moves as one.
     """
-
-    kx: Stiffness | None = None
-    ky: Stiffness | None = None
-    kz: Stiffness | None = None
-    krx: RotationalStiffness | None = None
-    kry: RotationalStiffness | None = None
-    krz: RotationalStiffness | None = None
-
-    @property
-    def springs(self) -> tuple[float | None, ...]:
-        """Stiffness along x, y, z and about x, y, z, N/m and N m/rad; None where held."""
-        return (self.kx, self.ky, self.kz, self.krx, self.kry, self.krz)
 
     @model_validator(mode="after")
     def _springs_where_said(self) -> "Supports":

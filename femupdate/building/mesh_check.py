@@ -46,6 +46,25 @@ def place(point: Floats) -> str:
     return f"({', '.join(f'{value:.4g}' for value in point)}) m"
 
 
+def nearest_node(nodes: Floats, lines: Floats, point: Floats, key: str) -> int:
+    """Return the node that is nearest to a point, no further than the longest line is long.
+
+    Args:
+        nodes: (N, 3).
+        lines: (n, 2, 3) ends of sides of elements.
+
+    Raises:
+        Complaint: there is none.
+    """
+    away = np.linalg.norm(nodes - point, axis=1)
+    nearest = int(away.argmin())
+    if away[nearest] > np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).max():
+        where = place(nodes[nearest])
+        text = f"{place(np.asarray(point))} lies outside of the building, whose nearest node is at"
+        raise Complaint(key, f"{text} {where}; correct it")
+    return nearest
+
+
 UPRIGHT = 0.9  # vertical component of the axis of what is a column, of the normal of a slab
 _SAME = 1e-6  # of the structure's size: nodes nearer than this are in the same place
 _KEY = "mesh.file"

@@ -7,7 +7,15 @@ from pydantic import Field, model_validator
 from femupdate.building.common import Building, MeshedBuilding
 from femupdate.building.entry import Complaint, Entry
 from femupdate.building.members import Material
-from femupdate.building.quantities import Coordinate, Label, Length, LengthOrZero, Names, Number
+from femupdate.building.quantities import (
+    ALL,
+    Coordinate,
+    Label,
+    Length,
+    LengthOrZero,
+    Names,
+    Number,
+)
 from femupdate.building.references import require
 from femupdate.building.shipped import is_deck
 
@@ -122,7 +130,7 @@ class MeshBuilding(MeshedBuilding):
             if self.mesh.force is None:
                 text = 'the key is missing; write the unit of force of the deck, such as "N"'
                 raise Complaint("mesh.force", text)
-            for key in ("materials", "sections", "floor_mass"):
+            for key in ("materials", "sections", "floor_mass", "springs"):
                 if getattr(self, key):
                     raise Complaint(key, "the deck has them; change them there, or give parts")
             if self.supports.base in ("pinned", "springs"):
@@ -130,6 +138,10 @@ class MeshBuilding(MeshedBuilding):
                 raise Complaint("supports.base", text)
             return
         super().check()
+        for n, springs in enumerate(self.springs):
+            if springs.at != ALL:
+                text = 'a mesh has no grid lines; write "*" for all columns, or give points'
+                raise Complaint(f"springs[{n}].at", text)
         if not self.parts:
             raise Complaint("parts", "no group of the mesh has a meaning; add a [[parts]] table")
         for n, part in enumerate(self.parts):

@@ -20,6 +20,8 @@ _WRITTEN = {
     "density": ("kg/m3",),
     "stiffness": ("N/m", "kN/m"),
     "rotational stiffness": ("N m/rad", "kN m/rad"),
+    "damping": ("N s/m", "kN s/m"),
+    "rotational damping": ("N m s/rad", "kN m s/rad"),
     "stiffness per mass": ("1/s2",),
     "frequency": ("Hz",),
     "time": ("ms",),
@@ -35,6 +37,8 @@ _POSSIBLE = {
     "density": (1e-3, 1e6),
     "stiffness": (1e-3, 1e20),
     "rotational stiffness": (1e-3, 1e24),
+    "damping": (1e-3, 1e15),
+    "rotational damping": (1e-3, 1e18),
     "stiffness per mass": (1e-6, 1e15),
     "frequency": (1e-6, 1e6),
     "time": (0.0, 1e9),
@@ -172,6 +176,8 @@ Stress = Annotated[float, Quantity("stress")]
 Density = Annotated[float, Quantity("density", "not negative")]
 Stiffness = Annotated[float, Quantity("stiffness")]
 RotationalStiffness = Annotated[float, Quantity("rotational stiffness")]
+Damping = Annotated[float, Quantity("damping")]
+RotationalDamping = Annotated[float, Quantity("rotational damping")]
 StiffnessPerMass = Annotated[float, Quantity("stiffness per mass")]
 Frequency = Annotated[float, Quantity("frequency")]
 Time = Annotated[float, Quantity("time", "not negative")]

@@ -1,5 +1,6 @@
 """Damping laws: the damping ratio of every mode from its circular frequency."""
 
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -46,8 +47,33 @@ class RayleighDamping:
         return self.mass_coefficient / (2.0 * omega) + self.stiffness_coefficient * omega / 2.0
 
 
+class ModesDamping:
+    """A ratio for each mode, told by its frequency; all in proportion to zeta, the first one's.
+
+    Args:
+        ratios: of the modes at these frequencies; linear in ln f between, constant beyond.
+        frequencies_hz: ascending, Hz.
+    """
+
+    def __init__(self, ratios: Sequence[float], frequencies_hz: Sequence[float]) -> None:
+        self.relative = torch.tensor(ratios, dtype=torch.float64) / ratios[0]
+        self.places = torch.tensor(frequencies_hz, dtype=torch.float64).mul(2.0 * torch.pi).log()
+
+    def ratio(self, omega: Tensor, zeta: Tensor) -> Tensor:
+        """Damping ratios (N, m)."""
+        relative, places = self.relative.to(omega), self.places.to(omega)
+        relative_at = relative[0].expand_as(omega)
+        for k, width in enumerate(places.diff()):
+            share = ((omega.log() - places[k]) / width).clamp(0.0, 1.0)
+            relative_at = relative_at + share * (relative[k + 1] - relative[k])
+        return zeta[:, None] * relative_at
+
+
 def damping_law(building: Building) -> DampingLaw:
     """The law that a building file names."""
-    if building.damping.anchors is not None:
-        return RayleighDamping(building.damping.ratio, building.damping.anchors)
-    return ConstantDamping()
+    damping = building.damping
+    if damping.anchors is None:
+        return ConstantDamping()
+    if damping.ratios is not None:
+        return ModesDamping(damping.ratios, damping.anchors)
+    return RayleighDamping(damping.ratio, (damping.anchors[0], damping.anchors[1]))

@@ -15,7 +15,7 @@ from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.damping import DampingLaw
-from femupdate.dynamics.reduced import BaseRotation, ReducedModel, reduce_terms
+from femupdate.dynamics.reduced import BaseRotation, ReducedModel, dashpots_on, reduce_terms
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import UNSCALED, Placed, SpringTerms, Terms
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
@@ -156,7 +156,7 @@ def driven_system(
     turns = turns or any(terms_of.pitch or terms_of.flexibility[ROTATION] for terms_of in terms)
     ports = [terms_of.port.row for terms_of in terms if terms_of.port is not None]
     translated = whole.force if turns else whole.force[:, [TRANSLATION]]
-    forces = np.column_stack([translated, *ports])
+    forces = np.column_stack([translated, *ports, *structure.dashpots])
     held = structure.operators
     factors = factorize(whole.stiffness) if held is None else factorize_held(held, whole.stiffness)
     sprung = WithSprings(factors, whole.springs)
@@ -193,4 +193,5 @@ def _on_shapes(
             story_moment=whole.story_rigid[:, ROTATION],
             levels=seen.levels,
         ),
+        dashpots=dashpots_on(structure, shapes),
     )

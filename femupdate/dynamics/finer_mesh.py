@@ -148,9 +148,11 @@ def _moved(
         reduced.excitation @ vectors,
         reduced.floor_shapes @ vectors,
         np.zeros(len(reduced.floors)),
+        None if reduced.dashpots is None else reduced.dashpots @ vectors,
     )
     # Responses of less energy, of the largest, are left out.
     forces = combined(loads, (vectors * squared) @ felt.combinations(target, 1e-5))
     static = STATIC_WEIGHT * fine.rigid_force[:, [TRANSLATION]]
-    moved = factorize(fine.stiffness(theta)).apply(np.column_stack([forces, static]))
+    held = STATIC_WEIGHT * fine.dashpot_forces.T  # which lag behind what floors do
+    moved = factorize(fine.stiffness(theta)).apply(np.column_stack([forces, static, held]))
     return moved.astype(np.float32)

@@ -78,8 +78,7 @@ def local_structure(
     factors = factorize_held(alone, middle.stiffness)
     modes = modes_below(alone, np.zeros(0), target.top_hz, factors)
     shapes: list[Floats | Singles] = []
-    if present is not None:
-        shapes += _along_ports(structure, WithSprings(factors, middle.springs), present)
+    shapes += _along_ports(structure, WithSprings(factors, middle.springs), present or ())
     progress.start("Reducing the model for effects", len(questions))
     task = partial(_answer, structure, KnownModes.of(middle, modes), target)
     for shape in everywhere(task, questions):
@@ -89,12 +88,13 @@ def local_structure(
 
 
 def _along_ports(structure: Structure, factors: Factored, sets: Sequence[Sized]) -> list[Floats]:
-    """What a force in the line of each effect that is present moves, (n, 1) each."""
+    """What a force along each effect that is present, or along a dashpot, moves, (n, 1) each."""
     acting = {placed.label: placed for present in sets for placed, _ in present}
     terms = (listed.effect.terms(structure, listed.place) for listed in acting.values())
     rows = [term.port.row for term in terms if term.port is not None]
     force = structure.rigid_mass[TRANSLATION, TRANSLATION]
-    return [STATIC_WEIGHT * factors.apply(force * row[:, None]) for row in rows]
+    columns = [*(force * row for row in rows), *structure.dashpot_forces]
+    return [STATIC_WEIGHT * factors.apply(column[:, None]) for column in columns]
 
 
 def _of_catalogue(structure: Structure) -> list[tuple[tuple[Terms, float], ...]]:
@@ -173,11 +173,16 @@ def _answer(
     """See `nearby_shapes`."""
     added, theta = question
     equations = equations_at(structure, theta, added)
-    return nearby_shapes(equations, structure.floor_rows, known, target).astype(np.float32)
+    found = nearby_shapes(equations, structure.floor_rows, known, target, structure.dashpots)
+    return found.astype(np.float32)
 
 
 def nearby_shapes(
-    equations: Equations, rows: Floats, known: KnownModes, target: ReductionTarget
+    equations: Equations,
+    rows: Floats,
+    known: KnownModes,
+    target: ReductionTarget,
+    dashpots: Floats | None = None,
 ) -> Floats:
     """Weighted shapes (n, c) that span the responses of a changed model over the grid.
 
@@ -190,12 +195,15 @@ def nearby_shapes(
         equations: of the changed model.
         rows: (f, n) where its floors are observed.
         known: of the model that it differs little from.
+        dashpots: (j, n) as those of a `Structure`.
     """
+    lines = dashpots if dashpots is not None and len(dashpots) else None
     factors = WithSprings(factorize(equations.stiffness), equations.springs)
     force, modes = equations.force[:, TRANSLATION], known.shapes
     static = factors.apply(force[:, None])[:, 0]
     stiffness, mass, image = known.of_changed(equations)
-    coarse = _Projected(stiffness, mass, rows @ modes, force @ modes)
+    seen = None if lines is None else lines @ modes
+    coarse = _Projected(stiffness, mass, rows @ modes, force @ modes, seen)
     first = coarse.responses(rows @ static, target)
     fresh = np.column_stack([factors.apply(combined(image, first)), static])
     # Projected as they are, and not as solutions: what the solver leaves would pass for stiffness.
@@ -205,6 +213,7 @@ def nearby_shapes(
         _symmetric(coarse.mass, along(image, fresh), fresh.T @ moved),
         np.column_stack([coarse.floors, rows @ fresh]),
         np.append(coarse.driven, force @ fresh),
+        None if seen is None or lines is None else np.column_stack([seen, lines @ fresh]),
     )
     weights = both.responses(rows @ static, target)
     count = modes.shape[1]
@@ -220,6 +229,7 @@ class _Projected:
     mass: Floats
     floors: Floats  # (f, b) what the floors show of the shapes
     driven: Floats  # (b,) what drives them
+    dashpots: Floats | None  # (j, b) their stretch
 
     def responses(self, static: Floats, target: ReductionTarget) -> Floats:
         """Combinations (b, c) of the basis that span the responses of the model on it.
@@ -241,7 +251,8 @@ class _Projected:
         squared, modes = squared[stands], onto @ vectors[:, stands]
         participation, floors = self.driven @ modes, self.floors @ modes
         missed = static - (floors * participation) @ (1.0 / squared)
-        felt = FeltModes(np.sqrt(squared), participation, floors, missed)
+        stretch = None if self.dashpots is None else self.dashpots @ modes
+        felt = FeltModes(np.sqrt(squared), participation, floors, missed, stretch)
         # Shapes of less energy, of the largest, are left out: a two-story frame with a brace as
         # stiff as itself errs by .0047 rms of ln|H|, by .0050 with 1e-6.
         return modes @ felt.combinations(target, 1e-7)

@@ -246,6 +246,11 @@ def choose_members(building: Building, wanted: Sequence[Place | str]) -> ChosenM
     structure = structure_of(building)
     if isinstance(building, ShearBuilding) or structure.mesh is None:
         raise BuildingError(f"{building.name}: a shear building has no members; leave them out")
+    if building.has_dashpots:
+        raise BuildingError(
+            f"{building.name}: forces of members are not found beside dashpots, which make modes "
+            "complex; leave members out"
+        )
     placed = building_effects(building).placed
     added = tuple((listed, listed.effect.terms(structure, listed.place)) for listed in placed)
     for listed, terms in added:

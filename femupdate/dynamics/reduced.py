@@ -85,6 +85,8 @@ class ReducedModel:
     # of the base; None where the model knows of its translation alone
     rotation: BaseRotation | None = None
     released: ReleasedBase | None = None  # the base under forces; None where they do not move it
+    # (j, r) stretch of dashpots to the ground, of one N s/m each; None where there are none
+    dashpots: Floats | None = None
 
     @property
     def size(self) -> int:
@@ -113,6 +115,7 @@ class ReducedModel:
             story_drift=self.story_drift[:, kept],
             node_shapes=None,
             rotation=None if rotation is None else replace(rotation, force=rotation.force[kept]),
+            dashpots=None if self.dashpots is None else self.dashpots[:, kept],
         )
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -120,6 +123,8 @@ class ReducedModel:
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         if self.node_shapes is not None:
             arrays["node_shapes"] = self.node_shapes
+        if self.dashpots is not None:
+            arrays["dashpots"] = self.dashpots
         if self.rotation is not None:
             arrays |= {f"rotation_{name}": getattr(self.rotation, name) for name in _ROTATION}
         if self.released is not None:
@@ -142,6 +147,7 @@ class ReducedModel:
             **{name: data[name] for name in _ARRAYS},
             floors=tuple(floors),
             node_shapes=data.get("node_shapes"),
+            dashpots=data.get("dashpots"),
             rotation=BaseRotation(**turned) if turned else None,
             released=ReleasedBase(**released) if released else None,
         )
@@ -354,8 +360,18 @@ def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
             levels=structure.levels,
         ),
         released=released_base(structure),
+        dashpots=dashpots_on(structure, basis),
     )
     return ReducedStructure(structure, model, basis)
+
+
+def dashpots_on(structure: Structure, basis: Floats) -> Floats | None:
+    """The dashpots of a structure on a basis (n, r), as few (j, r) as dissipate the same."""
+    if not len(structure.dashpots):
+        return None
+    _, size, rows = np.linalg.svd(along(structure.dashpots, basis), full_matrices=False)
+    kept = size > 1e-9 * size[0]  # the square of which is rounding
+    return np.asarray(size[kept, None] * rows[kept])
 
 
 def _node_shapes(structure: Structure, basis: Floats) -> NDArray[np.float32] | None:

@@ -98,7 +98,8 @@ def reduce_structure(
     (chosen_seed,), checks = spawn(target.seed, 1), CHOOSE + CERTIFY
     rng = np.random.default_rng(chosen_seed)
     samples, least = log_even_samples(target, len(structure.stiffness_terms)), 0
-    parts = None if placed else _parts(structure, target, samples[:_REFINE])
+    whole_only = bool(placed) or len(structure.dashpots) > 0
+    parts = None if whole_only else _parts(structure, target, samples[:_REFINE])
     mass: Any = structure.mass if parts is None else parts
     taken: Callable[[ReductionTarget, Floats], Floats | Singles]
     taken = partial(_snapshots, asked) if parts is None else partial(_of_parts, parts)
@@ -109,7 +110,8 @@ def reduce_structure(
         reduced = whole = reduced_on(structure, basis if parts is None else parts.expanded(basis))
         unit = rng.random((checks, len(target.lower)))
         unseen = target.lower + (target.upper - target.lower) * unit  # even over the box
-        judge = partial(_full_log_frf, asked) if placed else partial(_beyond, whole, parts)
+        beyond = partial(_beyond, whole, parts)
+        judge = partial(_full_log_frf, asked) if whole_only else beyond
         full = np.stack(_each(partial(judge, target), unseen, progress))
         # On the fewest shapes that a few samples do not object to, or on all. A few checks see half
         # as much as many do (50 theta: 1.5 times the rms of four).
@@ -182,11 +184,12 @@ def _snapshots(asked: _Question, target: ReductionTarget, sample: Floats) -> Sin
     structure, found = asked.structure, _full(asked, target, sample)
     omega, shapes = 2.0 * np.pi * found.frequency_hz, found.shapes
     floors, driven = structure.floor_rows @ shapes, shapes.T @ found.equations.force
+    dashpots = found.system.model.dashpots
     turns = any(any(terms.flexibility) or terms.pitch for terms in asked.terms)
     parts = []
     # A base that turns moves the roof as one that translates does.
     for scale, force in zip((1.0, 1.0 / structure.levels[-1])[: 1 + turns], driven.T, strict=False):
-        felt = FeltModes(omega, scale * force, floors, np.zeros(len(floors)))
+        felt = FeltModes(omega, scale * force, floors, np.zeros(len(floors)), dashpots)
         static = shapes @ (scale * force / omega**2)
         parts += [shapes @ felt.combinations(target), STATIC_WEIGHT * static[:, None]]
     return np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")

@@ -54,6 +54,7 @@ class FeltModes:
     participation: Floats  # (m,) participation factors
     floors: Floats  # (f, m) floor shapes
     missed: Floats  # (f,) what the modes lack of the floors' static displacement, s2
+    dashpots: Floats | None = None  # (j, m) stretch of dashpots of one N s/m each
 
     def combinations(self, target: ReductionTarget, least: float = 1e-9) -> Floats:
         """Weighted combinations (m, c) of the modes that span their responses over the grid.
@@ -62,21 +63,35 @@ class FeltModes:
             least: energy of a combination, of the largest, that is kept.
         """
         omega, w = self.omega[:, None], 2.0 * np.pi * target.frequency_hz[::2]
-        moved = 1.0 / (omega**2 - w**2 + 2j * target.zeta * omega * w)
-        frf = 1.0 + (self.floors * self.participation) @ (w**2 * moved)
+        moved = np.asarray(1.0 / (omega**2 - w**2 + 2j * target.zeta * omega * w), np.complex128)
+        driven = self._moved(self.participation, moved, w)
+        if self.dashpots is None:
+            frf = 1.0 + (self.floors * self.participation) @ (w**2 * moved)
+        else:
+            frf = 1.0 + self.floors @ (w**2 * driven)
         # A frequency weighs no more where |H| is smaller.
         size = np.abs(frf + self.missed[:, None] * w**2).clip(1e-3)
-        primal = self.participation[:, None] * moved * (w**2 / size.min(axis=0))
+        primal = driven * (w**2 / size.min(axis=0))
         # Duals matter less than the motion itself: a twentieth of its weight was best of those
         # tried.
         dual = [
-            0.05**0.5 * shape[:, None] * moved * (w**2 / width)
+            self._moved(0.05**0.5 * shape, moved, w) * (w**2 / width)
             for shape, width in zip(self.floors, size, strict=True)
         ]
         gram = sum(_real_gram(block) for block in (primal, *dual))
         energy, directions = eigh(gram)
         kept = energy > least * energy[-1]
         return directions[:, kept] * np.sqrt(energy[kept] / energy[-1])
+
+    def _moved(self, load: Floats, moved: Complexes, w: Floats) -> Complexes:
+        """Modes (m, k) under a load (m,), from what unit loads move each and the dashpots hold."""
+        free, rows = load[:, None] * moved, self.dashpots
+        if rows is None:
+            return free
+        between = np.einsum("im,mk,jm->kij", rows, moved, rows, optimize=True)
+        held = np.eye(len(rows)) / (1j * w[:, None, None]) + between
+        forces = np.linalg.solve(held, (rows @ free).T[:, :, None])[:, :, 0].T
+        return np.asarray(free - moved * (rows.T @ forces))
 
 
 def _real_gram(combinations: Complexes) -> Floats:

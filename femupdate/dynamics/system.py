@@ -113,7 +113,8 @@ class System:
     @property
     def complex_modes(self) -> bool:
         """Whether something acts along lines, so that modes are complex."""
-        return any(terms.port is not None for terms in self.terms)
+        ports = any(terms.port is not None for terms in self.terms)
+        return ports or self.model.dashpots is not None
 
     def split(self, parameters: Tensor) -> tuple[Tensor, Tensor]:
         """Stiffness factors (N, p) and sizes (N, q) of parameters (N, p + q)."""
@@ -301,13 +302,15 @@ class System:
         return theta, zeta
 
     def port_stiffness(self, omega: Tensor, sizes: Tensor) -> list[Tensor]:
-        """Complex dynamic stiffness (N, k), N/m, in every port."""
-        by_effect = split_sizes(self.placed, sizes)
-        return [
+        """Complex dynamic stiffness (N, k), N/m, in every port, those of the dashpots last."""
+        by_effect, dashpots = split_sizes(self.placed, sizes), self.model.dashpots
+        rate = torch.complex(torch.zeros_like(omega), omega).expand(len(sizes), -1)
+        ports = [
             listed.effect.port_stiffness(omega, size, terms.constants)
             for listed, terms, size in zip(self.placed, self.terms, by_effect, strict=True)
             if terms.port is not None
         ]
+        return ports if dashpots is None else [*ports, *(rate for _ in dashpots)]
 
     def closed_form(self, top_hz: float) -> ClosedForm:
         """What the effects do in closed form, on a grid up to a frequency."""
@@ -492,16 +495,16 @@ class System:
     def _with_ports(self, rows: Rows, count: int) -> tuple[Tensor, Tensor]:
         """Rows (N, o, r) and their rigid motion (N, o, 2), those of the ports last."""
         shapes, rigid = (part.expand(count, -1, -1) for part in (rows.shapes, rows.rigid))
-        for terms in self.terms:
-            if terms.port is not None:
-                parts = terms.port.row, terms.port.rigid
-                line, with_base = (
-                    torch.as_tensor(part).to(shapes).expand(count, 1, -1) for part in parts
-                )
-                shapes, rigid = (
-                    torch.cat([shapes, line], dim=1),
-                    torch.cat([rigid, with_base], dim=1),
-                )
+        ports = [terms.port for terms in self.terms if terms.port is not None]
+        parts = [(port.row[None], port.rigid[None]) for port in ports]
+        if self.model.dashpots is not None:  # which stand on the base, and move with it
+            parts.append((self.model.dashpots, np.zeros((len(self.model.dashpots), 2))))
+        for pair in parts:
+            lines, with_base = (
+                torch.as_tensor(part).to(shapes).expand(count, -1, -1) for part in pair
+            )
+            shapes = torch.cat([shapes, lines], dim=1)
+            rigid = torch.cat([rigid, with_base], dim=1)
         return shapes, rigid
 
 

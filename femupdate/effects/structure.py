@@ -70,6 +70,8 @@ class Structure:
     axis: Integers  # (n,) 0 to 5, ux to rz
     points: NodeMotions  # of its nodes
     direction: int  # of the motion, 0 for x, 1 for y
+    # (j, n) stretch of dashpots between building and ground, scaled to one N s/m each
+    dashpots: Floats
     mesh: BuildingMesh | None = None  # the mesh of a frame
     operators: AffineOperators | None = None  # the assembled mesh of a frame
     mesh_size: float | None = None  # of a frame, m; the building's own where None
@@ -94,6 +96,12 @@ class Structure:
         for factor, term in zip(theta, self.stiffness_terms, strict=True):
             total = total + factor * term
         return csc_matrix(total)
+
+    @property
+    def dashpot_forces(self) -> Floats:
+        """(j, n) along each dashpot, as large as that of the base under a unit acceleration."""
+        lengths = np.linalg.norm(self.dashpots, axis=1, keepdims=True)
+        return np.asarray(self.rigid_mass[TRANSLATION, TRANSLATION] * self.dashpots / lengths)
 
     @property
     def is_stick(self) -> bool:
@@ -271,6 +279,7 @@ def _stick(building: ShearBuilding) -> Structure:
         axis=axis,
         points=NodeMotions(position, axis, masses, shapes, csr_matrix(np.eye(count))),
         direction=0,
+        dashpots=np.zeros((0, count)),
     )
 
 
@@ -297,10 +306,23 @@ def _frame(
         axis=operators.free % DOF_PER_NODE,
         points=_points(mesh, operators, shapes),
         direction=mesh.direction,
+        dashpots=_dashpots(mesh, operators),
         mesh=mesh,
         operators=operators,
         mesh_size=mesh_size,
     )
+
+
+def _dashpots(mesh: BuildingMesh, operators: AffineOperators) -> Floats:
+    springs = mesh.model.springs
+    damped = np.flatnonzero(springs.dashpots)
+    rows, number = np.zeros((len(damped), operators.dof)), np.arange(len(damped))
+    for end, sign in ((0, 1.0), (1, -1.0)):
+        node = springs.nodes[damped, end]
+        there = node >= 0
+        dof = DOF_PER_NODE * node[there] + springs.direction[damped][there]
+        rows[number[there], dof] = sign * np.sqrt(springs.dashpots[damped][there])
+    return operators.gather(rows.T).T
 
 
 def _rigid_shapes(nodes: Floats, direction: int) -> Floats:

@@ -87,8 +87,8 @@ def _tables(
         "SUPPORTS": OpenSeesTable(("node", *DOF_NAMES), [held, model.fixed[held].astype(int)]),
         "MASSES": OpenSeesTable(("node", "kg", "kg m2 about x", "y", "z"), [heavy, values]),
         "SPRINGS": OpenSeesTable(
-            ("node", "node or -1", "direction", "N/m or N m/rad"),
-            [springs.nodes, springs.direction, stiffness],
+            ("node", "node or -1", "direction", "N/m or N m/rad", "N s/m or N m s/rad"),
+            [springs.nodes, springs.direction, stiffness, springs.dashpots],
         ),
         "RIGID": _links(model.links, _RIGID),
         "DIAPHRAGM": _links(model.links, _DIAPHRAGM),
@@ -171,8 +171,8 @@ def build():
     for node, mass, *inertia in MASSES:
         ops.mass(int(node) + 1, mass, mass, mass, *inertia)
     ELEMENTS
-    for first, second, direction, stiffness in SPRINGS:
-        spring(*whole((first, second, direction)), stiffness)
+    for first, second, direction, *figures in SPRINGS:
+        spring(*whole((first, second, direction)), *figures)
     for master, slave in RIGID:
         ops.rigidLink("beam", *whole((master, slave)))
     for master, slave in DIAPHRAGM:
@@ -191,13 +191,13 @@ def arm(node, offset):
     return end
 
 
-def spring(first, second, direction, stiffness):
+def spring(first, second, direction, stiffness, damping):
     if second == 0:  # a spring to the ground: a held node in the same place
         second = new("node")
         ops.node(second, *NODES[first - 1])
         ops.fix(second, 1, 1, 1, 1, 1, 1)
     material = new("material")
-    ops.uniaxialMaterial("Elastic", material, stiffness)
+    ops.uniaxialMaterial("Elastic", material, stiffness, damping)
     connection = (second, first, "-mat", material, "-dir", direction)
     ops.element("zeroLength", new("element"), *connection)
 

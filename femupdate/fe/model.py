@@ -41,6 +41,13 @@ class Springs:
     direction: Integers = rows(dtype=np.int64)  # (n,) 0 to 5, an index into `DOF_NAMES`
     stiffness: Floats = rows()  # (n,) N/m or N m/rad
     group: Integers = rows(dtype=np.int64)  # as for `Elements`
+    # (n,) N s/m or N m s/rad of a dashpot beside each; None for no dashpots
+    damping: Floats | None = None
+
+    @property
+    def dashpots(self) -> Floats:
+        """(n,) N s/m or N m s/rad."""
+        return np.zeros(len(self)) if self.damping is None else self.damping
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -182,6 +189,8 @@ def _check_springs_and_masses(model: FiniteElementModel) -> None:
     directions = f"directions are 0 to 5 ({', '.join(DOF_NAMES)})"
     _refuse("spring", (way < 0) | (way >= len(DOF_NAMES)), f"acts along {{}}; {directions}", way)
     _refuse("spring", ~np.isfinite(springs.stiffness), "must have a finite stiffness")
+    rate = springs.dashpots
+    _refuse("spring", ~np.isfinite(rate) | (rate < 0.0), "must have damping, zero or positive")
     alone = springs.nodes[:, 0] == springs.nodes[:, 1]
     _refuse("spring", alone, "joins a node to itself; give two nodes")
     values = np.column_stack([masses.mass, masses.inertia])

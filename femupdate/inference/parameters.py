@@ -398,7 +398,7 @@ def reduction_target(building: Building) -> ReductionTarget:
         prior.lower.numpy(),
         prior.upper.numpy(),
         building.frequency_grid.frequencies_hz(),
-        damping_parameter(building).lower,
+        damping_parameter(building).lower * building.damping.lowest,
         building.reduction.tolerance,
     )
 

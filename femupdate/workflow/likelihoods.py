@@ -138,6 +138,8 @@ def unserved(building: Building) -> str:
         return "lists effects"
     if tolerances_of(building):
         return "states tolerances"
+    if building.has_dashpots:
+        return "has dashpots"
     count = theta_prior(building).size + damping_parameter(building).free
     return f"has {count} parameters" if count > FEW else ""
 

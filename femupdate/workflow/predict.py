@@ -294,7 +294,8 @@ def _damped(
     if posterior.zeta_samples is not None:
         drawn = zeta.numpy()
         return values, f"{plus_minus(drawn.mean(), drawn.std())}, from the posterior"
-    return values, f"{law.ratio:g} in all modes, the building file's"
+    where = "in all modes" if law.ratios is None else "in the first mode"
+    return values, f"{law.ratio:g} {where}, the building file's"
 
 
 def _chosen_scatter(

@@ -27,7 +27,50 @@ def infill(old="", new=""):
     return "[[slabs]]", f"{INFILL.replace(old, new)}[[slabs]]"
 
 
+def springs(table):
+    """A file with springs to the ground."""
+    return "[[slabs]]", f"[[springs]]\n{table}\n\n[[slabs]]"
+
+
 CASES = {
+    "spring under no column": (
+        '[[columns]]\nsection = "column"\n',
+        '[[springs]]\nat = ["A-P", "C-P"]\nkx = "1 kN/mm"\n\n[[columns]]\nsection = "column"\n'
+        'at = ["A-P", "A-Q", "B-P", "B-Q"]\n',
+        r"springs\[0\]\.at\[1\]: no column stands on the base at C-P; name another",
+    ),
+    "spring outside of the building": (
+        *springs('points = [["30 m", "0 m", "0 m"]]\nkx = "1 kN/mm"'),
+        r"springs\[0\]\.points\[0\]: \(30, 0, 0\) m lies outside of the building",
+    ),
+    "spring of no stiffness": (*springs('at = "*"'), r"springs\[0\]\.kx: give a stiffness, one of"),
+    "dashpot without a spring": (
+        *springs('kx = "1 kN/mm"\ncy = "5 kN s/m"'),
+        r"springs\[0\]\.cy: a dashpot needs a spring beside it; give ky or remove it",
+    ),
+    "dashpot without a unit": (
+        *springs('kx = "1 kN/mm"\ncx = 5.0'),
+        r"springs\[0\]\.cx: 5.0 has no unit; write it as text, such as \"1.5 N s/m\"",
+    ),
+    "dashpot in the unit of a spring": (
+        *springs('kx = "1 kN/mm"\ncx = "5 kN/m"'),
+        r"springs\[0\]\.cx: unknown unit 'kN/m' for damping; use one of N s/m, kN s/m",
+    ),
+    "springs at columns and at points": (
+        *springs('at = "A-P"\npoints = [["0 m", "0 m", "0 m"]]\nkx = "1 kN/mm"'),
+        r"springs\[0\]\.points: give either columns \(at\) or points",
+    ),
+    "springs under a base on springs": (
+        "[[slabs]]",
+        '[supports]\nbase = "springs"\nkx = "1000 MN/m"\n\n'
+        '[[springs]]\nkx = "1 kN/mm"\n\n[[slabs]]',
+        r"springs: they stand on a base that is \"fixed\" or \"pinned\", not 'springs'",
+    ),
+    "isolators of one newton": (
+        '[[walls]]\nalong = "P"\nfrom = "A"\nto = "B"\nthickness = "150 mm"',
+        '[[springs]]\nkx = "1 N/m"',
+        r"springs\[0\]\.kx: the whole building would move at 0.0.* Hz on these springs",
+    ),
     "infill of negative thickness": (
         *infill("200 mm", "-200 mm"),
         r"infills\[0\]\.thickness: '-200 mm' is not a positive length",
@@ -299,6 +342,36 @@ CASES = {
         'law = "constant"',
         'law = "rayleigh"\nanchors = ["1 Hz", "9 Hz"]',
         r"prior\.zeta: Rayleigh damping is fixed by its anchors",
+    ),
+    "modes of no frequency": (
+        'law = "constant"\nratio = 0.02',
+        'law = "modes"\nratio = 0.02\nratios = [0.02, 0.03]',
+        r"damping\.anchors: the key is missing; add the frequency of each mode",
+    ),
+    "more ratios than modes": (
+        'law = "constant"\nratio = 0.02',
+        'law = "modes"\nratio = 0.02\nratios = [0.02, 0.03]\nanchors = ["1 Hz"]',
+        r"damping\.ratios: write a ratio for each of the 1 anchors",
+    ),
+    "modes out of order": (
+        'law = "constant"\nratio = 0.02',
+        'law = "modes"\nratio = 0.02\nratios = [0.02, 0.03]\nanchors = ["2 Hz", "1 Hz"]',
+        r"damping\.anchors: frequencies of modes must rise",
+    ),
+    "ratio of a mode above critical": (
+        'law = "constant"\nratio = 0.02',
+        'law = "modes"\nratio = 0.02\nratios = [0.02, 3]\nanchors = ["1 Hz", "2 Hz"]',
+        r"damping\.ratios: 3 must lie below 1",
+    ),
+    "two ratios of the first mode": (
+        'law = "constant"\nratio = 0.02',
+        'law = "modes"\nratio = 0.02\nratios = [0.03, 0.02]\nanchors = ["1 Hz", "2 Hz"]',
+        r"damping\.ratios: the first, 0\.03, must be `ratio`, 0\.02",
+    ),
+    "three anchors of two": (
+        'law = "constant"\nratio = 0.02',
+        'law = "rayleigh"\nratio = 0.02\nanchors = ["1 Hz", "2 Hz", "3 Hz"]',
+        r"damping\.anchors: the list has 3 entries; write 2",
     ),
     "one anchor twice": (
         ZETA + '\n[damping]\nlaw = "constant"',

@@ -1,11 +1,21 @@
 """Damping laws against their definitions."""
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import eigh
 
-from femupdate.building import load_building
+from femupdate import reduce
+from femupdate.building import (
+    from_document,
+    load_building,
+    mechanics_hash,
+    shear_operators,
+    to_document,
+)
 from femupdate.dynamics import ConstantDamping, RayleighDamping, damping_law
 
 
@@ -57,3 +67,38 @@ def test_constant_damping_gives_every_mode_the_ratio_of_its_sample():
     found = ConstantDamping().ratio(omega, zeta)
     assert found.shape == omega.shape
     assert bool((found == zeta[:, None]).all())
+
+
+def test_each_mode_has_its_own_ratio_by_its_frequency():
+    """FRFs by matrices: C = M Phi diag(2 zeta omega) Phi^T M, with ratios of the file's modes."""
+    document = to_document(load_building("shear_3dof"))
+    plain = reduce("house", "shear_3dof").system
+    theta = torch.ones(1, 3, dtype=torch.float64)
+    none, zeta = torch.zeros(1, 0, dtype=torch.float64), torch.tensor([0.02], dtype=torch.float64)
+    modes_hz = plain.modes(theta, none).frequency_hz[0].tolist()
+    ratios = [0.01, 0.05, 0.03]
+    document["damping"] = {
+        "law": "modes",
+        "ratio": 0.01,
+        "ratios": ratios,
+        "anchors": [f"{hz} Hz" for hz in modes_hz],
+    }
+    building = from_document(document)
+    law = damping_law(building)
+    hz = np.geomspace(0.1, 100.0, 50)
+    omega = torch.from_numpy(2.0 * np.pi * hz)[None]
+    expected = 2.0 * np.interp(np.log(hz), np.log(modes_hz), ratios)  # zeta is twice the file's
+    np.testing.assert_allclose(law.ratio(omega, zeta)[0], expected, rtol=1e-9)
+    assert building.damping.lowest == 1.0
+    assert mechanics_hash(building) != mechanics_hash(load_building("shear_3dof"))
+    lumped = shear_operators(building)
+    K, M = lumped.stiffness_terms.sum(axis=0), lumped.mass
+    squared, modes = eigh(K, M)
+    C = M @ modes @ np.diag(2.0 * np.array(ratios) * np.sqrt(squared)) @ modes.T @ M
+    grid = np.linspace(0.5, 12.0, 40)
+    exact = [
+        1.0 + w**2 * np.linalg.solve(K + 1j * w * C - w**2 * M, M.sum(axis=1))
+        for w in 2.0 * np.pi * grid
+    ]
+    found = replace(plain, law=law).frf(theta, 0.5 * zeta, none, torch.from_numpy(grid))
+    np.testing.assert_allclose(found[0].numpy().T, exact, rtol=1e-9)
