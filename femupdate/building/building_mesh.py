@@ -12,7 +12,7 @@ from femupdate.building.connections import connected
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
 from femupdate.building.members import SPRING_KEYS, SixSprings, Supports
-from femupdate.building.mesh_check import nearest_node
+from femupdate.building.mesh_check import nodes_at
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.parameters import StiffnessFactor, stiffness_factors, with_factors
 from femupdate.building.quantities import ALL
@@ -117,12 +117,7 @@ def _sprung(
     for number, group in enumerate(building.springs):
         key, nodes = f"springs[{number}]", feet
         if group.points:
-            sides = model.nodes[np.concatenate([model.lines, model.faces[:, :2]])]
-            found = [
-                nearest_node(model.nodes, sides, np.array(point), f"{key}.points[{m}]")
-                for m, point in enumerate(group.points)
-            ]
-            nodes = np.array(found)
+            nodes = nodes_at(model, group.points, f"{key}.points")
         elif group.at != ALL and isinstance(building, FrameBuilding):
             grid, found = building.grid, []
             for m, point in enumerate(intersections(grid, group.at, f"{key}.at")):

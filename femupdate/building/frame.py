@@ -77,8 +77,9 @@ class FrameBuilding(MeshedBuilding):
         _check_members(self)
         _check_columns(self)
         _check_stretches(self)
-        for floor in self.sensors.floors:
-            require(floor, self.floors, "floor", f"sensors.floors.{floor}")
+        for key in ("floors", "at"):
+            for floor in getattr(self.sensors, key):
+                require(floor, self.floors, "floor", f"sensors.{key}.{floor}")
         intersections(self.grid, self.sensors.points, "sensors.points")
         for floor in self.sensors.floors:
             key, points = self.sensors.of(floor)

@@ -26,7 +26,7 @@ from femupdate.building.entry import Complaint
 from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
 from femupdate.building.infill_struts import infill_blocks, infill_notes
 from femupdate.building.lattice import Lattice, lattice_of
-from femupdate.building.mesh_check import first_double, loose_pieces, place
+from femupdate.building.mesh_check import first_double, loose_pieces, nodes_at, place
 from femupdate.building.references import intersections
 from femupdate.errors import BuildingError
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
@@ -101,7 +101,7 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
             where = place(lattice.coordinates(loose[:1])[0])
             text = f"nothing but the brace is at {where}; end it at a column, beam or wall"
             raise Complaint(block.key, text)
-    floor_nodes = _floor_nodes(building, lattice, used)
+    floor_nodes = _floor_nodes(building, lattice, used, model)
     dead = []
     for wall in dead_walls(building, lattice):
         for side, crossings in (("above", wall.above), ("below", wall.below)):
@@ -127,10 +127,13 @@ def _mesh_on(building: FrameBuilding, lattice: Lattice) -> BuildingMesh:
 
 
 def _floor_nodes(
-    building: FrameBuilding, lattice: Lattice, used: Integers
+    building: FrameBuilding, lattice: Lattice, used: Integers, model: FiniteElementModel
 ) -> Mapping[str, Integers]:
     nodes = {}
     for floor in building.floors:
+        if floor in building.sensors.at:
+            nodes[floor] = nodes_at(model, building.sensors.at[floor], f"sensors.at.{floor}")
+            continue
         key, names = building.sensors.of(floor)
         points = intersections(building.grid, names, key)
         level = np.array([lattice.z.at[floor]])

@@ -17,6 +17,7 @@ from femupdate.building.quantities import (
     Mass,
     Names,
     Number,
+    Point,
     RotationalDamping,
     RotationalStiffness,
     Stiffness,
@@ -251,7 +252,7 @@ class SpringGroup(SixSprings):
     """
 
     at: Names = ALL
-    points: tuple[tuple[Coordinate, Coordinate, Coordinate], ...] = ()
+    points: tuple[Point, ...] = ()
 
     @model_validator(mode="after")
     def _some_spring(self) -> "SpringGroup":
@@ -309,14 +310,31 @@ class Mesh(Entry):
     size: Length
 
 
-class Sensors(Entry):
-    """Which horizontal direction is measured, and where on each floor.
+class SensorsAnywhere(Entry):
+    """Which horizontal direction is measured, and where on floors that are no plane.
+
+    `at` has points (x, y, z) of single floors, whose nearest nodes are measured: on mezzanines,
+    split levels, sloping roofs.
+    """
+
+    direction: Literal["x", "y"]
+    at: dict[str, tuple[Point, ...]] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _some_point(self) -> "SensorsAnywhere":
+        for floor, points in self.at.items():
+            if not points:
+                raise Complaint(f"at.{floor}", "the list is empty; name a point or remove it")
+        return self
+
+
+class Sensors(SensorsAnywhere):
+    """Where on each floor of a grid motion is measured.
 
     A floor's response is the mean over its points, which are intersections of grid lines.
     `floors` overrides the points of single floors.
     """
 
-    direction: Literal["x", "y"]
     points: Names
     floors: dict[str, Names] = Field(default_factory=dict)
 

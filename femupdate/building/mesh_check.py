@@ -9,7 +9,9 @@ from scipy.spatial import cKDTree
 
 from femupdate.arrays import Floats, Integers, Strings
 from femupdate.building.entry import Complaint
+from femupdate.building.quantities import Point
 from femupdate.fe.element import area_vectors
+from femupdate.fe.model import FiniteElementModel
 
 
 def piece_of(count: int, edges: Integers) -> Integers:
@@ -46,23 +48,21 @@ def place(point: Floats) -> str:
     return f"({', '.join(f'{value:.4g}' for value in point)}) m"
 
 
-def nearest_node(nodes: Floats, lines: Floats, point: Floats, key: str) -> int:
-    """Return the node that is nearest to a point, no further than the longest line is long.
-
-    Args:
-        nodes: (N, 3).
-        lines: (n, 2, 3) ends of sides of elements.
+def nodes_at(model: FiniteElementModel, points: Sequence[Point], key: str) -> Integers:
+    """Return the nodes (n,) nearest to points, no further than the longest element is long.
 
     Raises:
-        Complaint: there is none.
+        Complaint: there is none near a point.
     """
-    away = np.linalg.norm(nodes - point, axis=1)
-    nearest = int(away.argmin())
-    if away[nearest] > np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).max():
-        where = place(nodes[nearest])
-        text = f"{place(np.asarray(point))} lies outside of the building, whose nearest node is at"
-        raise Complaint(key, f"{text} {where}; correct it")
-    return nearest
+    sides = model.nodes[np.concatenate([model.lines, model.faces[:, :2]])]
+    reach = np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1).max()
+    away, nearest = cKDTree(model.nodes).query(np.array(points))
+    for number, node in enumerate(nearest.tolist()):
+        if away[number] > reach:
+            where, close = place(np.array(points[number])), place(model.nodes[node])
+            text = f"{where} lies outside of the building, whose nearest node is at {close}"
+            raise Complaint(f"{key}[{number}]", f"{text}; correct it")
+    return np.asarray(nearest)
 
 
 UPRIGHT = 0.9  # vertical component of the axis of what is a column, of the normal of a slab

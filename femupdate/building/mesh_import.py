@@ -20,6 +20,7 @@ from femupdate.building.mesh_check import (
     check_connected,
     check_elements,
     merge_nodes,
+    nodes_at,
     place,
 )
 from femupdate.building.mesh_reader import RawMesh, read_mesh
@@ -153,7 +154,7 @@ def _import(building: MeshBuilding) -> BuildingMesh:
         building,
         model,
         np.searchsorted(used, base),
-        _floor_nodes(building, model.nodes),
+        _floor_nodes(building, model),
         diaphragms=list(_diaphragms(building, blocks, nodes, used)),
         parts=tuple(
             np.concatenate([np.full(len(block.nodes), block.part) for block in alike])
@@ -176,7 +177,7 @@ def _of_deck(building: MeshBuilding) -> BuildingMesh:
     return BuildingMesh(
         model=read.model,
         floors=building.floors,
-        floor_nodes=_floor_nodes(building, read.model.nodes),
+        floor_nodes=_floor_nodes(building, read.model),
         floor_level=building.floor_levels,
         base_nodes=read.held,
         direction="xy".index(building.sensors.direction),
@@ -300,9 +301,13 @@ def _with_ends(
         yield block
 
 
-def _floor_nodes(building: MeshBuilding, points: Floats) -> dict[str, Integers]:
-    nearest_nodes = {}
+def _floor_nodes(building: MeshBuilding, model: FiniteElementModel) -> dict[str, Integers]:
+    nearest_nodes, points = {}, model.nodes
     for floor, level in zip(building.floors, building.floor_levels, strict=True):
+        if floor in building.sensors.at:
+            at = building.sensors.at[floor]
+            nearest_nodes[floor] = nodes_at(model, at, f"sensors.at.{floor}")
+            continue
         on_level = np.flatnonzero(np.abs(points[:, 2] - level) < _LEVEL)
         if not len(on_level):
             nearest = points[int(np.abs(points[:, 2] - level).argmin()), 2]

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from femupdate.building.common import Building, MeshedBuilding
 from femupdate.building.entry import Complaint, Entry
-from femupdate.building.members import Material
+from femupdate.building.members import Material, SensorsAnywhere
 from femupdate.building.quantities import (
     ALL,
     Coordinate,
@@ -82,14 +82,13 @@ class Part(Entry):
         return self
 
 
-class MeshSensors(Entry):
-    """Which horizontal direction is measured, and where on each floor, by coordinates in plan.
+class MeshSensors(SensorsAnywhere):
+    """Where on each floor of a mesh motion is measured, by coordinates in plan.
 
     The sensor is at the node nearest to its point on the floor's level. `floors` overrides the
     points of single floors.
     """
 
-    direction: Literal["x", "y"]
     points: tuple[tuple[Coordinate, Coordinate], ...]
     floors: dict[str, tuple[tuple[Coordinate, Coordinate], ...]] = Field(default_factory=dict)
 
@@ -127,6 +126,8 @@ class MeshBuilding(MeshedBuilding):
         """Raise Complaint for the first entry that does not fit the others."""
         if self.from_deck:
             Building.check(self)
+            for floor in self.sensors.at:
+                require(floor, self.floors, "floor", f"sensors.at.{floor}")
             if self.mesh.force is None:
                 text = 'the key is missing; write the unit of force of the deck, such as "N"'
                 raise Complaint("mesh.force", text)
@@ -152,5 +153,6 @@ class MeshBuilding(MeshedBuilding):
             self.check_material(part.material or material, f"parts[{n}]")
             if part.story is not None:
                 require(part.story, self.story_names, "story", f"parts[{n}].story")
-        for floor in self.sensors.floors:
-            require(floor, self.floors, "floor", f"sensors.floors.{floor}")
+        for key in ("floors", "at"):
+            for floor in getattr(self.sensors, key):
+                require(floor, self.floors, "floor", f"sensors.{key}.{floor}")

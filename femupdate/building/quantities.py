@@ -169,6 +169,7 @@ ALL = ("*",)  # a list of names that means every one
 Length = Annotated[float, Quantity("length")]
 LengthOrZero = Annotated[float, Quantity("length", "not negative")]
 Coordinate = Annotated[float, Quantity("length", "any")]
+Point = tuple[Coordinate, Coordinate, Coordinate]
 Area = Annotated[float, Quantity("area")]
 Inertia = Annotated[float, Quantity("inertia")]
 Mass = Annotated[float, Quantity("mass")]

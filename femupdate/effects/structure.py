@@ -180,7 +180,15 @@ class Structure:
 
     def along_floor(self, floor: int) -> Flags:
         """(m,) which points are translations of a floor along the motion."""
-        return (self.level_of == floor) & (self.points.axis == self.direction)
+        here = (self.level_of == floor) & (self.points.axis == self.direction)
+        if not here.any():
+            name, level = self.floors[floor], self.levels[floor]
+            raise BuildingError(
+                f"{self.building.name}: stories: no node lies at the level of {name}, {level:g} m, "
+                "so nothing that is missing can be looked for there; give that floor a level with "
+                "nodes"
+            )
+        return here
 
     @cached_property
     def floor_means(self) -> Floats:

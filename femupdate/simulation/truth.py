@@ -6,8 +6,9 @@ Histories come from the complex FRFs of every sensor at every frequency of the p
 is exact for a linear structure.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -74,12 +75,15 @@ def _channels(building: Meshed) -> tuple[tuple[FloorChannel, ...], tuple[str, ..
     direction = building.sensors.direction
     channels: list[FloorChannel] = []
     places: list[str] = []
-    for floor, points in building.sensors.floors.items():
+    for floor in building.floors:
+        points: tuple[Any, ...] = building.sensors.at.get(floor) or building.sensors.of(floor)[1]
         numbers = [""] if len(points) == 1 else [str(n) for n in range(1, len(points) + 1)]
         channels += [
             FloorChannel(channel_name(floor, n, direction), floor, n, direction) for n in numbers
         ]
-        places += [p if isinstance(p, str) else f"({p[0]:g}, {p[1]:g}) m" for p in points]
+        places += [
+            p if isinstance(p, str) else f"({', '.join(f'{x:g}' for x in p)}) m" for p in points
+        ]
     return tuple(channels), tuple(places)
 
 
@@ -113,7 +117,7 @@ def _sensed(building: FrameBuilding, sensors: SensorPoints | None) -> FrameBuild
                 f"are {', '.join(building.floors)}"
             )
     asked = {floor: _listed(building, tuple(points)) for floor, points in sensors.items()}
-    return _with_points(building, {**wanted, **asked})
+    return _with_points(building, {**wanted, **asked}, asked)
 
 
 def _listed(building: FrameBuilding, points: tuple[str, ...]) -> tuple[str, ...]:
@@ -128,11 +132,14 @@ def _lines(point: str) -> frozenset[str]:
     return frozenset(part.strip() for part in point.split("-"))
 
 
-def _with_points(building: FrameBuilding, points: Mapping[str, tuple[str, ...]]) -> FrameBuilding:
+def _with_points(
+    building: FrameBuilding, points: Mapping[str, tuple[str, ...]], asked: Iterable[str] = ()
+) -> FrameBuilding:
     empty = [floor for floor, places in points.items() if not places]
     if empty:
         raise BuildingError(f"sensors of {empty[0]!r}: no point is named; name one at least")
-    sensors = building.sensors.model_copy(update={"floors": dict(points)})
+    kept = {floor: at for floor, at in building.sensors.at.items() if floor not in asked}
+    sensors = building.sensors.model_copy(update={"floors": dict(points), "at": kept})
     return building.model_copy(update={"sensors": sensors})
 
 

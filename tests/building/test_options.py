@@ -14,6 +14,7 @@ from femupdate.building import (
     self_mass,
 )
 from femupdate.fe import Shells, assemble, lowest_modes, static_displacement
+from femupdate.simulation.truth import fine_model
 
 
 def meshed(document, size=None):
@@ -185,3 +186,17 @@ def test_everything_together_keeps_its_mass_and_loads_back_equal(make_document, 
     assert again == building
     assert mechanics_hash(again) == mechanics_hash(building)
     assert lowest_modes(operators, np.ones(1), 2).frequency_hz[0] > 0.5
+
+
+def test_sensors_stand_at_any_point(make_document):
+    """At a landing half-way up a column, and on the slab off the grid lines."""
+    document = make_document([3.0, 3.0], ([6.0], [6.0]), 1.5)
+    document["sensors"]["at"] = {"2F": [[0.0, 6.0, 1.4], [2.9, 3.1, 3.0]]}
+    building = from_document(document)
+    mesh = mesh_building(building)
+    found = mesh.model.nodes[mesh.floor_nodes["2F"]]
+    np.testing.assert_allclose(found, [[0.0, 6.0, 1.5], [3.0, 3.0, 3.0]])
+    assert len(mesh.floor_nodes["RF"]) == 1
+    fine = fine_model(building)
+    assert [channel.name for channel in fine.channels[:2]] == ["2F:1.y", "2F:2.y"]
+    assert fine.places[:2] == ("(0, 6, 1.4) m", "(2.9, 3.1, 3) m")

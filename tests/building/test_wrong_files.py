@@ -380,6 +380,21 @@ CASES = {
     ),
     "sensor off the grid": ('"Q-B"]', '"Q-Z"]', r"sensors\.points\[1\]: no grid line is named 'Z'"),
     "sensor on parallel lines": ('"Q-B"]', '"A-B"]', r"sensors\.points\[1\]: 'A' and 'B' are par"),
+    "sensor outside of the building": (
+        "[frequency_grid]",
+        '[sensors.at]\n2F = [["40 m", "0 m", "3.2 m"]]\n[frequency_grid]',
+        r"sensors\.at\.2F\[0\]: \(40, 0, 3.2\) m lies outside of the building, whose nearest node",
+    ),
+    "sensor at a point of no floor": (
+        "[frequency_grid]",
+        '[sensors.at]\nroof = [["4 m", "0 m", "3.2 m"]]\n[frequency_grid]',
+        r"sensors\.at\.roof: no floor is named 'roof'",
+    ),
+    "sensor at a point in plan": (
+        "[frequency_grid]",
+        '[sensors.at]\n2F = [["4 m", "0 m"]]\n[frequency_grid]',
+        r"sensors\.at\.2F\[0\]",
+    ),
     "sensor on no floor": (
         "[frequency_grid]",
         '[sensors.floors]\n4F = ["A-P"]\n[frequency_grid]',
