@@ -19,12 +19,12 @@ from .parameters import BuildingName
 @click.option(
     "--units",
     metavar="FORCE,LENGTH",
-    help="Units of a model of Nastran, such as N,mm, where its materials do not tell them.",
+    help="Units of another program's model, such as N,mm, where it does not tell them.",
 )
 @click.option(
     "--draft",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Write a building file for a model of Nastran, to add sensors and priors to; build that.",
+    help="Write a building file for a model, to add sensors and priors to; build that.",
 )
 @click.option(
     "--export",
@@ -52,8 +52,9 @@ def build_model(
 ) -> Answer:
     """Build the model of BUILDING: mesh, checks, modes, pictures, reduced model.
 
-    BUILDING is a TOML file, a model of Nastran (.bdf, .nas) or the name of a shipped building. The
-    default is the building of the study, or six_story_wall_frame in a new study.
+    BUILDING is a TOML file, a model of Nastran (.bdf), OpenSees (.json), SAP2000 (.s2k) or
+    ETABS (.e2k), or the name of a shipped building. The default is the
+    building of the study, or six_story_wall_frame in a new study.
 
     \b
     Examples:
@@ -61,13 +62,13 @@ def build_model(
       femupdate build-model my_building.toml --study mine
       femupdate build-model tower.bdf --units N,mm --draft tower.toml --study tower
     """
-    from femupdate.building.deck_draft import write_draft
+    from femupdate.building.model_draft import write_draft
     from femupdate.workflow.build import build_study, export_opensees
     from femupdate.workflow.render import draw_model
 
     if draft is not None:
         if building is None:
-            raise click.UsageError("--draft needs a model of Nastran: name its file")
+            raise click.UsageError("--draft needs another program's model: name its file")
         check_free(draft, overwrite=False)
         building = str(write_draft(building, units, draft))
     report = build_study(study, building, bars, units)

@@ -46,7 +46,7 @@ def inspect(
 
     Reads tables (CSV), MATLAB and numpy files, universal files, and the records of CESMD, USGS,
     COSMOS, ESM, K-NET, JMA and PEER, also in zip and tar archives. Says as well what a model of
-    Nastran (.bdf, .nas) holds; --unit N,mm gives its units. Changes nothing.
+    Nastran, OpenSees, SAP2000 or ETABS holds; --unit N,mm gives its units. Changes nothing.
 
     \b
     Example:
@@ -75,7 +75,7 @@ def inspect(
         written.append(propose_mapping(report.files[0], write_mapping, unit))
     answer = Answer(report, pictures, files=written)
     if problems:
-        if report.files or report.decks:
+        if report.files or report.models:
             answer.show(click.get_current_context().params["as_json"])
         raise Failure("\n".join(problems))
     return answer

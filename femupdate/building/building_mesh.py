@@ -82,7 +82,7 @@ def _refuse_soft_springs(
 ) -> None:
     """Raise Complaint for a footing on whose springs the whole building would hardly stand."""
     middle = model.nodes[base].mean(axis=0)
-    mass = np.concatenate([masses.mass, *(part.mass(model.nodes) for part in model.elements)])
+    mass = np.concatenate([masses.mass[:, 0], *(part.mass(model.nodes) for part in model.elements)])
     points = [model.nodes[part.nodes].mean(axis=1) for part in model.elements]
     arm = np.concatenate([model.nodes[masses.node], *points]) - middle
     turned = mass @ (np.sum(arm**2, axis=1, keepdims=True) - arm**2)

@@ -46,7 +46,7 @@ def connected(
             keep = ~np.isin(joint.edge, base)
             joints.append(replace(joint, edge=joint.edge[keep], position=joint.position[keep]))
     ties = joint_links(model, tuple(joints))
-    plan = _diaphragms(model, diaphragms, ties.slave)
+    plan = diaphragm_links(model, diaphragms, ties.slave)
     # On a diaphragm the slaves of a joint follow in plan already, with the same motion.
     tied = ties.tied & ~(np.isin(ties.slave, plan.slave)[:, None] & _IN_PLAN)
     return replace(model, links=_joined([footing, plan, replace(ties, tied=tied)]))
@@ -100,7 +100,7 @@ def _with_springs(
     return replace(model, fixed=fixed, springs=springs)
 
 
-def _diaphragms(
+def diaphragm_links(
     model: FiniteElementModel, slabs: Iterable[Integers], followers: Integers
 ) -> RigidLinks:
     """Links in plan of slabs; those that share a node are one diaphragm.

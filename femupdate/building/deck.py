@@ -1,6 +1,5 @@
 """Reads Nastran bulk data: cards in free, small and large fields, and where their nodes lie."""
 
-import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -10,18 +9,29 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.quantities import ALL
+from femupdate.building.model_tables import file_text
 from femupdate.errors import BuildingError
 
-_LARGEST_BYTES = 500_000_000
 # A real of Nastran may leave the E of its exponent out: 1.2+3.
 _REAL = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+))(?:[eEdD]([-+]?\d+)|([-+]\d+))?")
 _ENTRIES = {8: 8, 16: 4}  # data on a line, by the width of its fields
 
 # What becomes part of the model.
 TAKEN = (
-    *("GRID", "CQUAD4", "CQUADR", "CTRIA3", "CTRIAR", "CBAR", "CBEAM", "CROD", "CONM2", "CELAS2"),
-    *("RBE2", "SPC", "SPC1", "SPCADD", "PSHELL", "PBAR", "PBARL", "PBEAM", "PBEAML", "PROD"),
+    *("GRID", "CQUAD4", "CQUADR", "CTRIA3", "CTRIAR", "CBAR", "CBEAM", "CROD", "CONM2", "CMASS2"),
+    *(
+        "CELAS2",
+        "RBE2",
+        "SPC",
+        "SPC1",
+        "SPCADD",
+        "PSHELL",
+        "PBAR",
+        "PBARL",
+        "PBEAM",
+        "PBEAML",
+        "PROD",
+    ),
     *("MAT1", "CORD2R", "PARAM"),
 )
 # What modes do not depend on: loads, requests, and the choice of a method.
@@ -31,7 +41,7 @@ LEFT_OUT = (
     *("TLOAD2", "TABLED1", "TABLED2", "TABDMP1", "FREQ", "FREQ1", "TSTEP", "EIGR", "EIGRL"),
     *("PLOTEL", "SET1", "SET3", "ASET", "ASET1", "TSTEPNL", "NLPARM", "DTI"),
 )
-_MEND = {
+MEND = {
     "RBE3": "write RBE2 where the nodes move as one body, or CONM2 at the nodes themselves",
     "CELAS1": "write it as CELAS2",
     "CORD2C": "write the nodes in a rectangular system (CORD2R)",
@@ -135,28 +145,6 @@ class Deck:
         values = [c.real(1) for c in self.of("PARAM") if c.text(0).upper() == "WTMASS"]
         return values[-1] if values else 1.0
 
-    @property
-    def left_out(self) -> dict[str, int]:
-        """How many cards of each name modes do not depend on."""
-        counts = {name: len(cards) for name, cards in self.cards.items() if name in LEFT_OUT}
-        other = [card for card in self.of("PARAM") if card.text(0).upper() != "WTMASS"]
-        return counts | ({"PARAM": len(other)} if other else {})
-
-    @property
-    def unknown(self) -> list[str]:
-        """Names of cards that are neither taken nor known to change nothing."""
-        return [name for name in self.cards if name not in TAKEN and name not in LEFT_OUT]
-
-    def refuse_unknown(self, ignored: tuple[str, ...]) -> None:
-        """Refuse a card that is neither known nor to be ignored."""
-        for name in self.unknown:
-            if name not in ignored and ignored != ALL:
-                mend = _MEND.get(name, "remove it where modes do not depend on it")
-                raise self.cards[name][0].error(
-                    f"{len(self.cards[name])} cards {name} have no counterpart here; {mend}, or "
-                    f'leave them out by mesh.ignore = ["{name}"] in a building file (--draft)'
-                )
-
     @cached_property
     def systems(self) -> dict[int, tuple[Floats, Floats]]:
         """Origin (3,) and axes as rows (3, 3) of every system, in the basic one."""
@@ -194,27 +182,13 @@ class Deck:
 
 def read_deck(file: Path) -> Deck:
     """Read a file of bulk data; what is before BEGIN BULK may choose the set of SPC."""
-    if not os.path.isfile(file):
-        raise BuildingError(f"{file}: there is no such file; correct the path")
     status = file.stat()
-    if status.st_size > _LARGEST_BYTES:
-        raise BuildingError(f"{file.name}: {status.st_size / 1e6:.0f} MB are too many; coarsen it")
     return _read(file, status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=2)
 def _read(file: Path, changed: int, size: int) -> Deck:
-    content = file.read_bytes()
-    if b"\x00" in content:
-        line = content[: content.index(b"\x00")].count(b"\n") + 1
-        raise BuildingError(
-            f"{file.name}, line {line}: this is no plain text (UTF-16, or a binary file); save "
-            "it as ASCII or UTF-8"
-        )
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = content.decode("latin-1")  # comments in another language
+    text = file_text(file)
     lines = text.splitlines()
     begins = (n for n, line in enumerate(lines) if re.match(r"\s*BEGIN\s*BULK", line, re.I))
     begin = next(begins, -1)
@@ -242,7 +216,7 @@ def _cards(file: str, lines: list[str], start: int) -> Iterator[Card]:
         if line.strip().upper().startswith("ENDDATA"):
             break
         if line.lstrip().upper().startswith("INCLUDE"):
-            raise Card(file, "INCLUDE", number, ()).error(f"{_MEND['INCLUDE']}")
+            raise Card(file, "INCLUDE", number, ()).error(f"{MEND['INCLUDE']}")
         head, fields, after = _fields(file, number, line)
         if head[:1] not in ("", "+", "*"):
             if name:

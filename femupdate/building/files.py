@@ -11,10 +11,10 @@ from typing import Any
 import tomlkit
 
 from femupdate.building.common import Building as AnyBuilding
-from femupdate.building.deck_draft import load_text
 from femupdate.building.document import Building, from_document, to_document
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import check_mesh
+from femupdate.building.model_draft import load_text
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.plausible import doubts
 from femupdate.building.shipped import building_text
@@ -33,9 +33,9 @@ def load_building(path_or_name: str | Path, units: str | None = None) -> Buildin
     """Return the building of a file, or a shipped one by its name.
 
     Args:
-        path_or_name: a path to a TOML file or to a deck of Nastran (.bdf, .nas), or a name such
-            as "six_story_wall_frame".
-        units: force and length of a deck, such as "N,mm", where its materials do not tell them.
+        path_or_name: a path to a TOML file or to another program's model, or a name such as
+            "six_story_wall_frame".
+        units: force and length of a model, such as "N,mm", where it does not tell them.
 
     Raises:
         BuildingError: no such file, not TOML, or an entry that cannot be; the message names the

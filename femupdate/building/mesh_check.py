@@ -97,7 +97,7 @@ def check_elements(
     cells: Mapping[str, Integers],
     *,
     doubles_allowed: bool,
-    names: Integers | None = None,
+    names: Integers | Strings | None = None,
 ) -> None:
     """Refuse a mesh with elements that cannot be.
 
@@ -151,11 +151,13 @@ def check_connected(nodes: Floats, cells: Sequence[Integers], base: Integers) ->
         )
 
 
-def _name(kind: str, number: int, corners: Integers, names: Integers) -> str:
+def _name(kind: str, number: int, corners: Integers, names: Integers | Strings) -> str:
     return f"{kind} {number} (nodes {', '.join(map(str, names[corners[number]].tolist()))})"
 
 
-def _refuse_degenerate(nodes: Floats, kind: str, corners: Integers, names: Integers) -> None:
+def _refuse_degenerate(
+    nodes: Floats, kind: str, corners: Integers, names: Integers | Strings
+) -> None:
     points = nodes[corners]
     if corners.shape[1] == 2:
         size = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
@@ -179,7 +181,7 @@ def _refuse_degenerate(nodes: Floats, kind: str, corners: Integers, names: Integ
         )
 
 
-def _refuse_crossed(nodes: Floats, kind: str, corners: Integers, names: Integers) -> None:
+def _refuse_crossed(nodes: Floats, kind: str, corners: Integers, names: Integers | Strings) -> None:
     points = nodes[corners]
     mean = area_vectors(points)
     ahead, back = np.roll(points, -1, axis=1) - points, np.roll(points, 1, axis=1) - points
@@ -196,7 +198,7 @@ def _refuse_crossed(nodes: Floats, kind: str, corners: Integers, names: Integers
 
 
 def _refuse_hanging(
-    nodes: Floats, cells: Mapping[str, Integers], used: Integers, names: Integers
+    nodes: Floats, cells: Mapping[str, Integers], used: Integers, names: Integers | Strings
 ) -> None:
     """Refuse nodes that lie inside a side of an element without being its corner."""
     sides = []

@@ -11,8 +11,6 @@ from scipy.sparse.csgraph import connected_components
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.blocks import ElementBlock, by_element, joined
 from femupdate.building.building_mesh import BuildingMesh, finished
-from femupdate.building.deck import read_deck
-from femupdate.building.deck_model import deck_model
 from femupdate.building.entry import Complaint, unknown
 from femupdate.building.mesh_check import (
     UPRIGHT,
@@ -24,6 +22,7 @@ from femupdate.building.mesh_check import (
     place,
 )
 from femupdate.building.mesh_reader import RawMesh, read_mesh
+from femupdate.building.model_files import building_model
 from femupdate.building.own_mesh import MeshBuilding, Part
 from femupdate.building.parameters import stiffness_factors
 from femupdate.building.quantities import ALL
@@ -123,8 +122,8 @@ def import_mesh(building: MeshBuilding) -> BuildingMesh:
 
 
 def _import(building: MeshBuilding) -> BuildingMesh:
-    if building.from_deck:
-        return _of_deck(building)
+    if building.from_program:
+        return _of_program(building)
     raw = read_mesh(Path(building.mesh.file).expanduser(), building.mesh.tags)
     nodes = raw.nodes * factor(building.mesh.unit, "length") - [0.0, 0.0, building.mesh.base]
     if building.mesh.merge:
@@ -163,17 +162,8 @@ def _import(building: MeshBuilding) -> BuildingMesh:
     )
 
 
-def _of_deck(building: MeshBuilding) -> BuildingMesh:
-    mesh = building.mesh
-    assert mesh.force is not None
-    read = deck_model(
-        read_deck(Path(mesh.file).expanduser()),
-        factor(mesh.unit, "length"),
-        factor(mesh.force, "force"),
-        base=mesh.base,
-        levels=building.floor_levels,
-        ignored=mesh.ignore or (),
-    )
+def _of_program(building: MeshBuilding) -> BuildingMesh:
+    read = building_model(building)
     return BuildingMesh(
         model=read.model,
         floors=building.floors,

@@ -16,8 +16,8 @@ from femupdate.building.quantities import (
     Names,
     Number,
 )
-from femupdate.building.references import require
-from femupdate.building.shipped import is_deck
+from femupdate.building.references import require, resolve
+from femupdate.building.shipped import program_of
 
 
 class MeshFile(Entry):
@@ -25,15 +25,21 @@ class MeshFile(Entry):
 
     file: Label  # path, relative to the building file
     unit: Literal["m", "cm", "mm", "in", "ft"]  # unit of its coordinates
-    # of a deck of Nastran: unit of force, from which those of modulus and mass follow
+    # of another program's model: unit of force, from which those of modulus and mass follow
     force: Literal["N", "kN", "MN", "kgf", "tf", "lbf", "kip"] | None = None
     base: Coordinate = 0.0  # level of the base in the mesh (z is up)
     # cell data that holds the groups' numbers, where the format has no named groups (VTU)
     tags: Label | None = None
     # nodes nearer to each other than this become one; "0 m" leaves double nodes alone
     merge: LengthOrZero | None = None
-    # groups whose cells are left out, or cards of a deck
+    # groups whose cells are left out, or kinds of entries of another program's model
     ignore: Names | None = None
+    # nonlinear materials and sections of a model that are taken at their initial stiffness
+    elastic: Names | None = None
+    # whether the elements of a model have their mass at their nodes
+    mass: Literal["lumped", "consistent"] | None = None
+    # floors of a model that are rigid in plan, beside those that it names itself; or "none"
+    diaphragms: Literal["none"] | Names | None = None
 
 
 class Part(Entry):
@@ -118,25 +124,28 @@ class MeshBuilding(MeshedBuilding):
     sensors: MeshSensors
 
     @property
-    def from_deck(self) -> bool:
-        """Whether the file is a deck of Nastran that has members, masses and supports itself."""
-        return is_deck(self.mesh.file) and not self.parts
+    def from_program(self) -> bool:
+        """Whether the file is another program's model, with members and masses of its own."""
+        return program_of(self.mesh.file) is not None and not self.parts
 
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
-        if self.from_deck:
+        if self.from_program:
             Building.check(self)
             for floor in self.sensors.at:
                 require(floor, self.floors, "floor", f"sensors.at.{floor}")
             if self.mesh.force is None:
-                text = 'the key is missing; write the unit of force of the deck, such as "N"'
+                text = 'the key is missing; write the unit of force of the model, such as "N"'
                 raise Complaint("mesh.force", text)
             for key in ("materials", "sections", "floor_mass", "springs"):
                 if getattr(self, key):
-                    raise Complaint(key, "the deck has them; change them there, or give parts")
-            if self.supports.base in ("pinned", "springs"):
-                text = "the deck says what holds the base; change it there"
+                    raise Complaint(key, "the model has them; change them there, or give parts")
+            if self.supports.base == "springs":
+                text = "the model says what holds the base; put the springs there"
                 raise Complaint("supports.base", text)
+            rigid = self.mesh.diaphragms
+            if rigid is not None and rigid != "none":
+                resolve(rigid, self.floors, "floor", "mesh.diaphragms")
             return
         super().check()
         for n, springs in enumerate(self.springs):

@@ -45,7 +45,7 @@ def doubts(building: Building) -> Iterator[str]:
             yield f"{key}: youngs_modulus is {modulus:.3g} GPa, and {text}: is the unit wrong?"
         if not material.density:
             yield f"{key}: density is zero: the members made of it weigh nothing"
-    deck = isinstance(building, MeshBuilding) and building.from_deck
+    deck = isinstance(building, MeshBuilding) and building.from_program
     if "supports" not in building.model_fields_set and not deck:
         yield "supports: the table is left out, so the base is fixed in all six directions"
     if isinstance(building, FrameBuilding):

@@ -11,7 +11,16 @@ from femupdate.errors import BuildingError, close
 from femupdate.storage import check_regular
 
 _SUFFIX = ".toml"
-_DECKS = (".bdf", ".nas")
+# Program whose model a file is, by its ending.
+PROGRAMS = {
+    ".bdf": "Nastran",
+    ".nas": "Nastran",
+    ".json": "OpenSees",
+    ".s2k": "SAP2000",
+    ".$2k": "SAP2000",
+    ".e2k": "ETABS",
+    ".$et": "ETABS",
+}
 
 
 def shipped_buildings() -> tuple[str, ...]:
@@ -20,13 +29,13 @@ def shipped_buildings() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX)))
 
 
-def is_deck(path: str | Path) -> bool:
-    """Whether a file is bulk data of Nastran, by its ending."""
-    return Path(path).suffix.lower() in _DECKS
+def program_of(path: str | Path) -> str | None:
+    """The program whose model a file is, by its ending; None of another file."""
+    return PROGRAMS.get(Path(path).suffix.lower())
 
 
 def building_text(path_or_name: str | Path) -> tuple[str, str]:
-    """Return what to call a building file, and its text; that of a deck is not read here.
+    """Return what to call a building file, and its text; other programs' models are not read here.
 
     Raises:
         BuildingError: there is no such file, or it is not UTF-8 text.
@@ -39,7 +48,7 @@ def building_text(path_or_name: str | Path) -> tuple[str, str]:
         return name, files("femupdate.models").joinpath(name).read_text(encoding="utf-8")
     try:
         check_regular(path, BuildingError)
-        if is_deck(path):
+        if program_of(path):
             return text, ""
         # Drawings of towers take some hundred thousand bytes.
         if path.stat().st_size > 20_000_000:

@@ -63,8 +63,7 @@ def spring_entries(springs: Springs, chosen: Flags) -> Entries:
 def mass_entries(masses: PointMasses) -> Entries:
     """Entries of masses and rotary inertias at nodes."""
     dof = (DOF_PER_NODE * masses.node[:, None] + np.arange(DOF_PER_NODE)).ravel().astype(np.int32)
-    translation = np.repeat(masses.mass[:, None], 3, axis=1)
-    values = np.concatenate([translation, masses.inertia.reshape(-1, 3)], axis=1).ravel()
+    values = np.concatenate([masses.mass, masses.inertia.reshape(-1, 3)], axis=1).ravel()
     return Entries(dof, dof, values)
 
 

@@ -12,7 +12,7 @@ from femupdate import __version__
 from femupdate.arrays import Floats
 from femupdate.errors import StructureError
 from femupdate.fe.element import group_factors
-from femupdate.fe.model import DOF_NAMES, FiniteElementModel, RigidLinks, check_model
+from femupdate.fe.model import DOF_NAMES, DOF_PER_NODE, FiniteElementModel, RigidLinks, check_model
 from femupdate.fe.opensees import OpenSeesPart, OpenSeesTable, numbers
 
 _RIGID = np.ones(6, dtype=np.bool_)
@@ -80,12 +80,14 @@ def _tables(
     # One row per node: OpenSees keeps the last mass of a node and drops the others.
     masses = model.masses
     heavy, where = np.unique(masses.node, return_inverse=True)
-    values = np.zeros((len(heavy), 4))
+    values = np.zeros((len(heavy), DOF_PER_NODE))
     np.add.at(values, where, np.column_stack([masses.mass, masses.inertia]))
     tables = {
         "NODES": OpenSeesTable(("x", "y", "z"), [model.nodes]),
         "SUPPORTS": OpenSeesTable(("node", *DOF_NAMES), [held, model.fixed[held].astype(int)]),
-        "MASSES": OpenSeesTable(("node", "kg", "kg m2 about x", "y", "z"), [heavy, values]),
+        "MASSES": OpenSeesTable(
+            ("node", "kg along x", "y", "z", "kg m2 about x", "y", "z"), [heavy, values]
+        ),
         "SPRINGS": OpenSeesTable(
             ("node", "node or -1", "direction", "N/m or N m/rad", "N s/m or N m s/rad"),
             [springs.nodes, springs.direction, stiffness, springs.dashpots],
@@ -168,8 +170,8 @@ def build():
         ops.node(number, *point)
     for node, *held in SUPPORTS:
         ops.fix(int(node) + 1, *[int(flag) for flag in held])
-    for node, mass, *inertia in MASSES:
-        ops.mass(int(node) + 1, mass, mass, mass, *inertia)
+    for node, *mass in MASSES:
+        ops.mass(int(node) + 1, *mass)
     ELEMENTS
     for first, second, direction, *figures in SPRINGS:
         spring(*whole((first, second, direction)), *figures)

@@ -23,8 +23,12 @@ class PointMasses:
     """Masses at nodes."""
 
     node: Integers = rows(dtype=np.int64)  # (n,) node indices
-    mass: Floats = rows()  # (n,) kg, the same in x, y and z
+    mass: Floats = rows(3)  # (n, 3) kg along x, y and z; (n,) stands for the same in all
     inertia: Floats = rows(3)  # (n, 3) kg m2 about x, y and z
+
+    def __post_init__(self) -> None:
+        if self.mass.ndim == 1:
+            object.__setattr__(self, "mass", np.repeat(self.mass[:, None], 3, axis=1))
 
     def __len__(self) -> int:
         return len(self.node)

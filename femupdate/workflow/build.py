@@ -116,7 +116,7 @@ def build_study(
     """Build the model of a building into a study.
 
     Args:
-        units: force and length of a deck of Nastran, where its materials do not tell them.
+        units: force and length of another program's model, where it does not tell them.
 
     Raises:
         BuildingError, StructureError: the building cannot be read or cannot stand.

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from femupdate.building.deck_draft import deck_words
-from femupdate.building.shipped import is_deck
+from femupdate.building.model_draft import model_words
+from femupdate.building.shipped import program_of
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.measurement.inspection import Inspection, inspect_file
 from femupdate.measurement.write import write_mapping
@@ -20,21 +20,24 @@ class InspectedFiles(Result):
     Attributes:
         files: those that could be read.
         refused: a sentence on each of the others.
-        decks: what is in models of Nastran among them.
+        models: what is in other programs' models among them.
     """
 
     files: tuple[Inspection, ...]
     refused: tuple[str, ...] = ()
-    decks: tuple[tuple[Path, tuple[str, ...]], ...] = ()
+    models: tuple[tuple[Path, tuple[str, ...]], ...] = ()
 
     def items(self) -> Iterator[Item]:
         """Every file in words, then the command to run next on it."""
         files = [file.as_dict() for file in self.files]
-        decks = [{"path": path, "notes": notes} for path, notes in self.decks]
-        more = {"decks": decks} if decks else {}
+        models = [
+            {"path": path, "program": program_of(path), "notes": notes}
+            for path, notes in self.models
+        ]
+        more = {"models": models} if models else {}
         yield Note(content={"files": files, "refused": self.refused} | more)
-        for path, notes in self.decks:
-            yield Note(f"{path}: a model of Nastran")
+        for path, notes in self.models:
+            yield Note(f"{path}: a model of {program_of(path)}")
             yield Notes(notes)
             yield Note(f"Next: femupdate build-model {path}")
         head = ("channel", "direction", "quantity", "rate", "samples", "length", "peak")
@@ -70,19 +73,19 @@ def inspect_files(
 
     Args:
         paths: of the files; one that cannot be read does not keep the others back.
-        unit: of accelerations, or of force and length of a deck, where a file does not say it.
+        unit: of accelerations, or of force and length of a model, where a file does not say it.
         columns: our column name to the file's column or channel, where the user says it.
     """
-    files, refused, decks = [], [], []
+    files, refused, models = [], [], []
     for path in paths:
         try:
-            if is_deck(path):
-                decks.append((path, deck_words(path, unit)))
+            if program_of(path):
+                models.append((path, model_words(path, unit)))
             else:
                 files.append(inspect_file(path, unit, columns))
         except (BuildingError, MeasurementError) as error:
             refused.append(str(error))
-    return InspectedFiles(tuple(files), tuple(refused), tuple(decks))
+    return InspectedFiles(tuple(files), tuple(refused), tuple(models))
 
 
 def propose_mapping(file: Inspection, path: Path, unit: str | None = None) -> Path:

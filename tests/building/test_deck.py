@@ -4,13 +4,13 @@ import re
 
 import numpy as np
 import pytest
-from femupdate.benchmarks.bulk_data import bulk_data
 
 from femupdate.building import load_building, mesh_building, save_building
-from femupdate.building.deck_draft import draft_text, write_draft
+from femupdate.building.model_draft import draft_text, write_draft
 from femupdate.dynamics import choose_members
 from femupdate.errors import BuildingError
 from femupdate.fe import assemble, lowest_modes
+from femupdate.fe.export_nastran import bulk_data
 from femupdate.interface import inspect
 
 
@@ -330,7 +330,7 @@ def test_a_deck_is_inspected_drafted_and_cut(tmp_path):
     broken = tmp_path / "broken.nas"
     broken.write_text("BEGIN BULK\n")
     report = inspect(path, broken)
-    assert [deck for deck, _ in report.decks] == [path]
+    assert [deck for deck, _ in report.models] == [path]
     assert "Units N and mm" in " ".join(report.lines())
     assert report.refused[0].startswith("broken.nas: it has no GRID")
     draft = write_draft(path, None, tmp_path / "own" / "mine.toml")

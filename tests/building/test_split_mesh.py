@@ -1,13 +1,13 @@
 """A mesh that was read, split in place."""
 
 import numpy as np
-from femupdate.benchmarks.bulk_data import bulk_data
 from femupdate.benchmarks.frame_coverage import BUILDING
 
 from femupdate.building import load_building, mesh_building
 from femupdate.building.split_mesh import split_mesh
 from femupdate.effects.structure import structure_of
 from femupdate.fe import assemble, lowest_modes
+from femupdate.fe.export_nastran import bulk_data
 
 
 def frequencies(model, count=6):

@@ -192,7 +192,7 @@ def lumped_masses(model):
     length = np.linalg.norm(np.diff(model.nodes[beams.nodes], axis=1)[:, 0], axis=1)
     share = length * beams.area * beams.density / 2.0
     np.add.at(mass, beams.nodes, np.repeat(share[:, None], 2, axis=1))
-    np.add.at(mass, model.masses.node, model.masses.mass)
+    np.add.at(mass, model.masses.node, model.masses.mass[:, 0])
     return mass
 
 

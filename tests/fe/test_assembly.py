@@ -52,7 +52,7 @@ def looped(model):
         model.masses.node, model.masses.mass, model.masses.inertia, strict=True
     ):
         dof = 6 * node + np.arange(6)
-        mass[-1][dof, dof] += np.concatenate([[m] * 3, inertia])
+        mass[-1][dof, dof] += np.concatenate([m, inertia])
     return stiffness, mass[-1]
 
 

@@ -13,9 +13,9 @@ from femupdate.arrays import Floats
 from femupdate.building import FrameBuilding
 from femupdate.effects import CATALOGUE
 from femupdate.fe import FiniteElementModel, assemble
+from femupdate.fe.export_nastran import bulk_data
 from femupdate.simulation import fine_model
 
-from ..bulk_data import bulk_data
 from ..frame_coverage.opensees import opensees_modes
 from ..hidden_effects.by_opensees import changed
 from .stick import STEP_S

@@ -2,7 +2,10 @@
 
 import numpy as np
 
-from femupdate.fe import FiniteElementModel
+from femupdate.errors import StructureError
+from femupdate.fe.elements.beam import Beams
+from femupdate.fe.model import FiniteElementModel
+from femupdate.fe.surface import Surface
 
 
 def card(name: str, *values: float | str | None) -> str:
@@ -38,11 +41,13 @@ def bulk_data(model: FiniteElementModel) -> str:
                 for name in ("youngs_modulus", "density", "poisson_ratio")
             )
             material = number("MAT1", young, None, ratio, density)
-            if block.dimension() == 2:
+            if isinstance(block, Surface):
                 plate = number("PSHELL", material, float(block.thickness[k]), material, 1.0)
                 name = "CQUAD4" if len(nodes) == 4 else "CTRIA3"
                 cards.append(card(name, element, plate, *nodes))
                 continue
+            if not isinstance(block, Beams):
+                raise StructureError(f"bulk data knows no {block.name}; leave such elements out")
             area = float(block.area[k])
             inertia = float(block.inertia_y[k]), float(block.inertia_z[k])
             shear = float(block.shear_area_z[k] / area), float(block.shear_area_y[k] / area)
@@ -56,13 +61,26 @@ def bulk_data(model: FiniteElementModel) -> str:
                 pins = ["".join(str(c + 1) for c in np.flatnonzero(end)) for end in flags]
             up = map(float, block.up[k])
             cards.append(card("CBAR", element, bar, *nodes, *up, None, *pins, *map(float, arms)))
-    for node, kg, inertia in zip(
+    for node, mass, inertia in zip(
         model.masses.node + 1, model.masses.mass, model.masses.inertia, strict=True
     ):
+        if np.ptp(mass) == 0.0:
+            element += 1
+            x, y, z = map(float, inertia)
+            figures = (float(mass[0]), *[None] * 4, x, 0.0, y, 0.0, 0.0, z)
+            cards.append(card("CONM2", element, int(node), None, *figures))
+            continue
+        for way, value in enumerate([*mass, *inertia], 1):
+            if value:
+                element += 1
+                cards.append(card("CMASS2", element, float(value), int(node), way))
+    springs = model.springs
+    for ends, way, stiffness in zip(
+        springs.nodes + 1, springs.direction + 1, springs.stiffness, strict=True
+    ):
         element += 1
-        x, y, z = map(float, inertia)
-        figures = (x, 0.0, y, 0.0, 0.0, z)
-        cards.append(card("CONM2", element, int(node), None, float(kg), *[None] * 4, *figures))
+        joined = [value for node in ends.tolist() if node for value in (node, int(way))]
+        cards.append(card("CELAS2", element, float(stiffness), *joined))
     links = model.links
     for master, slave, tied in zip(links.master, links.slave, links.tied, strict=True):
         element += 1

@@ -1,0 +1,127 @@
+"""Models of other programs: the reader of each file, its units, and what a building adds to it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from femupdate.building.deck_model import NastranModel
+from femupdate.building.entry import Complaint
+from femupdate.building.model_tables import ModelFile, ReadModel, Said, read_model
+from femupdate.building.opensees_model import OpenSeesModel
+from femupdate.building.own_mesh import MeshBuilding
+from femupdate.building.references import resolve
+from femupdate.building.sap2000_model import SapModel
+from femupdate.building.shipped import program_of
+from femupdate.errors import BuildingError, UnitError
+from femupdate.units import factor
+
+_READERS: dict[str, Callable[[Path], ModelFile]] = {
+    "Nastran": NastranModel.opened,
+    "OpenSees": OpenSeesModel.opened,
+    "SAP2000": SapModel.opened,
+}
+_SYSTEMS = tuple(
+    f"{force},{length}"
+    for force in ("N", "kN", "MN", "kgf", "tf", "lbf", "kip")
+    for length in ("m", "cm", "mm", "in", "ft")
+)
+# Young's modulus (GPa) and density (kg/m3) of concrete, steel, aluminium, timber and masonry.
+_MATERIALS = np.array(
+    [
+        [[15, 50], [1500, 2700]],
+        [[180, 220], [7400, 8200]],
+        [[65, 75], [2600, 2900]],
+        [[5, 18], [350, 900]],
+        [[1, 15], [1400, 2300]],
+    ]
+)
+LACKING = {
+    "supports.base": "what holds the base",
+    "mesh.diaphragms": "which floors are rigid in plan",
+    "mesh.mass": "whether elements have their mass at their nodes",
+}
+
+
+def open_model(file: Path) -> ModelFile:
+    """Parse the model of another program."""
+    return _READERS[program_of(file) or ""](file)
+
+
+def model_units(file: ModelFile, units: str | None) -> tuple[str, str, str]:
+    """Units of force and length of a model, and how they are known.
+
+    Args:
+        units: as the user says them, such as "kN,m".
+    """
+    stated = file.units
+    if units:
+        force, _, length = (part.strip() for part in units.partition(","))
+        try:
+            factor(force, "force"), factor(length, "length")
+        except UnitError as error:
+            raise BuildingError(f"--units {units}: {error}; write force and length: N,mm") from None
+        if stated is not None and stated != (force, length):
+            raise BuildingError(
+                f"{file.file.name}: the file is in {','.join(stated)}, not {units}; leave --units "
+                "out"
+            )
+        return force, length, "as you said"
+    if stated is not None:
+        return *stated, "as the file says"
+    known = np.array([pair for pair in file.materials if min(pair) > 0.0]).reshape(-1, 2)
+    fitting = []
+    for system in _SYSTEMS:
+        newton, metre = (
+            factor(u, k) for u, k in zip(system.split(","), ("force", "length"), strict=True)
+        )
+        scale = np.array([newton / metre**2 * 1e-9, newton / metre**4])
+        figures = (known * scale)[:, None, :]
+        inside = (figures >= _MATERIALS[..., 0]) & (figures <= _MATERIALS[..., 1])
+        if len(known) and inside.all(axis=2).any(axis=1).all():
+            fitting.append((system, figures[0, 0]))
+    if len(fitting) == 1:
+        (system, (young, density)) = fitting[0]
+        force, length = system.split(",")
+        why = f"the only ones with a usual material ({young:.4g} GPa, {density:.4g} kg/m3)"
+        return force, length, why
+    could = f"could be {' or '.join(name for name, _ in fitting)}" if fitting else "tell none"
+    raise BuildingError(
+        f"{file.file.name}: the file says no units, and its materials {could}; say force and "
+        "length by --units, such as --units N,mm"
+    )
+
+
+def building_model(building: MeshBuilding) -> ReadModel:
+    """The model that a building's file holds, with what the building says beside it."""
+    mesh = building.mesh
+    file = open_model(Path(mesh.file).expanduser())
+    assert mesh.force is not None
+    if file.units not in (None, (mesh.force, mesh.unit)):
+        text = f"the model is in {','.join(file.units or ())}; write those"
+        raise Complaint("mesh.unit", text)
+    base = building.supports.base if "supports" in building.model_fields_set else None
+    given = {"supports.base": base, "mesh.diaphragms": mesh.diaphragms, "mesh.mass": mesh.mass}
+    for key in file.lacks:
+        if given[key] is None:
+            text = (
+                f"the key is missing; {file.program} does not say {LACKING[key]}, so say it "
+                f"(--draft writes a building file for {file.file.name})"
+            )
+            raise Complaint(key, text)
+    if base == "pinned" and "supports.base" not in file.lacks:
+        raise Complaint("supports.base", "the model says what holds the base; change it there")
+    levels = building.floor_levels
+    rigid = None
+    if mesh.diaphragms is not None and mesh.diaphragms != "none":
+        named = resolve(mesh.diaphragms, building.floors, "floor", "mesh.diaphragms")
+        rigid = levels[[building.floors.index(name) for name in named]]
+    said = Said(
+        ignored=mesh.ignore or (),
+        elastic=mesh.elastic or (),
+        mass=mesh.mass,
+        diaphragms=rigid,
+        base=base if "supports.base" in file.lacks else None,
+    )
+    length, force = factor(mesh.unit, "length"), factor(mesh.force, "force")
+    return read_model(file, length, force, said, base=mesh.base, levels=levels)

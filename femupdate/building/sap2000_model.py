@@ -1,0 +1,444 @@
+"""Reads the text of SAP2000 (.s2k): tables of rows with key=value."""
+
+import re
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from femupdate.arrays import Floats
+from femupdate.building.csi_model import (
+    AreaSection,
+    FrameSection,
+    MassSource,
+    Row,
+    add_area,
+    add_frame,
+    once,
+    shape_figures,
+    units_of,
+)
+from femupdate.building.model_tables import ModelTables, Stuff, file_text
+from femupdate.errors import BuildingError
+
+_TOKEN = re.compile(r'([^\s=]+)=("[^"]*"|\S*)')
+_GENERAL = "FRAME SECTION PROPERTIES 01 - GENERAL"
+_MATERIAL = "MATERIAL PROPERTIES 02 - BASIC MECHANICAL PROPERTIES"
+_ADDED = "JOINT ADDED MASS ASSIGNMENTS"
+_OFFSETS = "FRAME OFFSET ALONG LENGTH ASSIGNMENTS"
+_DIAPHRAGMS, _BODIES = (f"CONSTRAINT DEFINITIONS - {kind}" for kind in ("DIAPHRAGM", "BODY"))
+_TAKEN = (
+    *("JOINT COORDINATES", "JOINT RESTRAINT ASSIGNMENTS", "JOINT CONSTRAINT ASSIGNMENTS"),
+    *("CONNECTIVITY - FRAME", "CONNECTIVITY - AREA", "FRAME SECTION ASSIGNMENTS"),
+    *("AREA SECTION ASSIGNMENTS", "AREA SECTION PROPERTIES", "COORDINATE SYSTEMS", "MASS SOURCE"),
+    *("FRAME RELEASE ASSIGNMENTS 1 - GENERAL", "FRAME PROPERTY MODIFIERS"),
+    *("FRAME LOCAL AXES ASSIGNMENTS 1 - TYPICAL", "FRAME INSERTION POINT ASSIGNMENTS"),
+    *("AREA STIFFNESS MODIFIERS", "JOINT SPRING ASSIGNMENTS 1 - UNCOUPLED", "PROGRAM CONTROL"),
+    *("MASSES 1 - MASS SOURCE", "LOAD PATTERN DEFINITIONS", "JOINT LOADS - FORCE"),
+    *("FRAME LOADS - DISTRIBUTED", "AREA LOADS - UNIFORM", _GENERAL, _MATERIAL, _ADDED),
+    *(_OFFSETS, _DIAPHRAGMS, _BODIES),
+)
+# Families of tables that change the structure, but for those that do not.
+_STRUCTURE = (
+    *("JOINT", "FRAME", "AREA", "LINK", "CABLE", "TENDON", "SOLID", "CONSTRAINT"),
+    *("CONNECTIVITY", "MASSES"),
+)
+_HARMLESS = re.compile(
+    r"(JOINT (LOADS|PATTERN)|FRAME (LOADS|DESIGN|OUTPUT|LOAD TRANSFER|AUTO MESH|P-DELTA|FIREPROOF"
+    r"|SECTION PROPERTIES (0[2-9]|1|2))|AREA (LOADS|AUTO MESH|EDGE|DESIGN|LOCAL AXES|SECTION "
+    r"PROPERTY DESIGN|SECTION PROPERTIES -|OVERWRITES)|LINK PROPERTY|SOLID PROPERTY|CABLE SECTION"
+    r"|TENDON SECTION|JOINT (GROUPS|MERGE)|CONSTRAINT DEFINITIONS)"
+)
+_PARTS = ("P", "V2", "V3", "T", "M2", "M3")
+_WAYS = ("U1", "U2", "U3", "R1", "R2", "R3")
+
+
+@dataclass(frozen=True)
+class SapModel:
+    """A file of SAP2000, as `ModelFile` asks."""
+
+    program: ClassVar[str] = "SAP2000"
+    node_kind: ClassVar[str] = "joint"
+    what: ClassVar[str] = "rows of"
+    mends: ClassVar[Mapping[str, str]] = {
+        "CONNECTIVITY - LINK": "replace linear links by joint springs or frames",
+    }
+    file: Path
+    tables: Mapping[str, list[Row]]
+
+    @classmethod
+    def opened(cls, file: Path) -> "SapModel":
+        """The tables of a file."""
+        tables: dict[str, list[Row]] = defaultdict(list)
+        name, words, first = "", "", 0
+        for number, line in enumerate(file_text(file).splitlines(), 1):
+            head = re.match(r'\s*TABLE:\s*"([^"]+)"', line, re.I)
+            if head:
+                name = head[1].upper()
+                tables[name] = tables[name]
+            elif line.strip().upper().startswith("END TABLE DATA"):
+                break
+            elif name and line.strip():
+                first = first or number
+                part = line.rstrip()
+                words += part.removesuffix("_") + " "
+                if part.endswith(" _"):
+                    continue
+                found = {key: value.strip('"') for key, value in _TOKEN.findall(words)}
+                if not found:
+                    raise Row(file.name, name, number, {}).error(
+                        f"{line.strip()!r} has no key=value; export the tables again"
+                    )
+                tables[name].append(Row(file.name, name, first, found))
+                words, first = "", 0
+        if not tables.get("JOINT COORDINATES"):
+            raise BuildingError(
+                f"{file.name}: it has no table JOINT COORDINATES; export the model definition as "
+                "text (.s2k)"
+            )
+        return cls(file, dict(tables))
+
+    def of(self, name: str) -> list[Row]:
+        """The rows of a table."""
+        return self.tables.get(name, [])
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Those of PROGRAM CONTROL."""
+        stated = {row.text("CurrUnits") for row in self.of("PROGRAM CONTROL")} - {""}
+        if len(stated) != 1:
+            said = " and ".join(sorted(stated)) or "none"
+            raise BuildingError(
+                f"{self.file.name}: PROGRAM CONTROL names the units {said}; export the tables in "
+                'one, such as CurrUnits="KN, m, C"'
+            )
+        return units_of(self.file.name, stated.pop().split(","))
+
+    @property
+    def materials(self) -> list[tuple[float, float]]:
+        """The file states its units."""
+        return []
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """Rows of each table."""
+        return {name: len(rows) for name, rows in self.tables.items() if rows}
+
+    @property
+    def left_out(self) -> Mapping[str, int]:
+        """Tables that modes do not depend on."""
+        return {n: k for n, k in self.counts.items() if n not in (*_TAKEN, *self.unknown)}
+
+    @cached_property
+    def unknown(self) -> list[str]:
+        """Tables that change the structure and have no counterpart."""
+        assigned = {row.text("Constraint") for row in self.of("JOINT CONSTRAINT ASSIGNMENTS")}
+        found = []
+        for name in self.counts:
+            kind = name.startswith(_STRUCTURE) and name not in _TAKEN
+            used = {row.text("Name") for row in self.of(name)} & assigned
+            if kind and (not _HARMLESS.match(name) or (name.startswith("CONSTRAINT") and used)):
+                found.append(name)
+        return found
+
+    @property
+    def lacks(self) -> tuple[str, ...]:
+        """It says all."""
+        return ()
+
+    def first(self, name: str) -> Row:
+        """The first row of a table."""
+        return self.of(name)[0]
+
+    def fill(self, tables: ModelTables) -> None:
+        """Fill the tables."""
+        reading = _Reading(self, tables)
+        reading.joints()
+        reading.restraints()
+        reading.frames()
+        reading.areas()
+        tables.divide_lines()
+        known = {*_HARMLESS_KEYS}
+        for name in _TAKEN:
+            asked = set().union(*(row.read for row in self.of(name)))
+            there = set().union(*(row.values for row in self.of(name)))
+            for key in sorted(there - asked - known):
+                tables.skipped[f"key {key} of {name}"] += len(self.of(name))
+
+
+_HARMLESS_KEYS = (
+    *("A1", "AdvanceAxes", "AlumCode", "Arc", "AreaArea", "AreaType", "AutoSelect", "Axis"),
+    *("BendThick", "BridgeCode", "CentroidX", "CentroidY", "CentroidZ", "ColdCode", "Color"),
+    *("ConcBeam", "ConcCode", "ConcCol", "CoordSys", "CoordType", "CurrUnits", "Cw"),
+    *("DesignSect", "DesignType", "DistType", "DrillDOF", "EccV2", "EccV3", "FilletRadius"),
+    *("FromFile", "GUID", "GlobalX", "GlobalY", "GlobalZ", "IsCurved", "IsDefault", "Length"),
+    *("LicenseHT", "LicenseOS", "LicenseSC", "Loads", "MatAngle", "MatProp", "Mirror2"),
+    *("Mirror3", "Notes", "PNA22", "PNA33", "PartialFix", "Perimeter", "ProgLevel"),
+    *("ProgramName", "R22", "R33", "RegenHinge", "S22", "S22NEG", "S22POS", "S33", "S33NEG"),
+    *("S33POS", "SectionType", "Shape", "SpecialJt", "SteelCode", "TotalMass", "TotalWt"),
+    *("Type", "Version", "Z22", "Z33"),
+)
+
+
+class _Reading:
+    """The tables of a file, read one kind after the other."""
+
+    def __init__(self, file: SapModel, tables: ModelTables) -> None:
+        self.file, self.tables = file, tables
+        self.source = self._mass_source()
+        self.materials = once(file.of(_MATERIAL), "Material")
+        self.in_diaphragm: set[int] = set()
+
+    def _mass_source(self) -> MassSource:
+        source = MassSource()
+        old, new = self.file.of("MASSES 1 - MASS SOURCE"), self.file.of("MASS SOURCE")
+        name = next((r.text("MassSource") for r in new if r.flag("IsDefault")), "")
+        rows = [r for r in new if r.text("MassSource") in ("", name)] if name else new
+        for row in rows[:1]:
+            source.elements, source.added = row.flag("Elements", True), row.flag("Masses", True)
+        for row in old:
+            said = row.text("MassFrom").lower()
+            if said:
+                source.elements = source.added = "elements" in said
+        weights = {
+            r.text("LoadPat"): r.real("SelfWtMult", usual=0.0)
+            for r in self.file.of("LOAD PATTERN DEFINITIONS")
+        }
+        for row in [*rows, *old]:
+            pattern = row.text("LoadPat")
+            if pattern:
+                share = row.real("Multiplier", usual=1.0)
+                source.patterns[pattern] = source.patterns.get(pattern, 0.0) + share
+                source.self_weight += share * weights.get(pattern, 0.0)
+        if source.patterns:
+            listed = ", ".join(f"{share:g} {name}" for name, share in source.patterns.items())
+            self.tables.changes[f"mass source: loads {listed} over g"] += 1
+        return source
+
+    def _axes(self, row: Row) -> tuple[Floats, Floats]:
+        """Origin and axes, as rows, of the system that a row names."""
+        name = row.text("CoordSys").upper()
+        if name in ("", "GLOBAL"):
+            return np.zeros(3), np.eye(3)
+        systems = {r.text("Name").upper(): r for r in self.file.of("COORDINATE SYSTEMS")}
+        if name not in systems:
+            raise row.error(f"there is no system {name}; add it to COORDINATE SYSTEMS")
+        own = systems[name]
+        axes = np.eye(3)
+        for key, (a, b) in (("AboutX", (1, 2)), ("AboutY", (2, 0)), ("AboutZ", (0, 1))):
+            turn = np.deg2rad(own.real(key, usual=0.0))
+            spin = np.eye(3)
+            spin[[a, b], [a, b]], spin[a, b], spin[b, a] = np.cos(turn), np.sin(turn), -np.sin(turn)
+            axes = axes @ spin
+        return np.array([own.real(key, usual=0.0) for key in "XYZ"]), axes
+
+    def joint(self, row: Row, key: str = "Joint") -> int:
+        return self.tables.find(row, row.named(key))
+
+    def joints(self) -> None:
+        for name, row in once(self.file.of("JOINT COORDINATES"), "Joint").items():
+            origin, axes = self._axes(row)
+            point = np.array([row.real("XorR", "GlobalX"), 0.0, row.real("Z", "GlobalZ")])
+            if row.text("CoordType").lower().startswith("cyl"):
+                turn = np.deg2rad(row.real("T"))
+                point[:2] = point[0] * np.array([np.cos(turn), np.sin(turn)])
+            else:
+                point[1] = row.real("Y", "GlobalY")
+            self.tables.node(name, origin + point @ axes)
+
+    def restraints(self) -> None:
+        tables = self.tables
+        for row in self.file.of("JOINT RESTRAINT ASSIGNMENTS"):
+            held = [k for k, way in enumerate(_WAYS) if row.flag(way)]
+            tables.holds.append((self.joint(row), held))
+        for row in self.file.of("JOINT SPRING ASSIGNMENTS 1 - UNCOUPLED"):
+            if row.text("CoordSys").upper() not in ("", "GLOBAL", "LOCAL"):
+                raise row.error("springs along other axes are not modelled; give global ones")
+            for k, way in enumerate(_WAYS):
+                if row.real(way, usual=0.0):
+                    tables.spring(self.joint(row), -1, k, row.real(way))
+        members: dict[str, list[int]] = defaultdict(list)
+        for row in self.file.of("JOINT CONSTRAINT ASSIGNMENTS"):
+            members[row.named("Constraint")].append(self.joint(row))
+        for row in self.file.of(_DIAPHRAGMS):
+            nodes = members.pop(row.named("Name"), [])
+            levels = np.array([tables.points[k][2] for k in nodes]).round(3)
+            if row.text("Axis").upper() not in ("", "Z", "AUTO"):
+                raise row.error("only diaphragms about Z are modelled; correct its axis")
+            for level in np.unique(levels):
+                body = np.array(nodes)[(levels == level) | (not row.flag("MultiLevel"))]
+                tables.bodies.append(body)
+                self.in_diaphragm.update(body.tolist())
+        for row in self.file.of(_BODIES):
+            nodes = members.pop(row.named("Name"), [])
+            tied = np.array([row.flag(k, True) for k in ("UX", "UY", "UZ", "RX", "RY", "RZ")])
+            for node in nodes[1:]:
+                tables.tie(nodes[0], node, tied)
+        for row in self.file.of(_ADDED) if self.source.added else []:
+            values = [row.real(key, f"{other}", usual=0.0) for key, other in _MASS_KEYS]
+            mass = np.array(values[:3]) * tables.mass
+            inertia = np.array(values[3:]) * tables.mass * tables.length**2
+            tables.point_mass(row, self.joint(row), mass, inertia)
+        for row in self.file.of("JOINT LOADS - FORCE"):
+            share = -row.real("F3", usual=0.0) * self._share(row)
+            if share > 0.0:
+                kg = share * tables.force / 9.80665
+                tables.point_mass(row, self.joint(row), [kg] * 3, np.zeros(3))
+
+    def _share(self, row: Row) -> float:
+        return self.source.patterns.get(row.text("LoadPat"), 0.0)
+
+    def _material(self, row: Row, name: str) -> tuple[Stuff, float]:
+        own = self.materials.get(name)
+        if own is None:
+            raise row.error(f"there is no material {name}; add it to {_MATERIAL}")
+        young, shear = own.real("E1"), own.real("G12", usual=0.0)
+        ratio = own.real("U12", usual=0.5 * young / shear - 1.0 if shear else 0.2)
+        tables, weight = self.tables, own.real("UnitWeight", usual=0.0)
+        density = own.real("UnitMass", usual=weight / (9.80665 / tables.length))
+        stuff = tables.material(own, young, ratio, density, shear)
+        return stuff, weight * tables.force / tables.length**3
+
+    def _frame_section(self, row: Row) -> FrameSection:
+        stuff, weight = self._material(row, row.named("Material"))
+        sides = {k: row.real(key, usual=0.0) for k, key in _SIDES}
+        if row.text("Area"):
+            figures = self.tables.section(
+                row,
+                row.real("Area"),
+                (row.real("I33", usual=0.0), row.real("I22", usual=0.0)),
+                row.real("TorsConst", usual=0.0),
+                (row.real("AS2", usual=0.0), row.real("AS3", usual=0.0)),
+            )
+            if row.real("I23", usual=0.0):
+                raise row.error("I23 couples both ways of bending; give principal axes")
+        else:
+            figures = shape_figures(self.tables, row, row.text("Shape"), sides)
+        modifiers = tuple(row.real(key, usual=1.0) for key in _SECTION_MODIFIERS)
+        return FrameSection(row, figures, stuff, weight, modifiers)
+
+    def frames(self) -> None:
+        file, tables = self.file, self.tables
+        rows = once(file.of(_GENERAL), "SectionName")
+        sections = {name: self._frame_section(row) for name, row in rows.items()}
+        assigned, angles, releases, offsets, points, modifiers = (
+            once(file.of(name), "Frame")
+            for name in (
+                "FRAME SECTION ASSIGNMENTS",
+                "FRAME LOCAL AXES ASSIGNMENTS 1 - TYPICAL",
+                "FRAME RELEASE ASSIGNMENTS 1 - GENERAL",
+                _OFFSETS,
+                "FRAME INSERTION POINT ASSIGNMENTS",
+                "FRAME PROPERTY MODIFIERS",
+            )
+        )
+        loads: dict[str, float] = defaultdict(float)
+        for row in file.of("FRAME LOADS - DISTRIBUTED"):
+            loads[row.text("Frame")] += self._share(row) * _load(row, "FOverLA", "FOverLB")
+        for name, row in once(file.of("CONNECTIVITY - FRAME"), "Frame").items():
+            given = assigned.get(name, row)
+            section = given.named("AnalSect")
+            if section not in sections:
+                raise given.error(f"there is no section {section}; add it to {_GENERAL}")
+            ends = [self.joint(row, key) for key in ("JointI", "JointJ")]
+            none = Row(row.file, row.table, row.line, {})
+            release, offset, point, change = (
+                known.get(name, none) for known in (releases, offsets, points, modifiers)
+            )
+            moved, cardinal = None, 10
+            if point.values and point.flag("Transform", point.flag("StiffTransform", True)):
+                # The number may come with its words: "8 (top center)".
+                cardinal = int(point.text("CardinalPt").partition(" ")[0] or 10)
+                moved = np.array(
+                    [[point.real(f"JtOffset{a}{e}", usual=0.0) for a in "XYZ"] for e in "IJ"]
+                )
+            rigid = [offset.real(k, usual=0.0) for k in ("LengthI", "LengthJ", "RigidFactor")]
+            add_frame(
+                tables,
+                row,
+                ends,
+                sections[section],
+                self.source,
+                angle=angles.get(name, none).real("Angle", usual=0.0),
+                released=[f"{p}{e}" for p in _PARTS for e in "IJ" if release.flag(f"{p}{e}")],
+                rigid=rigid,
+                cardinal=cardinal,
+                moved=moved,
+                modifiers=[change.real(*keys, usual=1.0) for keys in _FRAME_MODIFIERS],
+                load=loads[name] * tables.force / tables.length / 9.80665,
+            )
+
+    def areas(self) -> None:
+        file, tables = self.file, self.tables
+        sections = {}
+        for name, row in once(file.of("AREA SECTION PROPERTIES"), "Section").items():
+            stuff, weight = self._material(row, row.named("Material"))
+            kind, thick = row.text("Type").lower(), row.real("Thickness")
+            area = row.text("AreaType").lower()
+            if "layer" in kind or "plate" in kind or area not in ("", "shell"):
+                raise row.error("layers, plates and plane areas have no counterpart; use a shell")
+            bending = 0.0 if "membrane" in kind else row.real("BendThick", usual=thick)
+            factors = tuple(row.real(*keys, usual=1.0) for keys in _AREA_SECTION_MODIFIERS)
+            sections[name] = AreaSection(
+                row, stuff, weight, thick * tables.length, bending * tables.length, factors
+            )
+        assigned, modifiers = (
+            once(file.of(table), "Area")
+            for table in ("AREA SECTION ASSIGNMENTS", "AREA STIFFNESS MODIFIERS")
+        )
+        loads: dict[str, float] = defaultdict(float)
+        for row in file.of("AREA LOADS - UNIFORM"):
+            loads[row.text("Area")] += self._share(row) * _load(row, "UnifLoad", "UnifLoad")
+        for name, row in once(file.of("CONNECTIVITY - AREA"), "Area").items():
+            count = int(row.real("NumJoints"))
+            given = assigned.get(name, row)
+            section = given.named("Section")
+            if section not in sections:
+                text = f"there is no section {section}; add it to AREA SECTION PROPERTIES"
+                raise given.error(text)
+            corners = [self.joint(row, f"Joint{k + 1}") for k in range(count)]
+            change = modifiers.get(name, Row(row.file, row.table, row.line, {}))
+            add_area(
+                tables,
+                row,
+                corners,
+                sections[section],
+                self.source,
+                modifiers=[change.real(*keys, usual=1.0) for keys in _AREA_MODIFIERS],
+                load=loads[name] * tables.force / tables.length**2 / 9.80665,
+                in_diaphragm=self.in_diaphragm.issuperset(corners),
+            )
+
+
+_SIDES = (("D", "t3"), ("B", "t2"), ("TF", "tf"), ("TW", "tw"))
+_MASS_KEYS = tuple(
+    (f"{name}{k + 1}", _WAYS[k + 3 * (name == "MMI")]) for name in ("Mass", "MMI") for k in range(3)
+)
+_SECTION_MODIFIERS = ("AMod", "A2Mod", "A3Mod", "JMod", "I2Mod", "I3Mod", "MMod", "WMod")
+_FRAME_MODIFIERS = (
+    *(("AMod",), ("AS2Mod", "A2Mod"), ("AS3Mod", "A3Mod"), ("JMod",), ("I22Mod", "I2Mod")),
+    *(("I33Mod", "I3Mod"), ("MassMod", "MMod"), ("WeightMod", "WMod")),
+)
+_STIFF = ("11", "22", "12")
+_AREA_MODIFIERS = (
+    *((f"{f}{k}",) for f in "fm" for k in _STIFF),
+    *(("v13",), ("v23",), ("MassMod", "MMod"), ("WeightMod", "WMod")),
+)
+_AREA_SECTION_MODIFIERS = (
+    *((f"{f}{k}Mod",) for f in "FM" for k in _STIFF),
+    *(("V13Mod",), ("V23Mod",), ("MMod",), ("WMod",)),
+)
+
+
+def _load(row: Row, first: str, last: str) -> float:
+    """Mean load downwards on all of a frame or area, in the file's units."""
+    mean = 0.5 * (row.real(first, usual=0.0) + row.real(last, usual=0.0))
+    way = row.text("Dir").lower()
+    ends = (row.real("RelDistA", usual=0.0), row.real("RelDistB", usual=1.0))
+    if ends != (0.0, 1.0):
+        raise row.error("a load on a part of a frame is no mass here; give it on all of it")
+    return mean if "grav" in way else -mean if way == "z" else 0.0

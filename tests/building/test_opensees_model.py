@@ -1,0 +1,192 @@
+"""Domains of OpenSees, printed as JSON and read back: its own eigenvalues are the truth."""
+
+import json
+
+import numpy as np
+import pytest
+
+from femupdate.building import load_building, mesh_building
+from femupdate.building.model_draft import write_draft
+from femupdate.errors import BuildingError
+from femupdate.fe import assemble, lowest_modes
+
+ops = pytest.importorskip("openseespy.opensees")
+
+E, G = 3e10, 1.25e10
+
+
+def columns_and_beams(plan, levels, beam, column, present=lambda x, y, k: True):
+    """Nodes on a plan at all levels, joined; returns the nodes of every level."""
+    floors = []
+    for k, z in enumerate(levels):
+        floors.append({})
+        for n, (x, y) in enumerate(plan):
+            if present(x, y, k):
+                floors[k][x, y] = 100 * k + n + 1
+                ops.node(floors[k][x, y], float(x), float(y), float(z))
+    for k in range(1, len(levels)):
+        for place, node in floors[k].items():
+            column(floors[k - 1][place], node)
+        for (x, y), node in floors[k].items():
+            for other in ((x + 5, y), (x, y + 4)):
+                if other in floors[k]:
+                    beam(node, floors[k][other])
+    for node in floors[0].values():
+        ops.fix(node, *FIXED)
+    return floors
+
+
+FIXED = (1, 1, 1, 1, 1, 1)
+PLAN = [(x, y) for x in (0, 5, 10) for y in (0, 4)]
+TAGS = iter(range(1, 100_000))
+
+
+def elastic(transformation, area, inner, outer, *more):
+    figures = (area, E, G, 1.2 * inner, inner, outer, transformation, *more)
+    return lambda a, b: ops.element("elasticBeamColumn", next(TAGS), a, b, *figures)
+
+
+def plain_frame():
+    ops.geomTransf("Linear", 1, 0.0, 1.0, 0.0)
+    ops.geomTransf("PDelta", 2, 0.0, 0.0, 1.0)
+    beam = elastic(2, 0.15, 0.003, 0.001, "-mass", 900.0, "-cMass")
+    column = elastic(1, 0.16, 0.0021, 0.0027, "-mass", 400.0, "-cMass")
+    floors = columns_and_beams(PLAN, (0.0, 3.5, 6.5, 9.5), beam, column)
+    for floor in floors[1:]:
+        for node in floor.values():
+            ops.mass(node, 8e3, 8e3, 8e3, 0.0, 0.0, 0.0)
+    return 'diaphragms = "none"\nmass = "consistent"', "fixed"
+
+
+def wall_of_shells():
+    ops.section("ElasticMembranePlateSection", 1, E, 0.2, 0.25, 2500.0)
+    for j in range(61):
+        for i in range(25):
+            ops.node(100 * j + i + 1, 0.2 * i, 0.0, 0.15 * j)
+            if not j:
+                ops.fix(i + 1, *FIXED)
+            elif not j % 20:
+                ops.mass(100 * j + i + 1, 1e3, 1e3, 1e3, 0.0, 0.0, 0.0)
+    for j in range(60):
+        for i in range(24):
+            n = 100 * j + i + 1
+            ops.element("ShellMITC4", next(TAGS), n, n + 1, n + 101, n + 100, 1)
+    ops.section("Elastic", 2, E, 0.16, 0.002, 0.002, G, 0.003)
+    ops.geomTransf("Linear", 1, 0.0, 0.0, 1.0)
+    for j in (20, 40, 60):  # which says where floors are
+        for i in range(24):
+            n = 100 * j + i + 1
+            figures = (1e-3, E, G, 1e-6, 1e-6, 1e-6, 1)
+            ops.element("elasticBeamColumn", next(TAGS), n, n + 1, *figures)
+    return 'diaphragms = "none"\nmass = "lumped"', "fixed"
+
+
+def rigid_floors():
+    ops.geomTransf("Linear", 1, 0.0, 1.0, 0.0)
+    ops.geomTransf("Linear", 2, 0.0, 0.0, 1.0)
+    floors = columns_and_beams(
+        PLAN,
+        (0.0, 3.5, 6.5, 9.5, 12.5),
+        elastic(2, 0.15, 0.003, 0.001),
+        elastic(1, 0.16, 0.0021, 0.0027),
+    )
+    for k, floor in enumerate(floors[1:], 1):
+        ops.node(900 + k, 5.5, 1.8, 0.5 + 3.0 * k)
+        ops.fix(900 + k, 0, 0, 1, 1, 1, 0)
+        ops.mass(900 + k, 6e4, 6e4, 0.0, 0.0, 0.0, 9e5)
+        ops.rigidDiaphragm(3, 900 + k, *floor.values())
+    return 'diaphragms = "*"', "fixed"
+
+
+def braces_and_offsets():
+    ops.geomTransf("Linear", 1, 0.0, 1.0, 0.0)
+    ops.geomTransf("Linear", 2, 0.0, 0.0, 1.0, "-jntOffset", 0.0, 0.0, -0.3, 0.0, 0.0, -0.3)
+    ops.uniaxialMaterial("Elastic", 1, 2.1e11)
+
+    def column(a, b):
+        figures = (E, G, 0.16, 0.003, 0.0021, 0.0027, 0.13, 0.12, 1, "-mass", 400.0)
+        ops.element("ElasticTimoshenkoBeam", next(TAGS), a, b, *figures)
+
+    beam = elastic(2, 0.15, 0.003, 0.001, "-mass", 3000.0, "-releasey", 2)
+    columns_and_beams(PLAN, (0.0, 3.5, 6.5), beam, column)
+    for k in range(2):
+        ops.element("Truss", next(TAGS), 100 * k + 1, 100 * k + 103, 2e-3, 1)
+    for node in range(1, 7):
+        ops.mass(200 + node, 5e3, 5e3, 5e3, 100.0, 200.0, 300.0)
+    return 'diaphragms = "none"\nmass = "lumped"', "fixed"
+
+
+def irregular():
+    """An L in plan with a setback, a slab of shells on one floor, in kN and m."""
+    ops.geomTransf("Linear", 1, 0.0, 1.0, 0.0)
+    ops.geomTransf("Corotational", 2, 0.0, 0.0, 1.0)
+    ops.section("Elastic", 1, E / 1e3, 0.16, 0.0027, 0.0021, G / 1e3, 0.003)
+    ops.beamIntegration("Lobatto", 1, 1, 5)
+
+    def column(a, b):
+        ops.element("forceBeamColumn", next(TAGS), a, b, 1, 1)
+
+    def beam(a, b):
+        figures = (0.15, E / 1e3, G / 1e3, 0.0036, 0.003, 0.001, 2)
+        ops.element("elasticBeamColumn", next(TAGS), a, b, *figures)
+
+    plan = [(x, y) for x in (0, 5, 10) for y in (0, 4, 8)]
+    floors = columns_and_beams(
+        plan,
+        (0.0, 4.0, 7.0, 10.0),
+        beam,
+        column,
+        lambda x, y, k: (x < 10 or y < 8) and (k < 3 or x < 10),
+    )
+    for k, floor in enumerate(floors[1:], 1):
+        for node in floor.values():
+            ops.mass(node, 9.0 + k, 9.0 + k, 9.0 + k, 0.0, 0.0, 0.0)
+        if k != 2:
+            ops.rigidDiaphragm(3, *sorted(floor.values(), key=lambda n: n % 100))
+    return 'diaphragms = ["2F", "RF"]', "fixed"
+
+
+DOMAINS = (plain_frame, wall_of_shells, rigid_floors, braces_and_offsets, irregular)
+
+
+def printed(domain, folder):
+    """File of a domain, what is to be said beside it, and its frequencies."""
+    ops.wipe()
+    ops.model("basic", "-ndm", 3, "-ndf", 6)
+    said, base = domain()
+    path = folder / "model.json"
+    ops.printModel("-JSON", "-file", str(path))
+    ops.constraints("Transformation")
+    values = np.array(ops.eigen("-genBandArpack", 6))
+    ops.wipe()
+    return path, said, base, np.sqrt(values) / (2.0 * np.pi)
+
+
+def completed(path, said, base, units):
+    """A draft with what the user must say."""
+    draft = write_draft(path, units, path.with_suffix(".toml"))
+    lines = [line for line in draft.read_text().splitlines() if "# diaphragms" not in line]
+    text = "\n".join(line for line in lines if "# mass =" not in line)
+    text = text.replace("# [supports]\n# base", "[supports]\nbase")
+    draft.write_text(text.replace("# ignore", f"{said}\n# ignore"))
+    return load_building(draft)
+
+
+@pytest.mark.parametrize("domain", DOMAINS, ids=lambda domain: domain.__name__)
+def test_a_domain_has_its_own_frequencies(domain, tmp_path):
+    path, said, base, expected = printed(domain, tmp_path)
+    units = "kN,m" if domain is irregular else "N,m"
+    building = completed(path, said, base, units)
+    mesh = mesh_building(building)
+    found = lowest_modes(assemble(mesh.model), np.ones(mesh.model.groups), 6).frequency_hz
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
+    told = " ".join(mesh.notes)
+    for name in ("ElasticBeam3d", "node"):
+        assert name in told
+
+
+def test_what_is_not_printed_is_asked_for(tmp_path):
+    path, *_ = printed(rigid_floors, tmp_path)
+    with pytest.raises(BuildingError, match=r"mesh.diaphragms: the key is missing; OpenSees does"):
+        load_building(path, "N,m")
+    json.loads(path.read_text())
