@@ -18,7 +18,7 @@ FRAME_MODIFIERS = ("A", "AS2", "AS3", "J", "I22", "I33", "M", "W")
 AREA_MODIFIERS = ("F11", "F22", "F12", "M11", "M22", "M12", "V13", "V23", "M", "W")
 # What a released force is in our beams, whose z axis is their 2 and whose y axis is their -3.
 _RELEASES = {"P": 0, "V2": 2, "V3": 1, "T": 3, "M2": 5, "M3": 4}
-_GRAVITY = 9.80665
+GRAVITY = 9.80665
 _STEEP = 1e-3  # sine of the angle to the vertical from which on a frame is none
 _NO = ("no", "false", "0", "none", "")
 
@@ -236,7 +236,7 @@ def add_frame(
             raise row.error("its end offsets leave nothing of it; shorten them")
         arms = arms + np.outer([reach[0], -reach[1]], axes[0])
     mass = own.area * section.stuff.density * factor[6] * source.elements + load
-    mass += own.area * section.weight / _GRAVITY * factor[7] * source.self_weight
+    mass += own.area * section.weight / GRAVITY * factor[7] * source.self_weight
     tables.line(row, ends, figures, section.stuff, axes[1], pins=pins, arms=arms, line_mass=mass)
 
 
@@ -263,8 +263,8 @@ def add_area(
         tables.changes[f"areas with modifiers {', '.join(changed)}"] += 1
     mass = section.thickness * section.stuff.density * factor[8] * source.elements + load
     weight = section.weight * section.thickness + section.more_weight
-    mass += weight / _GRAVITY * factor[9] * source.self_weight
-    mass += section.more_weight / _GRAVITY * source.elements
+    mass += weight / GRAVITY * factor[9] * source.self_weight
+    mass += section.more_weight / GRAVITY * source.elements
     membrane = not section.bending > 0.0
     if membrane or section.row.values.get("Section", "") in tables.said.ignored:
         if not in_diaphragm:

@@ -7,6 +7,7 @@ import numpy as np
 
 from femupdate.building.deck_model import NastranModel
 from femupdate.building.entry import Complaint
+from femupdate.building.etabs_model import EtabsModel
 from femupdate.building.model_tables import ModelFile, ReadModel, Said, read_model
 from femupdate.building.opensees_model import OpenSeesModel
 from femupdate.building.own_mesh import MeshBuilding
@@ -20,6 +21,7 @@ _READERS: dict[str, Callable[[Path], ModelFile]] = {
     "Nastran": NastranModel.opened,
     "OpenSees": OpenSeesModel.opened,
     "SAP2000": SapModel.opened,
+    "ETABS": EtabsModel.opened,
 }
 _SYSTEMS = tuple(
     f"{force},{length}"

@@ -12,6 +12,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.csi_model import (
+    GRAVITY,
     AreaSection,
     FrameSection,
     MassSource,
@@ -286,7 +287,7 @@ class _Reading:
         for row in self.file.of("JOINT LOADS - FORCE"):
             share = -row.real("F3", usual=0.0) * self._share(row)
             if share > 0.0:
-                kg = share * tables.force / 9.80665
+                kg = share * tables.force / GRAVITY
                 tables.point_mass(row, self.joint(row), [kg] * 3, np.zeros(3))
 
     def _share(self, row: Row) -> float:
@@ -299,7 +300,7 @@ class _Reading:
         young, shear = own.real("E1"), own.real("G12", usual=0.0)
         ratio = own.real("U12", usual=0.5 * young / shear - 1.0 if shear else 0.2)
         tables, weight = self.tables, own.real("UnitWeight", usual=0.0)
-        density = own.real("UnitMass", usual=weight / (9.80665 / tables.length))
+        density = own.real("UnitMass", usual=weight / (GRAVITY / tables.length))
         stuff = tables.material(own, young, ratio, density, shear)
         return stuff, weight * tables.force / tables.length**3
 
@@ -369,7 +370,7 @@ class _Reading:
                 cardinal=cardinal,
                 moved=moved,
                 modifiers=[change.real(*keys, usual=1.0) for keys in _FRAME_MODIFIERS],
-                load=loads[name] * tables.force / tables.length / 9.80665,
+                load=loads[name] * tables.force / tables.length / GRAVITY,
             )
 
     def areas(self) -> None:
@@ -409,7 +410,7 @@ class _Reading:
                 sections[section],
                 self.source,
                 modifiers=[change.real(*keys, usual=1.0) for keys in _AREA_MODIFIERS],
-                load=loads[name] * tables.force / tables.length**2 / 9.80665,
+                load=loads[name] * tables.force / tables.length**2 / GRAVITY,
                 in_diaphragm=self.in_diaphragm.issuperset(corners),
             )
 

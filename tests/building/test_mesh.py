@@ -166,7 +166,7 @@ def test_wall_without_stiffness_weighs_on_both_floors(small):
     assert "non_structural_wall" not in mesh.model.elements_of(Shells).kind
     without = small.model_copy(update={"walls": small.walls[:1]})
     heavy, light = (
-        (m := mesh_building(b).model.masses, np.bincount(m.node, m.mass))[1]
+        (m := mesh_building(b).model.masses, np.bincount(m.node, m.mass[:, 0]))[1]
         for b in (small, without)
     )
     nodes = mesh.model.nodes

@@ -1,0 +1,407 @@
+"""Reads the text of ETABS (.e2k, .$et): points in plan, stories, and what is assigned to them."""
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from femupdate.arrays import Flags, Floats
+from femupdate.building.csi_model import (
+    AREA_MODIFIERS,
+    FRAME_MODIFIERS,
+    GRAVITY,
+    AreaSection,
+    FrameSection,
+    MassSource,
+    Row,
+    add_area,
+    add_frame,
+    once,
+    shape_figures,
+    units_of,
+)
+from femupdate.building.model_tables import ModelTables, Stuff, file_text
+from femupdate.errors import BuildingError
+
+# How many values stand before the pairs of key and value, of what is taken.
+_PLACES = {
+    "STORY": 1,
+    "DIAPHRAGM": 1,
+    "MATERIAL": 1,
+    "FRAMESECTION": 1,
+    "SHELLPROP": 1,
+    "UNITS": 3,
+    "POINT": 4,
+    "LINE": 5,
+    "AREA": 99,
+    "POINTASSIGN": 2,
+    "LINEASSIGN": 2,
+    "AREAASSIGN": 2,
+    "MASSSOURCE": 1,
+    "MASSSOURCELOAD": 3,
+    "LOADPATTERN": 1,
+    "LINELOAD": 2,
+    "AREALOAD": 2,
+    "POINTLOAD": 2,
+}
+_REFUSED = ("LINKASSIGN", "LINK", "TENDON", "SPRINGASSIGN", "POINTSPRING", "REFERENCEPOINT")
+_WAYS = ("UX", "UY", "UZ", "RX", "RY", "RZ")
+_RELEASED = tuple(f"{part}{end}" for end in "IJ" for part in ("P", "V2", "V3", "T", "M2", "M3"))
+_HARMLESS = re.compile(
+    r"(GUID|NOTES|COLOR|SYMTYPE|TYPE|GRADE|A|F[YUC].*|SIMILARTO|MASTERSTORY|SPLICE.*|M[AI][XN].*"
+    r"|AUTOMESH|MESH.*|OBJMESH.*|ADDRESTRAINT|PIER|SPANDREL|DESIGN.*|TRANSFORM.*|[1-9]|TITLE.*"
+    r"|PROPTYPE|MODELINGTYPE|SLABTYPE|IS.*|LUMP.*|INCLUDE.*|PREFERENCE|CARDINALPOINT|COVER.*)"
+)
+
+
+@dataclass(frozen=True)
+class EtabsModel:
+    """A file of ETABS, as `ModelFile` asks."""
+
+    program: ClassVar[str] = "ETABS"
+    node_kind: ClassVar[str] = "point"
+    what: ClassVar[str] = "lines"
+    mends: ClassVar[Mapping[str, str]] = {"LINK": "replace linear links by frames"}
+    file: Path
+    rows: Mapping[str, list[Row]]
+
+    @classmethod
+    def opened(cls, file: Path) -> "EtabsModel":
+        """The lines of a file."""
+        rows: dict[str, list[Row]] = defaultdict(list)
+        for number, line in enumerate(file_text(file).splitlines(), 1):
+            words = re.findall(r'"[^"]*"|\S+', line)
+            if not words or words[0].startswith("$"):
+                continue
+            head, words = words[0].upper(), [word.strip('"') for word in words[1:]]
+            places = _PLACES.get(head, 1)
+            values = {str(k + 1): word for k, word in enumerate(words[:places])}
+            rest = words[places:]
+            values |= {k.upper(): v for k, v in zip(rest[::2], rest[1::2], strict=False)}
+
+            rows[head].append(Row(file.name, head, number, values))
+        if not rows.get("STORY") or not rows.get("POINT"):
+            raise BuildingError(
+                f"{file.name}: it has no STORY or no POINT; export the model as text (.e2k)"
+            )
+        return cls(file, dict(rows))
+
+    def of(self, name: str) -> list[Row]:
+        """The lines that begin with a word."""
+        return self.rows.get(name, [])
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Those of CONTROLS."""
+        stated = {(row.text("1"), row.text("2")) for row in self.of("UNITS")}
+        if len(stated) != 1:
+            said = "two systems of units" if stated else "no UNITS"
+            raise BuildingError(f"{self.file.name}: it has {said}; export it in one")
+        return units_of(self.file.name, stated.pop())
+
+    @property
+    def materials(self) -> list[tuple[float, float]]:
+        """The file states its units."""
+        return []
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """Lines by their first word."""
+        return {name: len(rows) for name, rows in self.rows.items()}
+
+    @property
+    def left_out(self) -> Mapping[str, int]:
+        """What modes do not depend on."""
+        return {n: k for n, k in self.counts.items() if n not in (*_PLACES, *_REFUSED)}
+
+    @property
+    def unknown(self) -> list[str]:
+        """What changes the structure and has no counterpart."""
+        return [name for name in self.counts if name in _REFUSED]
+
+    @property
+    def lacks(self) -> tuple[str, ...]:
+        """It says all."""
+        return ()
+
+    def first(self, name: str) -> Row:
+        """The first line of a kind."""
+        return self.of(name)[0]
+
+    @cached_property
+    def merged(self) -> dict[str, dict[str, Row]]:
+        """Materials and sections, which stand on several lines each."""
+        found: dict[str, dict[str, Row]] = {}
+        for kind in ("MATERIAL", "FRAMESECTION", "SHELLPROP"):
+            whole = found[kind] = {}
+            for row in self.of(kind):
+                name = row.named("1")
+                values = {**whole[name].values, **row.values} if name in whole else row.values
+                whole[name] = Row(row.file, row.table, row.line, values)
+        return found
+
+    def fill(self, tables: ModelTables) -> None:
+        """Fill the tables."""
+        reading = _Reading(self, tables)
+        reading.points()
+        reading.lines()
+        reading.areas()
+        tables.divide_lines()
+        unread: Counter[str] = Counter()
+        rows = [*(row for kind in self.merged.values() for row in kind.values())]
+        rows += [row for name in _PLACES if name not in self.merged for row in self.of(name)]
+        for row in rows:
+            for key in row.values.keys() - row.read:
+                if not _HARMLESS.fullmatch(key):
+                    unread[f"key {key} of {row.table}"] += 1
+        tables.skipped.update(unread)
+
+
+class _Reading:
+    """The lines of a file, read one kind after the other."""
+
+    def __init__(self, file: EtabsModel, tables: ModelTables) -> None:
+        self.file, self.tables = file, tables
+        self.stories = list(once(file.of("STORY"), "1"))[::-1]  # from the base upwards
+        self.level: dict[str, float] = {}
+        z = 0.0
+        for name, row in zip(self.stories, file.of("STORY")[::-1], strict=True):
+            z = row.real("ELEV", usual=z + row.real("HEIGHT", usual=0.0))
+            self.level[name] = z
+        tables.levels = {n: tables.length * z for n, z in list(self.level.items())[1:]}
+        self.plan = once(file.of("POINT"), "1")
+        self.rigid = {
+            name
+            for name, row in once(file.of("DIAPHRAGM"), "1").items()
+            if row.text("TYPE").upper() in ("RIGID", "")
+        }
+        self.bodies: dict[tuple[str, str], set[int]] = defaultdict(set)
+        self.loose: set[int] = set()  # points that are in no diaphragm
+        self.source = self._mass_source()
+
+    def _mass_source(self) -> MassSource:
+        source, weights = MassSource(), {}
+        for row in self.file.of("LOADPATTERN"):
+            weights[row.text("1")] = row.real("SELFWEIGHT", usual=0.0)
+        rows = self.file.of("MASSSOURCE")
+        for row in [row for row in rows if row.flag("ISDEFAULT")] or rows[:1]:
+            source.elements = row.flag("INCLUDEELEMENTS", True)
+            loads = row.flag("INCLUDELOADS", True)
+            for load in self.file.of("MASSSOURCELOAD") if loads else []:
+                if load.text("1") == row.text("1"):
+                    source.patterns[load.text("2")] = load.real("3")
+                    source.self_weight += load.real("3") * weights.get(load.text("2"), 0.0)
+        if source.patterns:
+            listed = ", ".join(f"{share:g} {name}" for name, share in source.patterns.items())
+            self.tables.changes[f"mass source: loads {listed} over g"] += 1
+        return source
+
+    def node(self, row: Row, point: str, story: str, below: int = 0) -> int:
+        """The node of a point some stories below one."""
+        if story not in self.level:
+            raise row.error(f"there is no STORY {story}; add it or correct the name")
+        if point not in self.plan:
+            raise row.error(f"there is no POINT {point}; add it or correct the number")
+        place = self.stories.index(story) - below
+        if place < 0:
+            raise row.error(f"it reaches below {self.stories[0]}; correct its number of stories")
+        name = f"{point} on {self.stories[place]}"
+        if name not in self.tables.number:
+            own = self.plan[point]
+            z = self.level[self.stories[place]] - own.real("4", usual=0.0)
+            self.tables.node(name, np.array([own.real("2"), own.real("3"), z]))
+        return self.tables.number[name]
+
+    def points(self) -> None:
+        for row in self.file.of("POINTASSIGN"):
+            node = self.node(row, row.named("1"), row.named("2"))
+            held = row.text("RESTRAINT").upper().split()
+            if held:
+                self.tables.holds.append((node, [_WAYS.index(w) for w in held if w in _WAYS]))
+            if row.text("SPRINGPROP", "LINKPROP"):
+                raise row.error("its spring has no counterpart; hold it, or model it as a frame")
+            name = row.text("DIAPH")
+            if name in self.rigid:
+                self.bodies[name, row.text("2")].add(node)
+            elif name.upper() == "DISCONNECTED":
+                self.loose.add(node)
+        for row in self.file.of("POINTLOAD"):
+            newton = -row.real("FZ", "UZ", usual=0.0) * self._share(row) * self.tables.force
+            if newton > 0.0:
+                node = self.node(row, row.named("1"), row.named("2"))
+                self.tables.point_mass(row, node, [newton / GRAVITY] * 3, np.zeros(3))
+
+    def _share(self, row: Row) -> float:
+        return self.source.patterns.get(row.text("LC"), 0.0)
+
+    def _loads(self, kind: str) -> dict[tuple[str, str], float]:
+        """Loads downwards that are mass, in the file's units, by object and story."""
+        found: dict[tuple[str, str], float] = defaultdict(float)
+        for row in self.file.of(kind):
+            if "GRAV" in row.text("DIR").upper() and self._share(row):
+                start = row.real("FVAL", "FSTART", "FA")
+                mean = 0.5 * (start + row.real("FEND", "FB", usual=start))
+                found[row.text("1"), row.text("2")] += self._share(row) * mean
+        return found
+
+    def _material(self, row: Row) -> tuple[Stuff, float]:
+        name, tables = row.named("MATERIAL"), self.tables
+        own = self.file.merged["MATERIAL"].get(name)
+        if own is None:
+            raise row.error(f"there is no MATERIAL {name}; add it or correct the name")
+        weight = own.real("WEIGHTPERVOLUME", usual=0.0)
+        density = own.real("MASSPERVOLUME", usual=weight * tables.length / GRAVITY)
+        stuff = tables.material(own, own.real("E"), own.real("U", usual=0.2), density)
+        return stuff, weight * tables.force / tables.length**3
+
+    def _frame_section(self, row: Row, name: str) -> FrameSection:
+        own = self.file.merged["FRAMESECTION"].get(name)
+        if own is None:
+            raise row.error(f"there is no FRAMESECTION {name}; add it or correct the name")
+        stuff, weight = self._material(own)
+        keys = ("I33", "I22", "J", "AS2", "AS3")
+        if own.text("AREA"):
+            i33, i22, torsion, as2, as3 = (own.real(key, usual=0.0) for key in keys)
+            area = own.real("AREA")
+            figures = self.tables.section(own, area, (i33, i22), torsion, (as2, as3))
+        else:
+            sides = {
+                "D": own.real("D", usual=0.0),
+                "B": own.real("B", usual=0.0),
+                "TF": own.real("TF", "T", usual=0.0),
+                "TW": own.real("TW", "T", usual=0.0),
+            }
+            figures = shape_figures(self.tables, own, own.text("SHAPE"), sides)
+        return FrameSection(own, figures, stuff, weight, _modifiers(own, FRAME_MODIFIERS))
+
+    def lines(self) -> None:
+        known, loads = once(self.file.of("LINE"), "1"), self._loads("LINELOAD")
+        for row in self.file.of("LINEASSIGN"):
+            name, story, section = row.named("1"), row.named("2"), row.text("SECTION")
+            if name not in known:
+                raise row.error(f"there is no LINE {name}; add it or correct the name")
+            line = known[name]
+            if line.text("2").upper() not in ("COLUMN", "BEAM", "BRACE"):
+                raise line.error(f"a {line.text('2')} has no counterpart; draw it as a frame")
+            if section.upper() in ("", "NONE"):
+                self.tables.skipped["LINEASSIGN without a section"] += 1
+                continue
+            ends = [
+                self.node(row, line.named("3"), story, int(line.real("5", usual=0.0))),
+                self.node(row, line.named("4"), story),
+            ]
+            released = row.text("RELEASE").upper().split()
+            if released == ["PINNED"]:
+                released = ["TI", "M2I", "M3I", "M2J", "M3J"]
+            if not set(released) <= set(_RELEASED):
+                raise row.error(f"its release {' '.join(released)!r} is not known; write M2I M3I")
+            rigid = [row.real(k, usual=0.0) for k in ("LENGTHOFFI", "LENGTHOFFJ", "RIGIDZONE")]
+            if rigid[2] and not any(rigid[:2]):
+                self.tables.changes["frames with automatic end offsets, which are left out"] += 1
+            add_frame(
+                self.tables,
+                row,
+                ends,
+                self._frame_section(row, section),
+                self.source,
+                angle=row.real("ANG", usual=0.0),
+                released=released,
+                rigid=rigid,
+                cardinal=int(row.real("CARDINALPT", usual=10.0))
+                if row.flag("TRANSFORMSTIFFNESSFOROFFSETS")
+                else 10,
+                modifiers=_modifiers(row, FRAME_MODIFIERS),
+                load=loads[name, story] * self.tables.force / self.tables.length / GRAVITY,
+            )
+
+    def areas(self) -> None:
+        tables = self.tables
+        known, loads = once(self.file.of("AREA"), "1"), self._loads("AREALOAD")
+        found = []
+        for row in self.file.of("AREAASSIGN"):
+            name, story, section = row.named("1"), row.named("2"), row.text("SECTION")
+            if name not in known:
+                raise row.error(f"there is no AREA {name}; add it or correct the name")
+            area, count = known[name], int(known[name].real("3"))
+            below = [int(area.real(f"{4 + count + k}", usual=0.0)) for k in range(count)]
+            corners = [
+                self.node(row, area.named(f"{4 + k}"), story, below[k]) for k in range(count)
+            ]
+            diaphragm = row.text("DIAPH")
+            if diaphragm in self.rigid:
+                points = np.array(tables.points)
+                level = np.abs(points[:, 2] - points[corners[0], 2]) < 1e-3
+                inside = np.flatnonzero(level & _inside(points, points[corners]))
+                self.bodies[diaphragm, story].update({*inside.tolist(), *corners} - self.loose)
+            found.append((row, name, story, section, corners))
+        tables.bodies += [np.array(sorted(nodes)) for nodes in self.bodies.values()]
+        for row, name, story, section, corners in found:
+            if section.upper() in ("", "NONE", "NULL"):  # an opening, or an area for loads
+                tables.skipped["AREAASSIGN without a section"] += 1
+                continue
+            add_area(
+                tables,
+                row,
+                corners,
+                self._area_section(row, section),
+                self.source,
+                modifiers=_modifiers(row, AREA_MODIFIERS),
+                load=loads[name, story] * tables.force / tables.length**2 / GRAVITY,
+                in_diaphragm=any(nodes.issuperset(corners) for nodes in self.bodies.values()),
+            )
+
+    def _area_section(self, row: Row, name: str) -> AreaSection:
+        own = self.file.merged["SHELLPROP"].get(name)
+        if own is None:
+            raise row.error(f"there is no SHELLPROP {name}; add it or correct the name")
+        stuff, weight = self._material(own)
+        thick, more = own.real("SLABTHICKNESS", "WALLTHICKNESS", "TM", "DECKSLABDEPTH"), 0.0
+        kind = own.text("MODELINGTYPE").upper()
+        if own.text("PROPTYPE").upper() == "DECK":
+            wide = [own.real(f"DECKRIBWIDTH{side}", usual=0.0) for side in ("TOP", "BOTTOM")]
+            ribs = own.real("DECKRIBDEPTH", usual=0.0) * 0.5 * sum(wide)
+            thick += ribs / own.real("DECKRIBSPACING", usual=1.0)
+            more = own.real("DECKUNITWEIGHT", usual=0.0) * self.tables.force / self.tables.length**2
+            kind = "MEMBRANE"
+        elif "LAYER" in kind or own.text("SLABTYPE").upper() not in ("", "SLAB", "UNIFORM"):
+            raise own.error("layers and ribs have no counterpart; use a shell of one thickness")
+        size = thick * self.tables.length
+        bending = 0.0 if "MEMBRANE" in kind else size
+        return AreaSection(own, stuff, weight, size, bending, _modifiers(own, AREA_MODIFIERS), more)
+
+
+def _modifiers(row: Row, names: tuple[str, ...]) -> tuple[float, ...]:
+    """Modifiers of an assignment or a section, of which there are several spellings."""
+    several = row.text("PROPMODIFIERS").split()
+    if several:
+        names_given = dict(zip(names, several, strict=False))
+        row = Row(row.file, row.table, row.line, {f"PROPMOD{k}": v for k, v in names_given.items()})
+    return tuple(
+        row.real(
+            *(f"PROPMOD{n}" for n in ((name, "T") if name == "J" else (name,))),
+            f"{name}MODIFIER",
+            f"{name}MOD",
+            usual=1.0,
+        )
+        for name in names
+    )
+
+
+def _inside(points: Floats, corners: Floats) -> Flags:
+    """Which points (n, 3) lie in a polygon (k, 3), seen from above."""
+    odd, edge = np.zeros((2, len(points)), dtype=np.bool_)
+    x, y = points[:, 0], points[:, 1]
+    for (x0, y0, _), (x1, y1, _) in pairwise([*corners, corners[0]]):
+        crossed = (y0 > y) != (y1 > y)
+        odd ^= crossed & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0 if y1 != y0 else 1.0))
+        side = np.hypot(x1 - x0, y1 - y0)
+        off = np.abs((x - x0) * (y1 - y0) - (y - y0) * (x1 - x0)) / max(side, 1e-300)
+        along = ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / max(side, 1e-300) ** 2
+        edge |= (off < 1e-3) & (along >= 0.0) & (along <= 1.0)
+    return np.asarray(odd | edge)
