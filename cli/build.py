@@ -28,8 +28,8 @@ from .parameters import BuildingName
 )
 @click.option(
     "--export",
-    type=click.Choice(["opensees"]),
-    help="Also write the model for another program: a script for OpenSeesPy.",
+    type=click.Choice(["opensees", "nastran"]),
+    help="Also write the model for another program: a script for OpenSeesPy, or bulk data.",
 )
 @click.option(
     "--shell",
@@ -63,7 +63,7 @@ def build_model(
       femupdate build-model tower.bdf --units N,mm --draft tower.toml --study tower
     """
     from femupdate.building.model_draft import write_draft
-    from femupdate.workflow.build import build_study, export_opensees
+    from femupdate.workflow.build import build_study, export_nastran, export_opensees
     from femupdate.workflow.render import draw_model
 
     if draft is not None:
@@ -74,8 +74,10 @@ def build_model(
     report = build_study(study, building, bars, units)
     drawn = draw_model(study, report.model, report.modes, bars) if pictures else ()
     files = [draft] if draft is not None else []
-    if export:
+    if export == "opensees":
         files.append(export_opensees(study, report.model.building, shell=shell))
+    elif export:
+        files.append(export_nastran(study, report.model.building))
     return Answer(report, drawn, {"exported": files, "study": study.folder}, files)
 
 

@@ -49,7 +49,7 @@ def connected(
     plan = diaphragm_links(model, diaphragms, ties.slave)
     # On a diaphragm the slaves of a joint follow in plan already, with the same motion.
     tied = ties.tied & ~(np.isin(ties.slave, plan.slave)[:, None] & _IN_PLAN)
-    return replace(model, links=_joined([footing, plan, replace(ties, tied=tied)]))
+    return replace(model, links=footing.joined(plan, replace(ties, tied=tied)))
 
 
 def face_lines(model: FiniteElementModel) -> ExtraLines:
@@ -120,13 +120,4 @@ def diaphragm_links(
         slaves = nodes[nodes != master]
         tied = np.broadcast_to(_IN_PLAN, (len(slaves), DOF_PER_NODE))
         links.append(RigidLinks(np.full(len(slaves), master), slaves, tied.copy()))
-    return _joined(links)
-
-
-def _joined(links: Iterable[RigidLinks]) -> RigidLinks:
-    parts = [RigidLinks(), *links]
-    return RigidLinks(
-        np.concatenate([part.master for part in parts]),
-        np.concatenate([part.slave for part in parts]),
-        np.concatenate([part.tied for part in parts]),
-    )
+    return RigidLinks().joined(*links)

@@ -435,20 +435,9 @@ class ModelTables:
         if levels is not None:
             on = np.isclose(points[:, 2, None], levels, rtol=0.0, atol=LEVEL)
             bodies += [np.flatnonzero(column) for column in on.T]
-        rigid = [RigidLinks(), *ties]
-        links = RigidLinks(
-            *(
-                np.concatenate([getattr(link, item.name) for link in rigid])
-                for item in fields(RigidLinks)
-            )
-        )
+        links = RigidLinks().joined(*ties)
         plan = diaphragm_links(model, bodies, links.slave)
-        links = RigidLinks(
-            np.concatenate([links.master, plan.master]),
-            np.concatenate([links.slave, plan.slave]),
-            np.concatenate([links.tied, plan.tied]),
-        )
-        return self._used(replace(model, links=links))
+        return self._used(replace(model, links=links.joined(plan)))
 
     def _used(self, model: FiniteElementModel) -> tuple[FiniteElementModel, Strings]:
         """The model without nodes that nothing uses."""

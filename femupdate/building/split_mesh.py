@@ -10,7 +10,8 @@ from femupdate.arrays import Flags, Integers
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.fe.element import Elements
 from femupdate.fe.elements.beam import Beams
-from femupdate.fe.model import DOF_PER_NODE, RigidLinks
+from femupdate.fe.joints import edge_joints, joint_links
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, RigidLinks
 
 # Nodes from which a mesh that was read is taken as fine enough: to halve it would take minutes and
 # gigabytes.
@@ -44,15 +45,16 @@ def split_mesh(mesh: BuildingMesh) -> BuildingMesh:
     parents = [edges, quads]
     fixed = np.concatenate([model.fixed, *(model.fixed[parent].all(axis=1) for parent in parents)])
     at_base = np.isin(edges, mesh.base_nodes).all(axis=1)
+    finer = replace(
+        model,
+        nodes=weights @ model.nodes,
+        fixed=fixed,
+        elements=tuple(split),
+        links=_links(model.links, parents, count),
+    )
     return replace(
         mesh,
-        model=replace(
-            model,
-            nodes=weights @ model.nodes,
-            fixed=fixed,
-            elements=tuple(split),
-            links=_links(model.links, parents, count),
-        ),
+        model=replace(finer, links=_with_edge_joints(finer, count)),
         base_nodes=np.concatenate([mesh.base_nodes, count + np.flatnonzero(at_base)]),
         parts=None
         if mesh.parts is None
@@ -130,6 +132,23 @@ def _beside(parts: list[Integers]) -> Integers:
     return np.stack(parts, axis=1).reshape(-1, parts[0].shape[1])
 
 
+def _with_edge_joints(model: FiniteElementModel, count: int) -> RigidLinks:
+    """The links, and those that beams at the edges of shells need as soon as these are split.
+
+    Args:
+        count: nodes before the split, at which beams end.
+    """
+    links = model.links
+    rigid = links.tied.all(axis=1)
+    bound = {*links.master[rigid].tolist(), *links.slave[rigid].tolist()}
+    joints = [j for j in edge_joints(model) if j.node < count and j.node not in bound]
+    more = joint_links(model, tuple(joints))
+    more = more.taken(~np.isin(more.slave, list(bound)))
+    followed = np.zeros((len(model.nodes), DOF_PER_NODE), dtype=np.bool_)
+    np.logical_or.at(followed, links.slave, links.tied)
+    return links.joined(replace(more, tied=more.tied & ~followed[more.slave]))
+
+
 def _links(links: RigidLinks, parents: list[Integers], count: int) -> RigidLinks:
     """The links, and those of new nodes all of whose parents belong to one rigid body."""
     bodies: dict[int, dict[int, Flags]] = {}
@@ -148,8 +167,4 @@ def _links(links: RigidLinks, parents: list[Integers], count: int) -> RigidLinks
     if not rows:
         return links
     master, slave, tied = zip(*rows, strict=True)
-    return RigidLinks(
-        master=np.concatenate([links.master, master]),
-        slave=np.concatenate([links.slave, slave]),
-        tied=np.concatenate([links.tied, np.array(tied)]),
-    )
+    return links.joined(RigidLinks(np.array(master), np.array(slave), np.array(tied)))

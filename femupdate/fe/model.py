@@ -74,6 +74,19 @@ class RigidLinks:
     def __len__(self) -> int:
         return len(self.master)
 
+    def taken(self, which: Flags) -> Self:
+        """Those for which (n,) flags are true."""
+        return type(self)(self.master[which], self.slave[which], self.tied[which])
+
+    def joined(self, *others: "RigidLinks") -> "RigidLinks":
+        """These links and others."""
+        parts = (self, *others)
+        return RigidLinks(
+            np.concatenate([part.master for part in parts]),
+            np.concatenate([part.slave for part in parts]),
+            np.concatenate([part.tied for part in parts]),
+        )
+
 
 @dataclass(frozen=True)
 class FiniteElementModel:

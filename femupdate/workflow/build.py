@@ -14,7 +14,9 @@ from femupdate.dynamics.reduction import CONFIDENCE
 from femupdate.dynamics.tracking import FullModes, mesh_modes
 from femupdate.effects.structure import structure_of
 from femupdate.errors import StudyError
+from femupdate.fe.export_nastran import bulk_data
 from femupdate.fe.export_opensees import opensees_script
+from femupdate.fe.model import FiniteElementModel
 from femupdate.progress import SILENT, Progress
 from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import BUILDING_FILE, Study, atomic_path, write_text
@@ -195,16 +197,18 @@ def write_mesh(mesh: BuildingMesh, path: Path, modes: FullModes) -> None:
         found.write(temporary, file_format="vtu")
 
 
+def export_nastran(study: Study, building: Building) -> Path:
+    """Write bulk data for Nastran in N and m, all stiffness factors 1."""
+    path = study.path("model.bdf")
+    write_text(path, bulk_data(_meshed(building)))
+    return path
+
+
 def export_opensees(
     study: Study, building: Building, modes: int = 12, shell: str = "ASDShellQ4"
 ) -> Path:
     """Write a Python script that rebuilds the building in OpenSeesPy, all stiffness factors 1."""
-    if building.kind == "shear":
-        raise StudyError(
-            f"{building.name} is a shear building of lumped masses, which has no mesh to export; "
-            "choose a frame building"
-        )
-    model = mesh_building(building).model
+    model = _meshed(building)
     name = building.title or building.name
     script = opensees_script(
         model, np.ones(model.groups), name=name, modes=modes, types={"shell": shell}
@@ -212,3 +216,12 @@ def export_opensees(
     path = study.path("opensees_model.py")
     write_text(path, script)
     return path
+
+
+def _meshed(building: Building) -> FiniteElementModel:
+    if building.kind == "shear":
+        raise StudyError(
+            f"{building.name} is a shear building of lumped masses, which has no mesh to export; "
+            "choose a frame building"
+        )
+    return mesh_building(building).model

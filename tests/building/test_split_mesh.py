@@ -1,12 +1,14 @@
 """A mesh that was read, split in place."""
 
+from dataclasses import replace
+
 import numpy as np
 from femupdate.benchmarks.frame_coverage import BUILDING
 
 from femupdate.building import load_building, mesh_building
 from femupdate.building.split_mesh import split_mesh
 from femupdate.effects.structure import structure_of
-from femupdate.fe import assemble, lowest_modes
+from femupdate.fe import RigidLinks, assemble, lowest_modes
 from femupdate.fe.export_nastran import bulk_data
 
 
@@ -78,3 +80,14 @@ def test_mass_supports_and_rigid_bodies_stay(tmp_path):
     weights = split.of_coarser
     np.testing.assert_allclose(weights.sum(axis=1), 1.0)
     np.testing.assert_allclose(weights @ mesh.model.nodes, split.model.nodes)
+
+
+def test_a_beam_at_the_edge_of_a_wall_is_held_as_firmly_after_a_split(tmp_path):
+    building, size = load_building("two_story_openings"), 1.2
+    coarse, fine = mesh_building(building, size), mesh_building(building, size / 2.0)
+    path = tmp_path / "model.bdf"
+    bare = replace(coarse.model, links=RigidLinks())  # as other programs join a beam to a wall
+    path.write_text(bulk_data(bare))
+    split = split_mesh(mesh_building(load_building(path)))
+    # Their links are as long as the new sides, those of the fine mesh as the beams are deep.
+    np.testing.assert_allclose(frequencies(split.model, 4), frequencies(fine.model, 4), rtol=0.012)
