@@ -26,6 +26,10 @@ _FOREIGN = {
     "ETABS": re.compile(r'^\s*(\$ (File|PROGRAM|STORIES)|PROGRAM\s+"ETABS")', re.MULTILINE),
     "OpenSees": re.compile(r"^\s*(wipe\s*$|model\s+basic|ops\.model\()", re.M | re.I),
 }
+_FOREIGN_MENDS = {
+    "ETABS": "give its file the ending .e2k",
+    "OpenSees": 'let it print("-JSON", "-file", "model.json"), and name that',
+}
 _log = logging.getLogger(__name__)
 
 
@@ -48,9 +52,7 @@ def load_building(path_or_name: str | Path, units: str | None = None) -> Buildin
     except ValueError as error:
         foreign = next((name for name, begins in _FOREIGN.items() if begins.search(text)), None)
         raise BuildingError(
-            f"{where}: this is a model of {foreign}, which is not read; describe the building in a "
-            'file of kind "frame", or mesh it elsewhere (gmsh, Abaqus, MED, VTU) for one of '
-            'kind "mesh"'
+            f"{where}: this is a model of {foreign}; {_FOREIGN_MENDS[foreign]}"
             if foreign
             else f"{where}: {error}"
         ) from None
