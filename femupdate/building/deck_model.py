@@ -85,7 +85,7 @@ class NastranModel:
 
     def fill(self, tables: ModelTables) -> None:
         """Fill the tables from the cards."""
-        reading = _Reading(self.deck, tables)
+        reading = _DeckReading(self.deck, tables)
         reading.surfaces()
         reading.beams()
         reading.links()
@@ -93,7 +93,7 @@ class NastranModel:
         reading.fixed()
 
 
-class _Reading:
+class _DeckReading:
     """The cards of a deck, read into tables one kind after the other."""
 
     def __init__(self, deck: Deck, tables: ModelTables) -> None:

@@ -148,7 +148,7 @@ class EtabsModel:
 
     def fill(self, tables: ModelTables) -> None:
         """Fill the tables."""
-        reading = _Reading(self, tables)
+        reading = _EtabsReading(self, tables)
         reading.points()
         reading.lines()
         reading.areas()
@@ -163,7 +163,7 @@ class EtabsModel:
         tables.skipped.update(unread)
 
 
-class _Reading:
+class _EtabsReading:
     """The lines of a file, read one kind after the other."""
 
     def __init__(self, file: EtabsModel, tables: ModelTables) -> None:

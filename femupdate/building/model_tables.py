@@ -46,7 +46,7 @@ _SURFACES = {4: Shells, 3: Triangles}
 _WHOLE_BODY = np.ones(DOF_PER_NODE, dtype=np.bool_)
 
 
-class Entry(Protocol):
+class Record(Protocol):
     """An entry of a file, which complains with its file and line."""
 
     def error(self, text: str) -> BuildingError:
@@ -85,7 +85,7 @@ class ModelFile(Protocol):
     def unknown(self) -> list[str]:
         """Kinds of entries that have no counterpart here."""
 
-    def first(self, name: str) -> Entry:
+    def first(self, name: str) -> Record:
         """The first entry of a kind."""
 
     @property
@@ -163,12 +163,14 @@ class ModelTables:
         self.number: dict[str, int] = {}
         self.points: list[Floats] = []  # m; those of offset masses have no name
         self.levels: dict[str, float] = {}  # stories that the file names: their tops, m
-        self.lines: list[tuple[Entry, list[int], SectionFigures, Stuff, Floats, Floats, Flags]] = []
+        self.lines: list[
+            tuple[Record, list[int], SectionFigures, Stuff, Floats, Floats, Flags]
+        ] = []
         self.areas: list[tuple[list[int], tuple[float, float, float, float]]] = []
         self.holds: list[tuple[int, list[int]]] = []
         self.ties: list[tuple[int, int, Flags]] = []
         self.bodies: list[Integers] = []  # nodes of diaphragms
-        self.weights: list[tuple[Entry, int, Floats]] = []
+        self.weights: list[tuple[Record, int, Floats]] = []
         self.springs: list[tuple[int, int, int, float]] = []
         self.changes: Counter[str] = Counter()
         self.skipped: Counter[str] = Counter()  # whose first word is the kind of the entry
@@ -180,7 +182,7 @@ class ModelTables:
         self.points.append(self.length * np.asarray(point, dtype=np.float64))
         return self.number[name]
 
-    def find(self, user: Entry, name: str) -> int:
+    def find(self, user: Record, name: str) -> int:
         """The number of a node that an entry names."""
         if name not in self.number:
             called = self.file.node_kind
@@ -188,7 +190,7 @@ class ModelTables:
         return self.number[name]
 
     def material(
-        self, user: Entry, young: float, ratio: float, density: float, shear: float = 0.0
+        self, user: Record, young: float, ratio: float, density: float, shear: float = 0.0
     ) -> Stuff:
         """A material from figures in the file's units; no shear modulus follows from the two."""
         if not young > 0.0 or not 0.0 <= ratio < 0.5 or density < 0.0:
@@ -201,7 +203,7 @@ class ModelTables:
 
     def section(
         self,
-        user: Entry,
+        user: Record,
         area: float,
         bending: Sequence[float],
         torsion: float,
@@ -233,7 +235,7 @@ class ModelTables:
 
     def line(
         self,
-        user: Entry,
+        user: Record,
         ends: list[int],
         figures: SectionFigures,
         stuff: Stuff,
@@ -279,7 +281,7 @@ class ModelTables:
 
     def area(
         self,
-        user: Entry,
+        user: Record,
         corners: list[int],
         stuff: Stuff,
         thickness: float,
@@ -320,7 +322,7 @@ class ModelTables:
         self.springs.append((first, second, direction, stiffness * scale))
 
     def point_mass(
-        self, user: Entry, node: int, mass: Sequence[float] | Floats, inertia: Floats
+        self, user: Record, node: int, mass: Sequence[float] | Floats, inertia: Floats
     ) -> None:
         """Add a mass (kg along x, y and z) with inertia (kg m2 about them)."""
         values = np.array([*mass, *inertia], dtype=np.float64)

@@ -157,7 +157,7 @@ class SapModel:
 
     def fill(self, tables: ModelTables) -> None:
         """Fill the tables."""
-        reading = _Reading(self, tables)
+        reading = _SapReading(self, tables)
         reading.joints()
         reading.restraints()
         reading.frames()
@@ -185,7 +185,7 @@ _HARMLESS_KEYS = (
 )
 
 
-class _Reading:
+class _SapReading:
     """The tables of a file, read one kind after the other."""
 
     def __init__(self, file: SapModel, tables: ModelTables) -> None:
