@@ -50,7 +50,10 @@ def bulk_data(model: FiniteElementModel) -> str:
                 raise StructureError(f"bulk data knows no {block.name}; leave such elements out")
             area = float(block.area[k])
             inertia = float(block.inertia_y[k]), float(block.inertia_z[k])
-            shear = float(block.shear_area_z[k] / area), float(block.shear_area_y[k] / area)
+            shear = [  # 0 means that a bar does not shear
+                float(value[k] / area) if np.isfinite(value[k]) else 0.0
+                for value in (block.shear_area_z, block.shear_area_y)
+            ]
             torsion = float(block.torsion_constant[k])
             bar = number("PBAR", material, area, *inertia, torsion, 0.0, *[None] * 9, *shear, 0.0)
             arms = np.zeros(6) if block.offset is None else block.offset[k].ravel()

@@ -111,3 +111,7 @@ def test_what_is_assigned_has_its_closed_form(added, tmp_path):
     found = np.diag(flexible)[place] * np.array([along_x, along_y])
     np.testing.assert_allclose(found, length**3, rtol=1e-5)
     assert mass(mesh) == pytest.approx(50e3)
+    deck = tmp_path / "deck.bdf"
+    deck.write_text(bulk_data(mesh.model))
+    back = mesh_building(load_building(deck, "N,m"))
+    np.testing.assert_allclose(frequencies(back, 2), frequencies(mesh, 2), rtol=1e-6)
