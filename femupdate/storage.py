@@ -24,6 +24,10 @@ from femupdate.errors import FemupdateError, StudyError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+# Of arrays, archives and meshes: a million nodes and as many shells take a fifth of it, a station
+# archive some tens of MB; a table of arrays takes three times as much memory.
+LARGEST_BYTES = 500_000_000
+
 
 def read_file(
     path: Path | str, largest: int, failure: type[FemupdateError], limit: int = -1

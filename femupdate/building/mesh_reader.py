@@ -15,10 +15,9 @@ import numpy as np
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.entry import Complaint
 from femupdate.fe.registry import cell_types
-from femupdate.storage import refuse_endless
+from femupdate.storage import LARGEST_BYTES, refuse_endless
 
 _MEND = "write it as gmsh 2.2 or 4.1 (.msh), Abaqus (.inp), MED (.med) or VTU (.vtu)"
-_LARGEST_BYTES = 500_000_000  # a million nodes and as many shells take a fifth of it
 _POINTS = ("vertex",)  # they carry no stiffness and are left out
 _FIRST_ORDER = {
     "line3": "line",
@@ -88,7 +87,7 @@ def _read(path: Path) -> Any:
     size = path.stat().st_size
     if path.suffix == ".med":
         size = max(size, _unpacked(path))
-    if size > _LARGEST_BYTES:  # it would fill the memory
+    if size > LARGEST_BYTES:  # it would fill the memory
         raise Complaint(
             "mesh.file",
             f"{path.name} holds {size / 1e6:.0f} MB, which no building's mesh needs; coarsen it",
@@ -119,7 +118,7 @@ def _reading_little() -> Iterator[None]:
     from meshio import _common
     from meshio.vtu import _vtu
 
-    room = [_LARGEST_BYTES]
+    room = [LARGEST_BYTES]
     replaced: tuple[tuple[Any, str, Any], ...] = (
         (_vtu, "zlib", _Unpacker(zlib.decompressobj, room)),
         (_vtu, "lzma", _Unpacker(lzma.LZMADecompressor, room)),
@@ -155,7 +154,7 @@ class _Unpacker:
         piece: bytes = unpacking.decompress(data, self.room[0] + 1)
         self.room[0] -= len(piece)
         if self.room[0] < 0:
-            raise ValueError(f"its arrays unpack to more than {_LARGEST_BYTES / 1e6:.0f} MB")
+            raise ValueError(f"its arrays unpack to more than {LARGEST_BYTES / 1e6:.0f} MB")
         if not unpacking.eof:
             raise ValueError("its packed arrays are cut short")
         return piece

@@ -35,13 +35,12 @@ from femupdate.fe.model import (
     RigidLinks,
     Springs,
 )
-from femupdate.storage import check_regular
+from femupdate.storage import LARGEST_BYTES, check_regular
 
 LEVEL = 1e-3  # m; what is nearer than this to a floor's level is on it
 _SAME_PLANE = 0.985  # cosine of the angle between shells of one wall
 # Of sections that give none: bending over the area squared, torsion over bending.
 _LITTLE, _TWIST = 1e-4, 1e-2
-_LARGEST_BYTES = 500_000_000
 _SURFACES = {4: Shells, 3: Triangles}
 _WHOLE_BODY = np.ones(DOF_PER_NODE, dtype=np.bool_)
 
@@ -128,7 +127,7 @@ def file_text(file: Path) -> str:
         BuildingError: there is no such file, it is too large or no plain text.
     """
     check_regular(file, BuildingError)
-    if file.stat().st_size > _LARGEST_BYTES:
+    if file.stat().st_size > LARGEST_BYTES:
         size = file.stat().st_size / 1e6
         raise BuildingError(f"{file.name}: {size:.0f} MB are too many; coarsen it")
     content = file.read_bytes()

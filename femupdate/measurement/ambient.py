@@ -24,9 +24,9 @@ from femupdate.arrays import Complexes, Floats, Integers
 from femupdate.errors import MeasurementError
 from femupdate.measurement.modes import alike, in_phase, mac, phase_collinearity
 from femupdate.measurement.recording import RecordedMode
-from femupdate.measurement.thresholds import AMBIENT
 
 # Figures by which files are judged.
+ORDER = 40  # poles of the largest model
 _FEWEST_BLOCKS = 5  # of the record, at least
 # of the first mode in a block: twice the memory of a mode of 1 % damping, 1 / (2 pi zeta)
 _PERIODS = 32
@@ -159,7 +159,7 @@ def identify_modes(
     time_step: float,
     channels: Sequence[str],
     band_hz: tuple[float, float] | None = None,
-    order: int = AMBIENT.order,
+    order: int = ORDER,
 ) -> AmbientModes:
     """Identify the modes of a record.
 

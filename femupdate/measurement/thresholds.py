@@ -4,15 +4,6 @@ from femupdate.thresholds import entry, table
 
 
 @table
-class FILES:
-    """How large a file may be, whatever its header says."""
-
-    arrays_mb: int = entry(
-        400, "MB", "of all arrays of a file", "a table of them takes some three times that"
-    )
-
-
-@table
 class RECORD:
     """Which accelerations can be, and how motions of the ground are resampled."""
 
@@ -33,10 +24,3 @@ class SPECTRUM:
     least_noise: float = entry(
         0.01, "ln|H|", "that is stated", "accelerometers are calibrated to about 1 %"
     )
-
-
-@table
-class AMBIENT:
-    """How modes are found in ambient records, and which poles are modes."""
-
-    order: int = entry(40, "poles", "of the largest model")

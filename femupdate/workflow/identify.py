@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.measurement.ambient import AmbientModes, identify_modes
+from femupdate.measurement.ambient import ORDER, AmbientModes, identify_modes
 from femupdate.measurement.histories import motions_in
 from femupdate.measurement.modes import mode_findings
 from femupdate.measurement.names import BASE
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.reader import read_measured
-from femupdate.measurement.thresholds import AMBIENT
 from femupdate.measurement.write import write_modes
 from femupdate.report.scale import with_unit
 from femupdate.result import Item, Note, Notes, Result
@@ -69,7 +68,7 @@ def identify(
     *,
     columns: Mapping[str, str] | None = None,
     band_hz: tuple[float, float] | None = None,
-    order: int = AMBIENT.order,
+    order: int = ORDER,
 ) -> Identified:
     """Identify the modes of a record of floors and write them as a table.
 

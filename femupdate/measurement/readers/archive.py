@@ -15,11 +15,10 @@ from typing import Any
 from femupdate.errors import MeasurementError
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile, read_head
+from femupdate.storage import LARGEST_BYTES
 
 READS = "zip, tar and gzip archives of records"
 
-# Of all files unpacked: a station archive holds some tens of a few MB.
-_LARGEST_BYTES = 500_000_000
 _NOT_LOOKED_INTO = ("archive", "unsupported")
 _ZIP, _GZIP = ("PK\x03\x04", "PK\x05\x06"), "\x1f\x8b"
 _TAR, _TAR_AT = "ustar", 257  # its mark, and where that stands in the first header
@@ -65,7 +64,7 @@ def _members(file: TextFile) -> Iterator[tuple[str, int, Any]]:
             begin = single.read(_TAR_AT + len(_TAR))
         if not begin.endswith(_TAR.encode()) and begin.strip(b"\0"):  # an empty tar is zeros
             with gzip.open(file.path, "rb") as single:
-                data = _Limited(file, single).read(_LARGEST_BYTES + 2 * _PADDING)
+                data = _Limited(file, single).read(LARGEST_BYTES + 2 * _PADDING)
             yield file.path.stem, len(data), lambda: data
             return
     with (
@@ -113,7 +112,7 @@ def _check_size(file: TextFile, count: int, size: int) -> None:
     """Refuse more files or bytes than archives of records hold."""
     factor = size / max(file.path.stat().st_size, 1)
     # At most 2,000 files, packed by a factor of 200: station archives hold some tens.
-    if count > 2000 or size > _LARGEST_BYTES or factor > 200.0:
+    if count > 2000 or size > LARGEST_BYTES or factor > 200.0:
         raise file.error(
             f"the archive holds {count or 'some'} files of {size / 1e6:.0f} MB, {factor:.0f}"
             " times its own size: no archive of records; unpack it yourself and give the record"

@@ -11,12 +11,9 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement.array_file import table_of_arrays
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile
-from femupdate.measurement.thresholds import FILES
-from femupdate.storage import read_file
+from femupdate.storage import LARGEST_BYTES, read_file
 
 READS = "MATLAB files"
-
-_LARGEST_BYTES = FILES.arrays_mb * 1_000_000
 
 
 def recognises(head: str, suffix: str) -> bool:
@@ -34,7 +31,7 @@ def read(path: Path) -> Recording:
         if hdf:
             arrays = _version_7_3(path)
         else:
-            require_whole(read_file(path, _LARGEST_BYTES, MeasurementError), _LARGEST_BYTES)
+            require_whole(read_file(path, LARGEST_BYTES, MeasurementError), LARGEST_BYTES)
             _require_moderate(path, [shape for _, shape, _ in whosmat(path)])
             content = loadmat(path, squeeze_me=True, struct_as_record=False)
             parts = [_flat(name, content[name]) for name in content if not name.startswith("__")]
@@ -76,7 +73,7 @@ def _version_7_3(path: Path) -> dict[str, Any]:
 def _require_moderate(path: Path, shapes: list[tuple[int, ...]]) -> None:
     # 16 bytes are those of a complex number.
     size = sum(int(np.prod(shape, dtype=object)) * 16 for shape in shapes)
-    if size > _LARGEST_BYTES:
+    if size > LARGEST_BYTES:
         raise MeasurementError(
             f"{path}: the file holds {size / 1e9:.3g} GB of numbers; save the channels alone"
         )

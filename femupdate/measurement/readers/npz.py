@@ -5,8 +5,7 @@ from pathlib import Path
 from femupdate.measurement.array_file import table_of_arrays
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.text import TextFile
-from femupdate.measurement.thresholds import FILES
-from femupdate.storage import ArchiveError, read_arrays
+from femupdate.storage import LARGEST_BYTES, ArchiveError, read_arrays
 
 READS = "archives of numpy arrays"
 
@@ -19,6 +18,6 @@ def read(path: Path) -> Recording:
     """Arrays as the columns of a table."""
     file = TextFile(path, row_name="row")
     try:
-        return table_of_arrays(file, read_arrays(path, FILES.arrays_mb * 1_000_000))
+        return table_of_arrays(file, read_arrays(path, LARGEST_BYTES))
     except ArchiveError as error:
         raise file.error(f"{error}; save the channels alone with numpy.savez") from None
