@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -70,6 +71,37 @@ class Row:
         return value
 
 
+@dataclass(frozen=True)
+class CsiFile:
+    """What files of SAP2000 and ETABS have in common, of what `ModelFile` asks."""
+
+    file: Path
+    rows: Mapping[str, list[Row]]  # by their table, or by their first word
+
+    def of(self, name: str) -> list[Row]:
+        """The rows of a kind."""
+        return self.rows.get(name, [])
+
+    def first(self, name: str) -> Row:
+        """The first row of a kind."""
+        return self.of(name)[0]
+
+    @property
+    def materials(self) -> list[tuple[float, float]]:
+        """The file states its units."""
+        return []
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many rows of each kind there are."""
+        return {name: len(rows) for name, rows in self.rows.items() if rows}
+
+    @property
+    def lacks(self) -> tuple[str, ...]:
+        """It says all."""
+        return ()
+
+
 def units_of(file: str, words: Iterable[str]) -> tuple[str, str]:
     """Units of force and length from the words of a file.
 
@@ -128,6 +160,18 @@ class MassSource:
     added: bool = True
     patterns: dict[str, float] = field(default_factory=dict)
     self_weight: float = 0.0  # how often the self weight is in these patterns
+
+    def add(self, pattern: str, share: float, self_weight: float) -> None:
+        """Add a share of a load pattern, in which the self weight is so often."""
+        self.patterns[pattern] = self.patterns.get(pattern, 0.0) + share
+        self.self_weight += share * self_weight
+
+    def told(self, tables: ModelTables) -> "MassSource":
+        """List what it takes of loads among the changes."""
+        if self.patterns:
+            listed = ", ".join(f"{share:g} {name}" for name, share in self.patterns.items())
+            tables.changes[f"mass source: loads {listed} over g"] += 1
+        return self
 
 
 def shape_figures(

@@ -17,6 +17,7 @@ from femupdate.building.csi_model import (
     FRAME_MODIFIERS,
     GRAVITY,
     AreaSection,
+    CsiFile,
     FrameSection,
     MassSource,
     Row,
@@ -61,15 +62,13 @@ _HARMLESS = re.compile(
 
 
 @dataclass(frozen=True)
-class EtabsModel:
+class EtabsModel(CsiFile):
     """A file of ETABS, as `ModelFile` asks."""
 
     program: ClassVar[str] = "ETABS"
     node_kind: ClassVar[str] = "point"
     what: ClassVar[str] = "lines"
     mends: ClassVar[Mapping[str, str]] = {"LINK": "replace linear links by frames"}
-    file: Path
-    rows: Mapping[str, list[Row]]
 
     @classmethod
     def opened(cls, file: Path) -> "EtabsModel":
@@ -92,10 +91,6 @@ class EtabsModel:
             )
         return cls(file, dict(rows))
 
-    def of(self, name: str) -> list[Row]:
-        """The lines that begin with a word."""
-        return self.rows.get(name, [])
-
     @property
     def units(self) -> tuple[str, str]:
         """Those of CONTROLS."""
@@ -106,16 +101,6 @@ class EtabsModel:
         return units_of(self.file.name, stated.pop())
 
     @property
-    def materials(self) -> list[tuple[float, float]]:
-        """The file states its units."""
-        return []
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """Lines by their first word."""
-        return {name: len(rows) for name, rows in self.rows.items()}
-
-    @property
     def left_out(self) -> Mapping[str, int]:
         """What modes do not depend on."""
         return {n: k for n, k in self.counts.items() if n not in (*_PLACES, *_REFUSED)}
@@ -124,15 +109,6 @@ class EtabsModel:
     def unknown(self) -> list[str]:
         """What changes the structure and has no counterpart."""
         return [name for name in self.counts if name in _REFUSED]
-
-    @property
-    def lacks(self) -> tuple[str, ...]:
-        """It says all."""
-        return ()
-
-    def first(self, name: str) -> Row:
-        """The first line of a kind."""
-        return self.of(name)[0]
 
     @cached_property
     def merged(self) -> dict[str, dict[str, Row]]:
@@ -195,12 +171,9 @@ class _EtabsReading:
             loads = row.flag("INCLUDELOADS", True)
             for load in self.file.of("MASSSOURCELOAD") if loads else []:
                 if load.text("1") == row.text("1"):
-                    source.patterns[load.text("2")] = load.real("3")
-                    source.self_weight += load.real("3") * weights.get(load.text("2"), 0.0)
-        if source.patterns:
-            listed = ", ".join(f"{share:g} {name}" for name, share in source.patterns.items())
-            self.tables.changes[f"mass source: loads {listed} over g"] += 1
-        return source
+                    name = load.text("2")
+                    source.add(name, load.real("3"), weights.get(name, 0.0))
+        return source.told(self.tables)
 
     def node(self, row: Row, point: str, story: str, below: int = 0) -> int:
         """The node of a point some stories below one."""

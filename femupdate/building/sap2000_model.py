@@ -14,6 +14,7 @@ from femupdate.arrays import Floats
 from femupdate.building.csi_model import (
     GRAVITY,
     AreaSection,
+    CsiFile,
     FrameSection,
     MassSource,
     Row,
@@ -59,7 +60,7 @@ _WAYS = ("U1", "U2", "U3", "R1", "R2", "R3")
 
 
 @dataclass(frozen=True)
-class SapModel:
+class SapModel(CsiFile):
     """A file of SAP2000, as `ModelFile` asks."""
 
     program: ClassVar[str] = "SAP2000"
@@ -68,8 +69,6 @@ class SapModel:
     mends: ClassVar[Mapping[str, str]] = {
         "CONNECTIVITY - LINK": "replace linear links by joint springs or frames",
     }
-    file: Path
-    tables: Mapping[str, list[Row]]
 
     @classmethod
     def opened(cls, file: Path) -> "SapModel":
@@ -103,10 +102,6 @@ class SapModel:
             )
         return cls(file, dict(tables))
 
-    def of(self, name: str) -> list[Row]:
-        """The rows of a table."""
-        return self.tables.get(name, [])
-
     @property
     def units(self) -> tuple[str, str]:
         """Those of PROGRAM CONTROL."""
@@ -118,16 +113,6 @@ class SapModel:
                 'one, such as CurrUnits="KN, m, C"'
             )
         return units_of(self.file.name, stated.pop().split(","))
-
-    @property
-    def materials(self) -> list[tuple[float, float]]:
-        """The file states its units."""
-        return []
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """Rows of each table."""
-        return {name: len(rows) for name, rows in self.tables.items() if rows}
 
     @property
     def left_out(self) -> Mapping[str, int]:
@@ -145,15 +130,6 @@ class SapModel:
             if kind and (not _HARMLESS.match(name) or (name.startswith("CONSTRAINT") and used)):
                 found.append(name)
         return found
-
-    @property
-    def lacks(self) -> tuple[str, ...]:
-        """It says all."""
-        return ()
-
-    def first(self, name: str) -> Row:
-        """The first row of a table."""
-        return self.of(name)[0]
 
     def fill(self, tables: ModelTables) -> None:
         """Fill the tables."""
@@ -212,13 +188,8 @@ class _SapReading:
         for row in [*rows, *old]:
             pattern = row.text("LoadPat")
             if pattern:
-                share = row.real("Multiplier", usual=1.0)
-                source.patterns[pattern] = source.patterns.get(pattern, 0.0) + share
-                source.self_weight += share * weights.get(pattern, 0.0)
-        if source.patterns:
-            listed = ", ".join(f"{share:g} {name}" for name, share in source.patterns.items())
-            self.tables.changes[f"mass source: loads {listed} over g"] += 1
-        return source
+                source.add(pattern, row.real("Multiplier", usual=1.0), weights.get(pattern, 0.0))
+        return source.told(self.tables)
 
     def _axes(self, row: Row) -> tuple[Floats, Floats]:
         """Origin and axes, as rows, of the system that a row names."""
