@@ -34,7 +34,7 @@ class InspectedFiles(Result):
             {"path": path, "program": program_of(path), "notes": notes}
             for path, notes in self.models
         ]
-        more = {"models": models} if models else {}
+        more = {"decks": models} if models else {}
         yield Note(content={"files": files, "refused": self.refused} | more)
         for path, notes in self.models:
             yield Note(f"{path}: a model of {program_of(path)}")
