@@ -19,7 +19,7 @@ class Answer:
         pictures: files drawn; None of a command that draws none of its own.
         more: goes into the JSON object as well.
         files: other files written, named beside the pictures.
-        tables: CSV files written; None of a command that writes none.
+        tables: CSV files written, named to those who ask for more; None where none could be.
     """
 
     result: Result
@@ -38,7 +38,8 @@ class Answer:
             click.echo(json.dumps(content, indent=2))
             return
         click.echo("\n".join(self.result.lines(details)))
-        print_pictures((*(self.pictures or ()), *self.files, *(self.tables or ())))
+        tables = (self.tables or ()) if details else ()
+        print_pictures((*(self.pictures or ()), *self.files, *tables))
 
 
 def print_pictures(pictures: tuple[Path, ...]) -> None:

@@ -212,7 +212,7 @@ def plain_options(function: Callable[..., Answer]) -> Callable[..., None]:
 
 
 def reading_options(function: F) -> F:
-    """Add the options for reading observation files, passed on as `reading`."""
+    """Add the options for reading observation files."""
 
     @click.option(
         "--sensors",
@@ -233,7 +233,7 @@ def reading_options(function: F) -> F:
     def wrapper(*args: Any, **kwargs: Any) -> Any:
         names = ("sensors", "unit", "columns", "mode_error", "force")
         reading = {name: kwargs.pop(name) for name in names}
-        return function(*args, reading={**reading, "band_hz": kwargs.pop("band")}, **kwargs)
+        return function(*args, **reading, band_hz=kwargs.pop("band"), **kwargs)
 
     return wrapper  # type: ignore[return-value]
 

@@ -53,7 +53,8 @@ def compare(before: str, after: str, picture: Path | None, study: Study) -> Answ
     Both are posteriors of one building, each from a measurement of its own. They are named as
     `femupdate calibrate --name` named them in the study, or as study folders or posterior files.
     Of two files of modes it tells which belong together, with MAC and COMAC; `femupdate render`
-    writes those of a posterior to tables/shapes.csv. Changes nothing.
+    writes those of a posterior to tables/shapes.csv and shapes.uff. Of two files of FRFs or records
+    under base motion, or of one and a posterior, it gives FRAC by floors. Changes nothing.
 
     \b
     Examples:
@@ -61,15 +62,16 @@ def compare(before: str, after: str, picture: Path | None, study: Study) -> Answ
       femupdate calibrate after.csv --name after
       femupdate compare before after
       femupdate compare study/tables/shapes.csv identified.csv
+      femupdate compare study obs.csv
     """
     from femupdate import interface
-    from femupdate.workflow.compare_modes import ModeComparison
+    from femupdate.workflow.compare import CompareReport
 
     report = interface.compare(study, before, after)
     if picture is None:
         return Answer(report)
-    if isinstance(report, ModeComparison):
-        raise Failure("two sets of modes are compared in tables alone; leave --picture out")
+    if not isinstance(report, CompareReport):
+        raise Failure("modes and FRFs are compared in tables alone; leave --picture out")
     from femupdate.report.figure import save_figure
 
     return Answer(report, (save_figure(report.intervals(), picture),))

@@ -33,7 +33,7 @@ _NOUNS = {
 }
 _VERBS = (
     *("calibrate", "compare", "diagnose", "inspect", "predict", "reduce", "repair", "save_arrays"),
-    *("simulate", "train", "write_report"),
+    *("simulate", "status", "train", "write_report"),
 )
 
 if _TYPE_CHECKING:
@@ -46,7 +46,10 @@ if _TYPE_CHECKING:
     from femupdate.inference.likelihood import Likelihood
     from femupdate.inference.parameters import Parameters
     from femupdate.inference.posterior import Posterior
-    from femupdate.interface import (
+    from femupdate.measurement.observation import Observation
+    from femupdate.measurement.record import GroundMotion
+    from femupdate.measurement.recording import Recording
+    from femupdate.python import (
         calibrate,
         compare,
         diagnose,
@@ -56,18 +59,16 @@ if _TYPE_CHECKING:
         repair,
         save_arrays,
         simulate,
+        status,
         train,
         write_report,
     )
-    from femupdate.measurement.observation import Observation
-    from femupdate.measurement.record import GroundMotion
-    from femupdate.measurement.recording import Recording
     from femupdate.report.prediction import Prediction
     from femupdate.study import Study
     from femupdate.surrogate.storage import Surrogate
 
 
-__getattr__ = _lazily(__name__, {**_NOUNS, **dict.fromkeys(_VERBS, "interface")})
+__getattr__ = _lazily(__name__, {**_NOUNS, **dict.fromkeys(_VERBS, "python")})
 
 
 def __dir__() -> list[str]:
@@ -99,6 +100,7 @@ __all__ = [
     "repair",
     "save_arrays",
     "simulate",
+    "status",
     "train",
     "write_report",
 ]

@@ -8,6 +8,21 @@ _LONGEST_WORD, _LONGEST_MESSAGE = 300, 2000
 _NOT_SHOWN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 
 
+# Commands that functions have another name for.
+_VERBS = {"report": "write_report", "build-model": "reduce"}
+_COMMAND = re.compile(r"`femupdate ([a-z-]+)[^`]*`")
+_OPTION = re.compile(r"--([a-z][a-z-]*)")
+_KEYWORDS = {"band": "band_hz", "floor-spectra": "spectrum_damping"}
+
+
+def in_python(text: str) -> str:
+    """A message in the words of Python: functions for commands, keywords for options."""
+    text = _COMMAND.sub(lambda found: f"`{_VERBS.get(found[1], found[1])}(study, ...)`", text)
+    return _OPTION.sub(
+        lambda found: f"`{_KEYWORDS.get(found[1], found[1].replace('-', '_'))}=`", text
+    )
+
+
 class FemupdateError(Exception):
     """Base of every error whose message is meant to be read by the user as it stands.
 

@@ -11,27 +11,112 @@ study its folder will do. All raise `FemupdateError`, whose text says what to do
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
+from femupdate.errors import FemupdateError, close
 from femupdate.progress import SILENT, Progress
 from femupdate.study import MAIN_POSTERIOR, Study
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from femupdate.measurement.observation import Observation
+    from femupdate.measurement.record import GroundMotion
     from femupdate.report.prediction import Prediction
     from femupdate.simulation.simulate import WrittenSimulation
     from femupdate.workflow.calibration_report import CalibrationReport
     from femupdate.workflow.compare import CompareReport
+    from femupdate.workflow.compare_frfs import FrfComparison
     from femupdate.workflow.compare_modes import ModeComparison
     from femupdate.workflow.diagnose import DiagnosisReport
     from femupdate.workflow.inspect_files import InspectedFiles
     from femupdate.workflow.model import StudyModel
     from femupdate.workflow.repair import RepairReport
     from femupdate.workflow.report import ReportReport
+    from femupdate.workflow.status import StatusReport
     from femupdate.workflow.train import TrainReport
 
 Folder = Study | Path | str
 File = Path | str
-Reading = Mapping[str, Any]
+
+
+class Reading(TypedDict, total=False):
+    """How measured files are read."""
+
+    unit: str | None  # of accelerations, where a file gives none
+    columns: Mapping[str, str] | None  # our column names to the file's
+    sensors: tuple[str, ...]  # floors to use
+    band_hz: tuple[float, float] | None
+    force: str | None  # floor at which a force acts
+    mode_error: float | None  # of the model's own ln f
+
+
+class Sampling(Reading, total=False):
+    """How `calibrate` reads and samples, see `CalibrationSettings`."""
+
+    exact: bool
+    particles: int
+    chains: int
+    seed: int
+    device: str
+    anyway: bool
+
+
+class Finding(Reading, total=False):
+    """How `diagnose` and `repair` read and judge, see `DiagnosisSettings`."""
+
+    seed: int
+    least_frequency: float
+    least_response: float
+
+
+class Predicting(TypedDict, total=False):
+    """How `predict` works, see `PredictionSettings`."""
+
+    samples: int
+    damping: float | None
+    seed: int
+    spectrum_damping: float | None
+    members: tuple[Any, ...]
+    member_draws: int
+    scatter: float | None
+    damping_scatter: float | None
+
+
+class Training(TypedDict, total=False):
+    """How `train` works, see `TrainingSettings`."""
+
+    epochs: int
+    batch: int
+    learning_rate: float
+    patience: int
+    validation: float
+    average: float
+    redraw_zeta_every: int
+    roof_share: float
+    full_share: float
+    full_band_share: float
+    seed: int
+
+
+class Simulating(TypedDict, total=False):
+    """What `simulate` makes, see `SimulationSettings`."""
+
+    theta: tuple[float, ...] | None
+    zeta: float | None
+    mesh_size: float | None
+    sensors: Any
+    base_motion: "GroundMotion | None"
+    duration_s: float
+    sampling_hz: float
+    rms_m_s2: float
+    band_hz: tuple[float, float]
+    rotation_rms: float | None
+    vertical_at: tuple[float, ...]
+    sensor_noise_m_s2: float
+    quantisation_m_s2: float | None
+    effects: tuple[tuple[str, tuple[float, ...]], ...]
+    seed: int
 
 
 def reduce(
@@ -60,7 +145,7 @@ def train(
     fresh: bool = False,
     start: File | None = None,
     progress: Progress = SILENT,
-    **settings: Any,
+    **settings: Unpack[Training],
 ) -> "TrainReport":
     """Train the surrogate of a study's building; resumes, and skips what is there already.
 
@@ -69,7 +154,7 @@ def train(
         thorough: twice the samples and three times the epochs.
         fresh: train even where a fitting surrogate exists.
         start: weights to go on from.
-        settings: `epochs`, `batch`, `seed`, ..., as `TrainingSettings` has them.
+        settings: see `Training`.
 
     Raises:
         SurrogateError: too few samples, or no weights to start from.
@@ -86,29 +171,27 @@ def train(
     effort = THOROUGH if thorough else USUAL
     count = samples or effort.samples
     weights = None if start is None else Path(start)
-    opened, name = _study(study), _name(building)
-    check_training(opened, count, settings.get("batch", 512), weights, name)
+    opened, name, (_, rest) = _study(study), _name(building), _parted(settings, Training)
+    check_training(opened, count, rest.get("batch", 512), weights, name)
     model = reduce(opened, name, progress=progress)
-    chosen = default_settings(model, **{"epochs": effort.epochs, **settings})
+    chosen = default_settings(model, **{"epochs": effort.epochs, **rest})
     return train_study(opened, model, count, chosen, fresh=fresh, start=weights, progress=progress)
 
 
 def calibrate(
     study: Folder,
-    *files: File,
+    *files: "File | Observation",
     building: File | None = None,
     name: str = MAIN_POSTERIOR,
-    reading: Reading | None = None,
     progress: Progress = SILENT,
-    **settings: Any,
+    **settings: Unpack[Sampling],
 ) -> "CalibrationReport":
     """Draw the posterior of the stiffness factors from measured files.
 
     Args:
-        files: of one building, of any kind that the command takes.
+        files: of one building, of any kind that the command takes; or FRFs as arrays.
         name: of the posterior in the study.
-        reading: how they are read: `sensors`, `band_hz`, `unit`, `columns`, `force`, `mode_error`.
-        settings: `exact`, `particles`, `chains`, `seed`, ..., as `CalibrationSettings` has them.
+        settings: how files are read (`Reading`) and the posterior is drawn (`Sampling`).
 
     Raises:
         MeasurementError: a file cannot be used, or belongs to another building.
@@ -118,8 +201,9 @@ def calibrate(
     from femupdate.workflow.likelihoods import CalibrationSettings
     from femupdate.workflow.observed import readable
 
-    opened, chosen = Study(_study(study).folder, name), CalibrationSettings(**settings)
-    source = readable(reading or {}, *map(Path, files))
+    opened, (reading, rest) = Study(_study(study).folder, name), _parted(settings, Sampling)
+    chosen = CalibrationSettings(**rest)
+    source = readable(reading, *_files(opened, files))
     check_calibration(opened, source, chosen, _name(building))
     model = reduce(opened, building, progress=progress)
     return calibrate_study(opened, model, source, chosen, progress)
@@ -127,7 +211,7 @@ def calibrate(
 
 def predict(
     study: Folder,
-    record: File,
+    record: "File | GroundMotion",
     *,
     unit: str | None = None,
     channel: str | int | None = None,
@@ -135,19 +219,19 @@ def predict(
     measured: File | None = None,
     columns: Mapping[str, str] | None = None,
     progress: Progress = SILENT,
-    **settings: Any,
+    **settings: Unpack[Predicting],
 ) -> "Prediction":
     """Predict the response of a calibrated building to a ground motion.
 
     Args:
         study: with a posterior; `Study(folder, "roof")` is that with the posterior "roof".
-        record: file of the motion.
+        record: file of the motion, or the motion.
         unit: of its accelerations, where the file gives none.
         channel: of the record, by name or number.
         scale: factor on the acceleration.
         measured: file with the floors measured in the same motion, to compare.
         columns: its column names, ours to the file's.
-        settings: `samples`, `damping`, `seed`, ..., as `PredictionSettings` has them.
+        settings: see `Predicting`.
 
     Raises:
         MeasurementError: the record or what was measured cannot be used.
@@ -156,12 +240,12 @@ def predict(
     from femupdate.workflow.model import open_calibrated
     from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 
-    opened = _study(study)
+    opened, (_, rest) = _study(study), _parted(settings, Predicting)
     return predict_study(
         opened,
         open_calibrated(opened, progress),
-        RecordSource(Path(record), unit, channel, scale),
-        PredictionSettings(**settings),
+        RecordSource(*_files(opened, [record]), unit, channel, scale),
+        PredictionSettings(**rest),
         measured=None if measured is None else Path(measured),
         columns=columns,
         progress=progress,
@@ -170,13 +254,12 @@ def predict(
 
 def diagnose(
     study: Folder,
-    *files: File,
+    *files: "File | Observation",
     building: File | None = None,
     second: File | None = None,
     use_phase: bool = True,
-    reading: Reading | None = None,
     progress: Progress = SILENT,
-    **settings: Any,
+    **settings: Unpack[Finding],
 ) -> "DiagnosisReport":
     """Find where model and measurement disagree, and what is missing in the model.
 
@@ -184,8 +267,7 @@ def diagnose(
         files: of one building, of any kind that `calibrate` takes.
         second: record at another level of motion.
         use_phase: compare phases where they were measured.
-        reading: how files are read, see `calibrate`.
-        settings: `seed`, `least_frequency`, ..., as `DiagnosisSettings` has them.
+        settings: how files are read (`Reading`) and judged (`Finding`).
 
     Raises:
         MeasurementError: a file cannot be used.
@@ -196,25 +278,24 @@ def diagnose(
     from femupdate.workflow.model import require_named
     from femupdate.workflow.observed import readable
 
-    how, opened = reading or {}, _study(study)
-    source = readable(how, *map(Path, files))
+    opened, (how, rest) = _study(study), _parted(settings, Finding)
+    source = readable(how, *_files(opened, files))
     other = None if second is None else readable(how, Path(second))
     require_named(opened, _name(building))
     model = reduce(opened, building, progress=progress)
-    chosen = DiagnosisSettings(**settings)
+    chosen = DiagnosisSettings(**rest)
     return diagnose_study(opened, model, source, chosen, progress, use_phase, other)
 
 
 def repair(
     study: Folder,
-    *files: File,
+    *files: "File | Observation",
     building: File | None = None,
     holdout: File | None = None,
     second: File | None = None,
     use_phase: bool = True,
-    reading: Reading | None = None,
     progress: Progress = SILENT,
-    **settings: Any,
+    **settings: Unpack[Finding],
 ) -> "RepairReport":
     """Add to the model what the data show to be missing, as a study inside the study.
 
@@ -231,22 +312,24 @@ def repair(
     from femupdate.workflow.observed import readable
     from femupdate.workflow.repair import repair_study
 
-    how, opened = reading or {}, _study(study)
-    source = readable(how, *map(Path, files))
+    opened, (how, rest) = _study(study), _parted(settings, Finding)
+    source = readable(how, *_files(opened, files))
     kept_out = None if holdout is None else readable(how, Path(holdout))
     other = None if second is None else readable(how, Path(second))
     require_named(opened, _name(building))
     model = reduce(opened, building, progress=progress)
-    chosen = DiagnosisSettings(**settings)
+    chosen = DiagnosisSettings(**rest)
     return repair_study(opened, model, source, kept_out, chosen, progress, use_phase, other)
 
 
-def compare(study: Folder, before: str, after: str) -> "CompareReport | ModeComparison":
-    """Which stories changed between two posteriors, or how alike two sets of modes are.
+def compare(
+    study: Folder, before: str, after: str
+) -> "CompareReport | ModeComparison | FrfComparison":
+    """Which stories changed between two posteriors, or how alike two sets of modes or FRFs are.
 
     Args:
         before, after: names of posteriors of the study, study folders or posterior files; or two
-            files of modes.
+            files of modes; or files of FRFs or records, one of which may be a posterior instead.
 
     Raises:
         StudyError: there is no such posterior.
@@ -255,24 +338,29 @@ def compare(study: Folder, before: str, after: str) -> "CompareReport | ModeComp
     """
     from femupdate.workflow.compare import compare_states, find_state
 
-    files = [Path(name) for name in (before, after)]
-    if all(file.is_file() and file.suffix != ".nc" for file in files):
+    opened, files = _study(study), [Path(name) for name in (before, after)]
+    measured = [file for file in files if file.is_file() and file.suffix != ".nc"]
+    if measured:
+        from femupdate.measurement.reader import read_measured
+        from femupdate.workflow.compare_frfs import compare_frfs
         from femupdate.workflow.compare_modes import compare_modes
 
-        return compare_modes(*files)
-    opened = _study(study)
+        read = [read_measured(file) for file in measured]
+        if len(read) == 2 and any(one.modes or one.mode_table is not None for one in read):
+            return compare_modes(*files)
+        return compare_frfs(before, after, opened)
     return compare_states(find_state(before, opened), find_state(after, opened))
 
 
 def simulate(
-    building: File, path: File, *, progress: Progress = SILENT, **settings: Any
+    building: File, path: File, *, progress: Progress = SILENT, **settings: Unpack[Simulating]
 ) -> "WrittenSimulation":
     """Make a synthetic observation of a building with known stiffness factors, as a CSV file.
 
     Args:
         building: its file or its shipped name.
         path: of the file; the truth goes beside it.
-        settings: `theta`, `zeta`, `duration_s`, `seed`, ..., as `SimulationSettings` has them.
+        settings: see `Simulating`.
 
     Raises:
         BuildingError: the building cannot be read.
@@ -285,13 +373,13 @@ def simulate(
         write_simulation,
     )
 
-    chosen = SimulationSettings(**settings)
+    chosen = SimulationSettings(**_parted(settings, Simulating)[1])
     made = simulate_observation(load_building(building), chosen, progress)
     return write_simulation(made, Path(path))
 
 
 def save_arrays(
-    path: File, time_step: float, columns: Mapping[str, Sequence[float]], *, unit: str = "m/s2"
+    path: File, time_step: float, columns: "Mapping[str, ArrayLike]", *, unit: str = "m/s2"
 ) -> Path:
     """Write arrays as a measured file (CSV), which all functions take.
 
@@ -313,7 +401,7 @@ def save_arrays(
 
     channels = [(name, parse_channel(name)) for name in columns]
     unknown = [name for name, channel in channels if channel is None]
-    if unknown or len({len(values) for values in columns.values()}) != 1:
+    if unknown or len({np.size(values) for values in columns.values()}) != 1:
         wrong = f"{unknown[0]!r} is no channel" if unknown else "the columns differ in length"
         raise MeasurementError(f"{wrong}; give base, 2F, ..., RF, all of one length")
     values = factor(unit, "acceleration") * np.array([*columns.values()], dtype=float)
@@ -333,6 +421,13 @@ def inspect(
     from femupdate.workflow.inspect_files import inspect_files
 
     return inspect_files([Path(file) for file in files], unit, columns)
+
+
+def status(study: Folder) -> "StatusReport":
+    """What a study holds, what is stale, and what to do next."""
+    from femupdate.workflow.status import study_status
+
+    return study_status(_study(study))
 
 
 def write_report(
@@ -375,6 +470,40 @@ def write_report(
 
 def _study(study: Folder) -> Study:
     return study if isinstance(study, Study) else Study(study)
+
+
+def _parted(settings: Mapping[str, Any], known: type[Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Keywords that say how files are read, where a function reads some, and the others.
+
+    Raises:
+        FemupdateError: one is not known.
+    """
+    names = known.__annotations__
+    for name in settings:
+        if name not in names:
+            raise FemupdateError(f"there is no keyword {name!r}{close(name, names)}")
+    reads = set(Reading.__annotations__) if set(Reading.__annotations__) <= set(names) else set()
+    how = {name: value for name, value in settings.items() if name in reads}
+    return how, {name: value for name, value in settings.items() if name not in reads}
+
+
+def _files(study: Study, given: "Sequence[File | Observation | GroundMotion]") -> list[Path]:
+    """Paths; arrays become files of the study, so that what is made from them can be made again."""
+    paths = []
+    for data in given:
+        if isinstance(data, str | Path):
+            paths.append(Path(data))
+            continue
+        from femupdate.measurement.record import GroundMotion
+        from femupdate.measurement.write import write_frfs
+
+        if isinstance(data, GroundMotion):
+            columns = {"base": data.acceleration}
+            path = study.path("measured", f"{data.name}.csv")
+            paths.append(save_arrays(path, data.time_step, columns))
+        else:
+            paths.append(write_frfs(study.path("measured", f"{Path(data.source).stem}.csv"), data))
+    return paths
 
 
 def _name(building: File | None) -> str | None:

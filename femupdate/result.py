@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from femupdate.errors import ReportError
+from femupdate.errors import ReportError, in_python
 from femupdate.tables import Table
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ Item = Note | Notes | Table
 class Result:
     """Something found, which says of itself what it is by its items.
 
-    At a prompt it shows what the terminal would, in a notebook its tables.
+    At a prompt it shows what the terminal would and its tables, in a notebook both as HTML.
     """
 
     def __init_subclass__(cls, **more: Any) -> None:
@@ -90,8 +90,9 @@ class Result:
         cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
 
     def __repr__(self) -> str:
-        """What the terminal shows."""
-        return "\n".join(self.lines())
+        """What the terminal shows and tables, in the words of Python."""
+        shown = (item for item in self.items() if isinstance(item, Table) or not item.detail)
+        return in_python("\n".join(line for item in shown for line in item.lines()))
 
     def _repr_html_(self) -> str:
         """For notebooks."""
@@ -104,11 +105,11 @@ class Result:
                     "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in row)
                     for row, tag in [(item.head, "th"), *((row, "td") for row in item.rows)]
                 ]
-                if item.rows and not item.detail:
+                if item.rows:
                     body = "</tr><tr>".join(cells)
                     parts.append(f"<b>{escape(item.caption)}</b><table><tr>{body}</tr></table>")
             elif not item.detail:
-                parts += [f"<p>{escape(line)}</p>" for line in item.lines()]
+                parts += [f"<p>{escape(in_python(line))}</p>" for line in item.lines()]
         return "".join(parts)
 
     def plot(self, name: str = "") -> "Figure":

@@ -1,14 +1,17 @@
 """The observation of a building: FRFs on a frequency grid, with their noise."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.errors import MeasurementError
+from femupdate.measurement.names import BASE, floor_height, parse_channel
+from femupdate.measurement.thresholds import SPECTRUM
 
 if TYPE_CHECKING:
     from femupdate.measurement.estimated import Estimator
@@ -78,6 +81,51 @@ class Observation:
     level: float = 0.0
     halves: "tuple[Observation, ...]" = ()
     histories: "Histories | None" = None
+
+    @classmethod
+    def from_arrays(
+        cls,
+        frequency_hz: ArrayLike,
+        responses: Mapping[str, ArrayLike],
+        noise_sd: ArrayLike = SPECTRUM.default_noise,
+        source: str = "arrays",
+    ) -> "Observation":
+        """FRFs under base motion, |H| or complex H, which `calibrate` takes as it takes a file.
+
+            >>> import femupdate
+            >>> seen = femupdate.Observation.from_arrays([1.0, 1.1, 1.2], {"RF": [1.6, 1.8, 2.1]})
+            >>> seen.floors
+            ('RF',)
+
+        Args:
+            frequency_hz: (m,) increasing.
+            responses: (m,) by the name of the floor, 2F, ..., RF.
+            noise_sd: standard deviation of ln|H|, one or (f, m).
+
+        Raises:
+            MeasurementError: a name is no floor's, lengths differ, or a value is none.
+        """
+        frequency = np.asarray(frequency_hz, dtype=float)
+        unknown = [name for name in responses if parse_channel(name) is None or name == BASE]
+        floors = tuple(responses if unknown else sorted(responses, key=floor_height))
+        h = [np.asarray(responses[floor], dtype=complex) for floor in floors]
+        if unknown or not h or any(row.shape != frequency.shape for row in h):
+            wrong = f"{unknown[0]!r} is no floor" if unknown else "the arrays differ in length"
+            raise MeasurementError(f"{source}: {wrong}; give 2F, ..., RF, as long as frequency_hz")
+        if not ((np.diff(frequency) > 0.0).all() and (np.abs(h) > 0.0).all()):
+            raise MeasurementError(
+                f"{source}: frequencies must increase, and no |H| be zero; sort, or leave out"
+            )
+        whole = all(np.iscomplexobj(responses[floor]) for floor in floors)
+        return cls(
+            frequency_hz=frequency,
+            floors=floors,
+            log_frf=np.log(np.abs(h)),
+            noise_sd=np.broadcast_to(np.asarray(noise_sd, dtype=float), np.shape(h)).copy(),
+            valid=np.ones(np.shape(h), dtype=bool),
+            phase=np.angle(h) if whole else None,
+            source=source,
+        )
 
     def __post_init__(self) -> None:
         shape = (len(self.floors), self.frequency_hz.size)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
@@ -25,6 +26,7 @@ from femupdate.measurement.resolve import given_channels, positions
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY
+from femupdate.units import factor as unit_factor
 
 logger = logging.getLogger(__name__)
 
@@ -53,6 +55,22 @@ class GroundMotion:
     channel: str = ""
     rotation: Floats | None = None
     scale: float = 1.0
+
+    @classmethod
+    def from_arrays(
+        cls, acceleration: ArrayLike, time_step: float, *, unit: str = "m/s2", name: str = "motion"
+    ) -> "GroundMotion":
+        """A motion (n,) in any unit, which `predict` takes as it takes a file.
+
+            >>> femupdate.GroundMotion.from_arrays([0.0, 0.1, -0.2], 0.01, unit="g").peak
+            1.96133
+
+        Raises:
+            MeasurementError: the values are not one row of numbers.
+            UnitError: the unit is no acceleration's.
+        """
+        values = np.asarray(acceleration, dtype=float)
+        return cls(values * unit_factor(unit, "acceleration"), time_step, name)
 
     def __post_init__(self) -> None:
         values = np.asarray(self.acceleration, dtype=np.float64)

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femupdate.arrays import Floats
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -48,6 +50,13 @@ def interval_text(mean: float, sd: float, low: float, high: float) -> str:
         decimals = min(decimals, 1 - int(np.floor(np.log10(sd))))
     shown = max(decimals, 0)
     return f"{mean:.{shown}f} [{low:.{shown}f}, {high:.{shown}f}]"
+
+
+def range_text(draws: Floats) -> str:
+    """The interval that holds 90 % of draws (n,), with two figures of their deviation."""
+    low, high, sd = *np.quantile(draws, [0.05, 0.95]), float(draws.std())
+    decimals = max(0, 1 - int(np.floor(np.log10(sd)))) if sd > 0.0 else 4
+    return f"{low:.{decimals}f} to {high:.{decimals}f}"
 
 
 def plus_minus(mean: float, sd: float) -> str:

@@ -1,6 +1,8 @@
 """What a calibration gives, and what it says of itself."""
 
 import json
+import shlex
+import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -18,6 +20,7 @@ from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import on_all_floors
 from femupdate.report.curves import Curve, response_curves
 from femupdate.report.quantities import DrawnQuantity, floor_table, tidy_table
+from femupdate.report.scale import range_text
 from femupdate.result import Item, Note, Notes, Picture, Result, plain, took
 from femupdate.seeds import spawn
 from femupdate.study import Study, as_written, write_text
@@ -33,10 +36,12 @@ from femupdate.workflow.summary import (
     kept_posterior,
     kept_summary,
     parameter_table,
+    parameter_titles,
     short_name,
 )
 
 POSTERIOR = "posterior"
+_LISTED = 8  # parameters whose intervals stand in a line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,11 +92,29 @@ class CalibrationReport(Result):
         return response_curves(predicted, seen, _with_errors(model, posterior, predicted))
 
     @property
-    def verdict(self) -> str:
-        """Whether the posterior can be used as it is."""
-        wrong = bool(self.posterior.warnings)
-        verdict = "to be used with care, as the notes say" if wrong else "the data are explained"
-        return f"Verdict: {verdict}."
+    def first(self) -> tuple[str, ...]:
+        """The verdict, and the interval of every parameter unless they are many."""
+        posterior, building = self.posterior, self.model.building
+        wrong, seen = bool(posterior.warnings), posterior.observation
+        shares = seen.valid.mean(axis=1) if seen.valid.any() else np.ones(len(seen.floors))
+        floors = [
+            floor if share >= 0.5 else f"{floor} ({percent(share)} of its points)"
+            for floor, share in zip(seen.floors, shares, strict=True)
+        ]
+        verdict = "to be used with care" if wrong else "the data are explained"
+        of = f"{building.name}, {', '.join(floors) or 'frequencies'} of {seen.source}"
+        titles = parameter_titles(building, posterior.names)
+        draws = dict(zip(map(titles.get, posterior.names), posterior.samples.T, strict=True))
+        if posterior.zeta_samples is not None:
+            draws["damping ratio"] = posterior.zeta_samples
+        told = f"factors of {len(draws)} parameters"
+        if not self._many:
+            told = ", ".join(f"{name} {range_text(own)}" for name, own in draws.items())
+        return f"Verdict: {verdict} ({of}).", f"Intervals (90 %): {told}."
+
+    @property
+    def _many(self) -> bool:
+        return len(self.posterior.names) > _LISTED
 
     @property
     def story_stiffness(self) -> DrawnQuantity | None:
@@ -104,31 +127,28 @@ class CalibrationReport(Result):
         return DrawnQuantity("stiffness", "kN/mm", tuple(building.story_names), values)
 
     def items(self) -> Iterator[Item]:
-        """The verdict, the posterior in a table, what to do, what it is worth, and notes."""
+        """Verdict, intervals, what to do, warnings; then the table, what it is worth, and notes."""
         posterior, seen = self.posterior, self.posterior.observation
         drawn, zeta, draws = posterior.drawn, posterior.zeta_samples, posterior.samples
-        shares = seen.valid.mean(axis=1) if seen.valid.any() else np.ones(len(seen.floors))
-        told = [
-            floor if share >= 0.5 else f"{floor} ({percent(share)} of its points)"
-            for floor, share in zip(seen.floors, shares, strict=True)
-        ]
+        for line in self.first:
+            yield Note(textwrap.fill(line, 98, subsequent_indent="  "), page=False)
+        files = shlex.join(str(path) for path in self.files)
+        look = f"`femupdate diagnose {files}` looks for what is missing"
+        go = "`femupdate predict --record RECORD`, or `femupdate report` for the page"
+        yield Note(f"Next: {look if posterior.warnings else go}; -v tells more.", page=False)
+        yield Notes(posterior.warnings, f"{SUMMARY} in the study", warning=True)
         yield Note(
-            f"{drawn.likelihood.capitalize()} posterior of {self.model.building.name} "
-            f"from {', '.join(told) or 'frequencies'} of {seen.source}: "
-            f"{len(draws)} draws{took(self.seconds)}",
+            f"{drawn.likelihood.capitalize()} posterior: {len(draws)} draws{took(self.seconds)}",
             {"likelihood": drawn.likelihood, "floors": seen.floors, "seconds": self.seconds},
+            detail=True,
         )
-        yield Note(f"  {self.verdict}", page=False)
         q05, q95 = np.quantile(draws, [0.05, 0.95], axis=0)
         figures = {"mean": draws.mean(axis=0), "sd": draws.std(axis=0), "q05": q05, "q95": q95}
         yield Note(content={"parameters": posterior.names, **figures, "r_hat": self.r_hat})
-        yield parameter_table(self.model.building, posterior, self.r_hat)
+        table = parameter_table(self.model.building, posterior, self.r_hat)
+        yield replace(table, detail=not self._many)
         if zeta is not None:
             yield Note(content={"zeta": {"mean": zeta.mean(), "sd": zeta.std()}})
-        files = " ".join(str(path) for path in self.files)
-        look = f"`femupdate diagnose {files}` looks for what is missing."
-        go = "`femupdate predict --record RECORD`, or `femupdate report` for the page."
-        yield Note(f"  Next: {look if posterior.warnings else go}", page=False)
         content: dict[str, Any] = {"evaluations": drawn.evaluations, "invalid": self.invalid}
         if drawn.log_evidence is not None:
             content["log_evidence"] = drawn.log_evidence
@@ -138,12 +158,11 @@ class CalibrationReport(Result):
         if self.check is not None:
             yield Note(f"  {self.check.sentence()}", detail=True)
         yield Note(content={"notes": self.notes})
-        yield Notes(posterior.warnings, f"{SUMMARY} in the study", warning=True)
         shown = {*posterior.warnings, *self.details}
         others = tuple(note for note in self.notes if note not in shown)
-        yield Notes(others, f"{SUMMARY} in the study")
-        yield Notes(self.details, detail=True)
-        yield Note(f"  {self.path}", {"posterior": self.path, "files": self.files}, page=False)
+        yield Notes((*others, *self.details), detail=True)
+        where = {"posterior": self.path, "files": self.files}
+        yield Note(f"  {self.path}", where, detail=True, page=False)
         if seen.valid.any():
             yield self._quality()
         if (stiffness := self.story_stiffness) is not None:
@@ -233,6 +252,8 @@ class CalibrationReport(Result):
             "source": posterior.observation.source,
             "draws": len(posterior.samples),
             "parameters": [dict(zip(("name", *head[1:]), row, strict=True)) for row in kept],
+            "first": self.first,
+            "warnings": posterior.warnings,
             "notes": self.notes,
         }
         write_text(study.result(SUMMARY), json.dumps(plain(content), indent=1) + "\n")

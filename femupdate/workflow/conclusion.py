@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.errors import InferenceError
 from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.event_scatter import LearnedScatter, learned_scatter
 from femupdate.inference.frf_data import base_logs
@@ -54,17 +55,28 @@ def concluded(
         model: with the effects that the building lists.
         seeds: of damping ratios, checks, scatter between runs, and what all members err by.
         path: where the posterior goes.
+
+    Raises:
+        InferenceError: factors outside of the prior meet the data far better than all inside.
     """
     damping, checking, between, erring = seeds
     alike, second = erring, spawn(erring, 1)[0]
     latent = None if model.shared is None else sampled.latent
     posterior = posterior_of(model, measured, settings, sampled, latent, damping)
     fitting = against_data(model, measured, posterior, sampled, checking)
-    warnings = (*measured.left_out, *sampled.warnings, *judgement(posterior, fitting))
+    warnings = (
+        *measured.left_out,
+        *measured.doubts,
+        *sampled.warnings,
+        *judgement(posterior, fitting),
+    )
     if large_error(posterior, fitting):
         best = torch.from_numpy(posterior.values.reshape(-1, posterior.values.shape[-1]))
         best = best[[int(posterior.log_likelihood.argmax())]]
-        warnings = (*beyond_prior(model, measured, best, settings), *warnings)
+        outside = beyond_prior(model, measured, best, settings)
+        if not settings.anyway and any("[prior.theta" in told for told in outside):
+            raise InferenceError(f"{outside[0]} --anyway keeps draws that do not hold this answer.")
+        warnings = (*outside, *warnings)
     scatter = scatter_of_runs(model, measured.runs, posterior, between, measured.levels)
     posterior = replace(posterior, warnings=warnings, scatter=scatter)
     posterior = with_own_errors(with_error_of_all(posterior, model, alike), model, second)

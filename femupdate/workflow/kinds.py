@@ -104,7 +104,7 @@ class Measured:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on how everything was read, and what was assumed."""
-        return (*self.doubts, *self.base.notes, *self.notes_of_others)
+        return (*self.base.notes, *self.notes_of_others)
 
     @property
     def notes_of_others(self) -> tuple[str, ...]:

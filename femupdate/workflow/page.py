@@ -31,7 +31,7 @@ from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.described import BuildingDescription
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes
-from femupdate.workflow.status import CURRENT, StatusReport, files_beside_of, sources_of
+from femupdate.workflow.status import StatusReport, files_beside_of, sources_of
 from femupdate.workflow.summary import effect_parameter, parameter_titles, placed_effect
 
 _MODES = 6
@@ -114,8 +114,9 @@ def _kept_pictures(study: Study, made: Path, names: Sequence[str]) -> list[Image
 
 def _summary(page: PageStudy) -> Iterator[Block]:
     """The verdict, what was measured, main figures, the model, and what limits all that."""
+    yield Notes(page.status.stale, warning=True)
     if page.calibration is not None:
-        yield Note(page.calibration.verdict)
+        yield from map(Note, page.calibration.first)
     sentences = [*_of_posterior(page), *_of_prediction(page), *_of_finder(page)]
     yield Notes(tuple(sentences) or ("Nothing was calibrated yet.",))
     yield next(iter(page.description.figures()))
@@ -137,14 +138,8 @@ def _summary(page: PageStudy) -> Iterator[Block]:
         ]
         head = ("mode", "direction", "frequency, Hz", "share of the mass")
         yield Table.of(head, rows, name="frequencies", caption="Modes that move most of the mass")
-    stale = [
-        f"The {item.name} is {item.state}{': ' if item.reason else ''}{item.reason}. What this page"
-        " shows of it does not hold."
-        for item in page.status.holds
-        if item.state != CURRENT
-    ]
     warned = () if page.calibration is None else page.calibration.posterior.warnings
-    yield Notes((*stale, *warned, *page.status.unfinished), warning=True)
+    yield Notes((*warned, *page.status.unfinished), warning=True)
     yield Note(
         "All figures hold for motion like that measured, in which the building responds linearly. "
         "They say nothing of its strength."

@@ -11,6 +11,8 @@ from femupdate.building.document import Building
 from femupdate.building.mesh import mesh_building
 from femupdate.dynamics.tracking import FullModes, mean_shape, node_displacements
 from femupdate.errors import StudyError
+from femupdate.measurement.recording import RecordedMode
+from femupdate.measurement.write import write_modes_uff
 from femupdate.progress import SILENT, Progress
 from femupdate.report.animation import mode_animation, stick_animation
 from femupdate.report.figure import save_figure
@@ -31,6 +33,7 @@ from femupdate.workflow.modes import (
     posterior_modes,
     shape_table,
 )
+from femupdate.workflow.observed import direction_of
 from femupdate.workflow.summary import kept_posterior
 
 _MODES = 3
@@ -44,7 +47,7 @@ class RenderReport(Result):
         pictures: of every mode.
         animations: of the modes, as GIF files, where they were asked for.
         at_one: pictures of modes at factors 1, which the posterior's model does not have.
-        shapes: their shapes at the floors.
+        shapes: their shapes at the floors, which `uff` has as well.
     """
 
     modes: tuple[StudyMode, ...]
@@ -52,6 +55,7 @@ class RenderReport(Result):
     animations: tuple[Path, ...] = ()
     at_one: tuple[Path, ...] = ()
     shapes: Table | None = None
+    uff: Path | None = None
 
     def items(self) -> Iterator[Item]:
         """A table and the pictures."""
@@ -61,6 +65,7 @@ class RenderReport(Result):
             if self.shapes is not None:
                 yield self.shapes
             yield Notes((modes.note,))
+            yield Note(f"  {self.uff}", {"uff": self.uff})
         else:
             yield Note(content={"modes": []})
         for path in dict.fromkeys(self.pictures):
@@ -122,7 +127,23 @@ def render_study(
             at_one.append(save_figure(figure, path))
     moving = _animate(study, model, tracked, progress) if animated and tracked else ()
     shapes = shape_table(model, posterior, tracked) if tracked else None
-    return RenderReport(tracked, drawn, moving, tuple(at_one), shapes)
+    file = None
+    if tracked:
+        zeta = posterior.zeta_samples
+        written = [
+            RecordedMode(
+                name=mode.label,
+                frequency_hz=mode.tracked.frequency_mean,
+                damping=None if zeta is None else float(zeta.mean()),
+                sensors=model.reduced.floors,
+                shape=(mode.tracked.recognised @ model.reduced.floor_shapes.T).mean(axis=0),
+            )
+            for mode in tracked
+        ]
+        levels, along = levels_with_base(model.building)[1:], direction_of(model.building)
+        path = study.result("tables", "shapes.uff")
+        file = write_modes_uff(path, written, levels.tolist(), along)
+    return RenderReport(tracked, drawn, moving, tuple(at_one), shapes, file)
 
 
 def draw_model(

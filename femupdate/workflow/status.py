@@ -60,6 +60,8 @@ class StatusReport(Result):
         building: name and title; None where there is none yet.
         holds: things, in the order in which they were made.
         unfinished: computations that can be resumed, in sentences.
+        stale: sentences on what no longer holds, with the command that makes it again.
+        first: lines that `calibrate`, the page and this begin with.
         warnings: what the posterior says of itself.
         studies: folders of studies inside this one.
         next: commands to run, each with its reason.
@@ -69,6 +71,8 @@ class StatusReport(Result):
     building: str | None
     holds: tuple[Holding, ...]
     unfinished: tuple[str, ...]
+    stale: tuple[str, ...]
+    first: tuple[str, ...]
     warnings: tuple[str, ...]
     studies: tuple[Path, ...]
     next: tuple[tuple[str, str], ...]
@@ -86,11 +90,14 @@ class StatusReport(Result):
                 "building": self.building,
                 "items": [asdict(thing) for thing in self.holds],
                 "unfinished": self.unfinished,
+                "stale": self.stale,
+                "first": self.first,
                 "warnings": self.warnings,
                 "studies": self.studies,
                 "next": [{"command": command, "because": reason} for command, reason in self.next],
             },
         )
+        yield from map(Note, (*self.stale, *self.first))
         if self.holds:
             states = [
                 f"{thing.state}{': ' if thing.reason else ''}{thing.reason}" for thing in self.holds
@@ -116,10 +123,9 @@ def study_status(study: Study) -> StatusReport:
         BuildingError: its building file cannot be used.
     """
     look = _Look(study)
-    known, warnings, unfinished = look.building, [], []
+    known, kept, unfinished = look.building, {}, []
     if (name := study.key("posterior")) in look.artefacts:
-        notes = kept_summary(study).get("notes", ())
-        warnings = [f"{capital(name)}: {note}" for note in notes]
+        kept = kept_summary(study)
     if "surrogate" not in look.artefacts and study.path("dataset").exists():
         unfinished = ["A training was interrupted; `femupdate train` goes on where it stopped."]
     return StatusReport(
@@ -127,7 +133,14 @@ def study_status(study: Study) -> StatusReport:
         building=None if known is None else f"{known.name} ({known.title or known.name})",
         holds=look.holds,
         unfinished=tuple(unfinished),
-        warnings=tuple(warnings),
+        stale=tuple(
+            f"The {item.name} is {item.state}{': ' if item.reason else ''}{item.reason}. What is "
+            f"said of it does not hold; `{look.say(item.again, item)}` makes it again."
+            for item in look.holds
+            if item.state != CURRENT
+        ),
+        first=tuple(kept.get("first", ())),
+        warnings=tuple(f"{capital(name)}: {text}" for text in kept.get("warnings", ())),
         studies=look.studies,
         next=look.next(),
     )
@@ -205,10 +218,10 @@ class _Look:
         """What to run, and why, in the order of the work."""
         if self.building is None:
             reason = "The study has no building yet; NAME is a file or one of `femupdate list`."
-            return ((self._say("build-model NAME"), reason),)
+            return ((self.say("build-model NAME"), reason),)
         again = [
             (
-                self._say(item.again, item),
+                self.say(item.again, item),
                 f"The {item.name} is {item.state}. {_sentence(item.reason)}",
             )
             for item in self.holds
@@ -218,14 +231,18 @@ class _Look:
             return tuple(dict(again).items())
         if not self.study.posteriors():
             reason = "Nothing is calibrated yet; OBSERVATION is a measured file."
-            return ((self._say("calibrate OBSERVATION"), reason),)
+            return ((self.say("calibrate OBSERVATION"), reason),)
         shown = self._shown()
         option = "" if shown.posterior == MAIN_POSTERIOR else f" --posterior {shown.posterior}"
+        if kept_summary(shown).get("warnings") and "diagnosis" not in self.artefacts:
+            files = shlex.join(sources_of(self.artefacts[shown.key("posterior")]))
+            reason = "The posterior is to be used with care; this looks for what is missing."
+            return ((self.say(f"diagnose {files}"), reason),)
         if shown.key("prediction") not in self.artefacts:
             reason = "Nothing is predicted yet; RECORD is a ground motion."
-            return ((self._say(f"predict --record RECORD{option}"), reason),)
+            return ((self.say(f"predict --record RECORD{option}"), reason),)
         reason = "Everything is current; this writes the page to hand on."
-        report = (self._say(f"report{option}"), reason)
+        report = (self.say(f"report{option}"), reason)
         repaired = self.study.path(REPAIRED)
         if repaired not in self.studies:
             return (report,)
@@ -239,7 +256,8 @@ class _Look:
             return self.study
         return Study(self.study.folder, have[0])
 
-    def _say(self, command: str, item: Holding | None = None) -> str:
+    def say(self, command: str, item: Holding | None = None) -> str:
+        """A command as it is typed, with the study where it is not the usual one."""
         where = self.study.folder
         # A repair is asked of the study of the building as it was, and writes into one inside it.
         if item is not None and (item.name, item.command, where.name) == _REPAIRED_POSTERIOR:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import femupdate
-from femupdate.errors import MeasurementError
+from femupdate.errors import MeasurementError, StudyError
 
 # Of three equal masses on equal springs, fixed below: sin((2 k - 1) pi j / 7), j = 1, 2, 3.
 SHAPES = np.sin(np.outer((1, 3, 5), (1, 2, 3)) * np.pi / 7)
@@ -64,3 +64,41 @@ def test_a_picture_of_two_sets_of_modes_is_refused(tmp_path):
     assert done.exit_code == 1
     assert "leave --picture out" in done.output
     assert not (tmp_path / "a.png").exists()
+
+
+def test_frac_is_one_of_the_same_curve_and_falls_where_it_moves(tmp_path):
+    """Of three equal masses on equal springs, the springs softened and a channel doubled."""
+
+    def curves(soft, gain, name):
+        grid = np.arange(0.5, 5.0, 0.05)
+        unit = SHAPES / np.sqrt((SHAPES**2).sum(1))[:, None]
+        ratio = grid / (HERTZ[:, None] * np.sqrt(soft))
+        amplified = 1.0 + ratio**2 / (1.0 - ratio**2 + 0.1j * ratio)
+        h = (unit * unit.sum(1)[:, None]).T @ amplified * np.array([[1.0], [1.0], [gain]])
+        parts = np.column_stack([grid, *(part for row in h for part in (row.real, row.imag))])
+        head = "frequency_hz," + ",".join(f"{f}_re,{f}_im" for f in ("2F", "3F", "RF"))
+        np.savetxt(tmp_path / name, parts, delimiter=",", header=head, comments="")
+        return h, str(tmp_path / name)
+
+    first, one = curves(1.0, 1.0, "one.csv")
+    _, gained = curves(1.0, 2.0, "gained.csv")
+    moved, two = curves(0.8, 1.0, "two.csv")
+    found = femupdate.compare(tmp_path, one, gained)
+    np.testing.assert_allclose(found.frac, 1.0)
+    np.testing.assert_allclose([row["ratio"] for row in found.as_dict()["frac"]], [1, 1, 2])
+    found = femupdate.compare(tmp_path, one, two)
+    product = [abs(np.vdot(a, b)) ** 2 for a, b in zip(first, moved, strict=True)]
+    size = (np.abs(first) ** 2).sum(1) * (np.abs(moved) ** 2).sum(1)
+    np.testing.assert_allclose(found.frac, product / size, rtol=1e-6)
+    modes = written(tmp_path / "modes.csv", HERTZ, SHAPES)
+    with pytest.raises(StudyError):
+        femupdate.compare(tmp_path, one, "nobody")
+    with pytest.raises(MeasurementError):
+        femupdate.compare(tmp_path, one, modes)
+
+
+def test_frac_of_a_model_and_its_record(tower, tower_observation):
+    """The posterior's mean reproduces the record that it comes from."""
+    found = femupdate.compare(tower, "posterior", str(tower_observation.path))
+    assert found.floors == ("2F", "RF")
+    assert found.frac.min() > 0.99

@@ -1,8 +1,10 @@
 """What lies outside of a model is named: a foreign mode, and factors beyond their prior."""
 
 import numpy as np
+import pytest
 
 import femupdate
+from femupdate.errors import InferenceError
 
 HOW = {"building": "shear_3dof", "exact": True, "particles": 200}
 
@@ -21,7 +23,7 @@ def test_a_mode_that_fits_none_of_the_model_is_named_and_left_out(tmp_path):
     assert np.abs(away).max() < 1.0
 
 
-def test_a_factor_below_its_prior_is_named_with_the_key_that_widens_it(tmp_path):
+def test_a_factor_below_its_prior_is_refused_with_the_key_that_widens_it(tmp_path):
     """Three masses of 1 kg on springs of 3000 N/m, the lowest of which has lost four fifths."""
     k = 3000.0 * np.array([0.2, 1.2, 0.8, 0.0])
     stiffness = np.diag(k[:3] + k[1:]) - np.diag(k[1:3], 1) - np.diag(k[1:3], -1)
@@ -38,7 +40,7 @@ def test_a_factor_below_its_prior_is_named_with_the_key_that_widens_it(tmp_path)
         header="frequency_hz,2F,3F,RF",
         comments="",
     )
-    report = femupdate.calibrate(tmp_path / "study", tmp_path / "frf.csv", **HOW)
-    (told,) = [one for one in report.posterior.warnings if "prior is too narrow" in one]
-    assert "theta_1 near 0.2 (lower limit 0.333)" in told
-    assert "lower of [prior.theta]" in told
+    with pytest.raises(InferenceError, match=r"lower of \[prior.theta\].* `anyway=`") as refused:
+        femupdate.calibrate(tmp_path / "study", tmp_path / "frf.csv", **HOW)
+    assert "theta_1 near 0.2 (lower limit 0.333)" in str(refused.value)
+    assert not (tmp_path / "study" / "posterior.nc").exists()
