@@ -123,7 +123,7 @@ class Observation:
             log_frf=np.log(np.abs(h)),
             noise_sd=np.broadcast_to(np.asarray(noise_sd, dtype=float), np.shape(h)).copy(),
             valid=np.ones(np.shape(h), dtype=bool),
-            phase=np.angle(h) if whole else None,
+            phase=np.angle(h).astype(np.float64) if whole else None,
             source=source,
         )
 
