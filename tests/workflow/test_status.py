@@ -23,7 +23,8 @@ def test_a_calibrated_study_is_current_and_a_prediction_comes_next(look):
     assert report.building == "tower (Two-story tower)"
     assert report.next[0][0].startswith("femupdate predict --record RECORD --study ")
     kept = json.loads(study.path("posterior_summary.json").read_text(encoding="utf-8"))
-    assert [one.removeprefix("Posterior: ") for one in report.warnings] == kept["notes"]
+    assert [one.removeprefix("Posterior: ") for one in report.warnings] == kept["warnings"]
+    assert list(report.first) == kept["first"]
 
 
 def test_another_building_makes_everything_stale(look):
