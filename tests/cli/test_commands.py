@@ -99,7 +99,7 @@ def test_a_calibration_without_a_surrogate_says_three_things_first(
     assert first[0].startswith("Verdict: the data are explained (tower, 2F, RF of ")
     told = " ".join(line.strip() for line in first)
     interval = r"[\d.]+ to [\d.]+"
-    lines = rf".*\. Intervals \(90 %\): story S1 {interval}, story S2 {interval}, "
+    lines = rf".*\. Intervals \(90 %\): story low {interval}, story high {interval}, "
     lines += rf"damping ratio {interval}\. Next: `femupdate predict --record RECORD`.*"
     assert re.fullmatch(lines, told)
     assert "No surrogate is trained" in short.err
