@@ -62,7 +62,7 @@ class Sampling(Reading, total=False):
     anyway: bool
 
 
-class Finding(Reading, total=False):
+class Judging(Reading, total=False):
     """How `diagnose` and `repair` read and judge, see `DiagnosisSettings`."""
 
     seed: int
@@ -241,10 +241,11 @@ def predict(
     from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 
     opened, (_, rest) = _study(study), _parted(settings, Predicting)
+    (path,) = _files(opened, [record])
     return predict_study(
         opened,
         open_calibrated(opened, progress),
-        RecordSource(*_files(opened, [record]), unit, channel, scale),
+        RecordSource(path, unit, channel, scale),
         PredictionSettings(**rest),
         measured=None if measured is None else Path(measured),
         columns=columns,
@@ -259,7 +260,7 @@ def diagnose(
     second: File | None = None,
     use_phase: bool = True,
     progress: Progress = SILENT,
-    **settings: Unpack[Finding],
+    **settings: Unpack[Judging],
 ) -> "DiagnosisReport":
     """Find where model and measurement disagree, and what is missing in the model.
 
@@ -267,7 +268,7 @@ def diagnose(
         files: of one building, of any kind that `calibrate` takes.
         second: record at another level of motion.
         use_phase: compare phases where they were measured.
-        settings: how files are read (`Reading`) and judged (`Finding`).
+        settings: how files are read (`Reading`) and judged (`Judging`).
 
     Raises:
         MeasurementError: a file cannot be used.
@@ -278,7 +279,7 @@ def diagnose(
     from femupdate.workflow.model import require_named
     from femupdate.workflow.observed import readable
 
-    opened, (how, rest) = _study(study), _parted(settings, Finding)
+    opened, (how, rest) = _study(study), _parted(settings, Judging)
     source = readable(how, *_files(opened, files))
     other = None if second is None else readable(how, Path(second))
     require_named(opened, _name(building))
@@ -295,7 +296,7 @@ def repair(
     second: File | None = None,
     use_phase: bool = True,
     progress: Progress = SILENT,
-    **settings: Unpack[Finding],
+    **settings: Unpack[Judging],
 ) -> "RepairReport":
     """Add to the model what the data show to be missing, as a study inside the study.
 
@@ -312,7 +313,7 @@ def repair(
     from femupdate.workflow.observed import readable
     from femupdate.workflow.repair import repair_study
 
-    opened, (how, rest) = _study(study), _parted(settings, Finding)
+    opened, (how, rest) = _study(study), _parted(settings, Judging)
     source = readable(how, *_files(opened, files))
     kept_out = None if holdout is None else readable(how, Path(holdout))
     other = None if second is None else readable(how, Path(second))
