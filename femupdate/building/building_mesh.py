@@ -99,9 +99,9 @@ def _refuse_soft_springs(
 def _refuse_soft_isolation(model: FiniteElementModel, masses: PointMasses, base: Integers) -> None:
     """Raise Complaint for springs under single columns on which the building would hardly stand."""
     mass = masses.mass.sum() + sum(part.mass(model.nodes).sum() for part in model.elements)
-    own = np.isin(model.springs.nodes[:, 0], base)
+    at_base = np.isin(model.springs.nodes[:, 0], base)
     for way in range(3):
-        total = model.springs.stiffness[own & (model.springs.direction == way)].sum()
+        total = model.springs.stiffness[at_base & (model.springs.direction == way)].sum()
         free = len(base) and not model.fixed[base, way].any()
         if free and total and (hz := np.sqrt(total / mass) / (2.0 * np.pi)) < 0.05:
             text = f"the whole building would move at {hz:.1g} Hz on these springs"

@@ -186,9 +186,9 @@ class _EtabsReading:
             raise row.error(f"it reaches below {self.stories[0]}; correct its number of stories")
         name = f"{point} on {self.stories[place]}"
         if name not in self.tables.number:
-            own = self.plan[point]
-            z = self.level[self.stories[place]] - own.real("4", usual=0.0)
-            self.tables.node(name, np.array([own.real("2"), own.real("3"), z]))
+            point_entry = self.plan[point]
+            z = self.level[self.stories[place]] - point_entry.real("4", usual=0.0)
+            self.tables.node(name, np.array([point_entry.real("2"), point_entry.real("3"), z]))
         return self.tables.number[name]
 
     def points(self) -> None:
@@ -225,33 +225,33 @@ class _EtabsReading:
 
     def _material(self, row: Row) -> tuple[Stuff, float]:
         name, tables = row.named("MATERIAL"), self.tables
-        own = self.file.merged["MATERIAL"].get(name)
-        if own is None:
+        entry = self.file.merged["MATERIAL"].get(name)
+        if entry is None:
             raise row.error(f"there is no MATERIAL {name}; add it or correct the name")
-        weight = own.real("WEIGHTPERVOLUME", usual=0.0)
-        density = own.real("MASSPERVOLUME", usual=weight * tables.length / GRAVITY)
-        stuff = tables.material(own, own.real("E"), own.real("U", usual=0.2), density)
+        weight = entry.real("WEIGHTPERVOLUME", usual=0.0)
+        density = entry.real("MASSPERVOLUME", usual=weight * tables.length / GRAVITY)
+        stuff = tables.material(entry, entry.real("E"), entry.real("U", usual=0.2), density)
         return stuff, weight * tables.force / tables.length**3
 
     def _frame_section(self, row: Row, name: str) -> FrameSection:
-        own = self.file.merged["FRAMESECTION"].get(name)
-        if own is None:
+        entry = self.file.merged["FRAMESECTION"].get(name)
+        if entry is None:
             raise row.error(f"there is no FRAMESECTION {name}; add it or correct the name")
-        stuff, weight = self._material(own)
+        stuff, weight = self._material(entry)
         keys = ("I33", "I22", "J", "AS2", "AS3")
-        if own.text("AREA"):
-            i33, i22, torsion, as2, as3 = (own.real(key, usual=0.0) for key in keys)
-            area = own.real("AREA")
-            figures = self.tables.section(own, area, (i33, i22), torsion, (as2, as3))
+        if entry.text("AREA"):
+            i33, i22, torsion, as2, as3 = (entry.real(key, usual=0.0) for key in keys)
+            area = entry.real("AREA")
+            figures = self.tables.section(entry, area, (i33, i22), torsion, (as2, as3))
         else:
             sides = {
-                "D": own.real("D", usual=0.0),
-                "B": own.real("B", usual=0.0),
-                "TF": own.real("TF", "T", usual=0.0),
-                "TW": own.real("TW", "T", usual=0.0),
+                "D": entry.real("D", usual=0.0),
+                "B": entry.real("B", usual=0.0),
+                "TF": entry.real("TF", "T", usual=0.0),
+                "TW": entry.real("TW", "T", usual=0.0),
             }
-            figures = shape_figures(self.tables, own, own.text("SHAPE"), sides)
-        return FrameSection(own, figures, stuff, weight, _modifiers(own, FRAME_MODIFIERS))
+            figures = shape_figures(self.tables, entry, entry.text("SHAPE"), sides)
+        return FrameSection(entry, figures, stuff, weight, _modifiers(entry, FRAME_MODIFIERS))
 
     def lines(self) -> None:
         known, loads = once(self.file.of("LINE"), "1"), self._loads("LINELOAD")
@@ -330,23 +330,27 @@ class _EtabsReading:
             )
 
     def _area_section(self, row: Row, name: str) -> AreaSection:
-        own = self.file.merged["SHELLPROP"].get(name)
-        if own is None:
+        entry = self.file.merged["SHELLPROP"].get(name)
+        if entry is None:
             raise row.error(f"there is no SHELLPROP {name}; add it or correct the name")
-        stuff, weight = self._material(own)
-        thick, more = own.real("SLABTHICKNESS", "WALLTHICKNESS", "TM", "DECKSLABDEPTH"), 0.0
-        kind = own.text("MODELINGTYPE").upper()
-        if own.text("PROPTYPE").upper() == "DECK":
-            wide = [own.real(f"DECKRIBWIDTH{side}", usual=0.0) for side in ("TOP", "BOTTOM")]
-            ribs = own.real("DECKRIBDEPTH", usual=0.0) * 0.5 * sum(wide)
-            thick += ribs / own.real("DECKRIBSPACING", usual=1.0)
-            more = own.real("DECKUNITWEIGHT", usual=0.0) * self.tables.force / self.tables.length**2
+        stuff, weight = self._material(entry)
+        thick, more = entry.real("SLABTHICKNESS", "WALLTHICKNESS", "TM", "DECKSLABDEPTH"), 0.0
+        kind = entry.text("MODELINGTYPE").upper()
+        if entry.text("PROPTYPE").upper() == "DECK":
+            wide = [entry.real(f"DECKRIBWIDTH{side}", usual=0.0) for side in ("TOP", "BOTTOM")]
+            ribs = entry.real("DECKRIBDEPTH", usual=0.0) * 0.5 * sum(wide)
+            thick += ribs / entry.real("DECKRIBSPACING", usual=1.0)
+            more = (
+                entry.real("DECKUNITWEIGHT", usual=0.0) * self.tables.force / self.tables.length**2
+            )
             kind = "MEMBRANE"
-        elif "LAYER" in kind or own.text("SLABTYPE").upper() not in ("", "SLAB", "UNIFORM"):
-            raise own.error("layers and ribs have no counterpart; use a shell of one thickness")
+        elif "LAYER" in kind or entry.text("SLABTYPE").upper() not in ("", "SLAB", "UNIFORM"):
+            raise entry.error("layers and ribs have no counterpart; use a shell of one thickness")
         size = thick * self.tables.length
         bending = 0.0 if "MEMBRANE" in kind else size
-        return AreaSection(own, stuff, weight, size, bending, _modifiers(own, AREA_MODIFIERS), more)
+        return AreaSection(
+            entry, stuff, weight, size, bending, _modifiers(entry, AREA_MODIFIERS), more
+        )
 
 
 def _modifiers(row: Row, names: tuple[str, ...]) -> tuple[float, ...]:

@@ -211,15 +211,15 @@ def _beam(element: _Object, ends: list[int], tables: ModelTables) -> None:
         axis = tables.points[ends[1]] - tables.points[ends[0]]
         up, pins[[4, 5, 10, 11]] = np.eye(3)[int(np.abs(axis).argmin())], True
     else:
-        own = element
+        section = element
         if "sections" in element.values:
             names = list(dict.fromkeys(element.values["sections"]))
             if len(names) != 1:
                 raise element.error(
                     f"it has {len(names)} sections along it; give it one, or elastic middle parts"
                 )
-            own = element.other("sections", names[0])
-        stuff, figures = _elastic(own, tables)
+            section = element.other("sections", names[0])
+        stuff, figures = _elastic(section, tables)
         turn = element.other("crdTransformations", element.values.get("crdTransformation"))
         up = turn.row("vecInLocXZPlane", 3)
         for end, key in enumerate(("iOffset", "jOffset")):

@@ -199,14 +199,14 @@ class _SapReading:
         systems = {r.text("Name").upper(): r for r in self.file.of("COORDINATE SYSTEMS")}
         if name not in systems:
             raise row.error(f"there is no system {name}; add it to COORDINATE SYSTEMS")
-        own = systems[name]
+        entry = systems[name]
         axes = np.eye(3)
         for key, (a, b) in (("AboutX", (1, 2)), ("AboutY", (2, 0)), ("AboutZ", (0, 1))):
-            turn = np.deg2rad(own.real(key, usual=0.0))
+            turn = np.deg2rad(entry.real(key, usual=0.0))
             spin = np.eye(3)
             spin[[a, b], [a, b]], spin[a, b], spin[b, a] = np.cos(turn), np.sin(turn), -np.sin(turn)
             axes = axes @ spin
-        return np.array([own.real(key, usual=0.0) for key in "XYZ"]), axes
+        return np.array([entry.real(key, usual=0.0) for key in "XYZ"]), axes
 
     def joint(self, row: Row, key: str = "Joint") -> int:
         return self.tables.find(row, row.named(key))
@@ -265,14 +265,14 @@ class _SapReading:
         return self.source.patterns.get(row.text("LoadPat"), 0.0)
 
     def _material(self, row: Row, name: str) -> tuple[Stuff, float]:
-        own = self.materials.get(name)
-        if own is None:
+        entry = self.materials.get(name)
+        if entry is None:
             raise row.error(f"there is no material {name}; add it to {_MATERIAL}")
-        young, shear = own.real("E1"), own.real("G12", usual=0.0)
-        ratio = own.real("U12", usual=0.5 * young / shear - 1.0 if shear else 0.2)
-        tables, weight = self.tables, own.real("UnitWeight", usual=0.0)
-        density = own.real("UnitMass", usual=weight / (GRAVITY / tables.length))
-        stuff = tables.material(own, young, ratio, density, shear)
+        young, shear = entry.real("E1"), entry.real("G12", usual=0.0)
+        ratio = entry.real("U12", usual=0.5 * young / shear - 1.0 if shear else 0.2)
+        tables, weight = self.tables, entry.real("UnitWeight", usual=0.0)
+        density = entry.real("UnitMass", usual=weight / (GRAVITY / tables.length))
+        stuff = tables.material(entry, young, ratio, density, shear)
         return stuff, weight * tables.force / tables.length**3
 
     def _frame_section(self, row: Row) -> FrameSection:
