@@ -98,7 +98,14 @@ class BuildingDescription(Result):
         base = "fixed" if building.supports is None else building.supports.base
         yield f"The foot of the building: {base}."
         damping, prior = building.damping, building.prior
-        if damping.anchors is not None:
+        if getattr(building, "springs", ()):
+            beside = " with dashpots" if building.has_dashpots else ""
+            yield f"Springs{beside} stand between it and the ground, linear and not calibrated."
+        if damping.ratios is not None:
+            pairs = zip(damping.ratios, damping.anchors or (), strict=True)
+            listed = ", ".join(f"{ratio:g} at {hz:g} Hz" for ratio, hz in pairs)
+            yield f"Every mode has a damping ratio of its own: {listed}."
+        elif damping.anchors is not None:
             low, high = damping.anchors
             yield f"Damping is Rayleigh's: a ratio of {damping.ratio:g} at {low:g} and {high:g} Hz."
         elif prior.zeta is not None:
