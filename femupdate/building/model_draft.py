@@ -11,7 +11,9 @@ from femupdate.building.model_files import LACKING, model_units, open_model
 from femupdate.building.model_tables import ModelFile, ReadModel, Said, read_model
 from femupdate.building.quantities import ALL
 from femupdate.building.shipped import PROGRAMS, building_text, program_of
-from femupdate.errors import BuildingError
+from femupdate.errors import BuildingError, StructureError
+from femupdate.fe.assembly import assemble
+from femupdate.fe.solve import lowest_modes
 from femupdate.storage import atomic_path
 from femupdate.units import factor
 
@@ -79,7 +81,11 @@ def draft_text(path: Path, units: str | None, beside: Path) -> str:
     base = float(read.model.nodes[read.held, 2].min())
     levels, other = floor_levels(read)
     names = {round(level - base, 3): name for name, level in read.levels.items()}
-    top, step = next((g for g in _GRIDS if g[0] >= 8 * 46.0 / levels[-1]), _GRIDS[-1])
+    try:
+        first = float(lowest_modes(assemble(read.model), np.ones(1), 1).frequency_hz[0])
+    except StructureError:  # which is told when it is built
+        first = 46.0 / float(levels[-1])
+    top, step = next((g for g in _GRIDS if g[0] >= 8 * first), _GRIDS[-1])
     middle = 0.5 * (read.model.nodes[:, :2].min(axis=0) + read.model.nodes[:, :2].max(axis=0))
     stories = "\n".join(
         f"[[stories]]\nname = {json.dumps(names.get(round(level, 3), f'S{k}'))}\n"
