@@ -221,6 +221,7 @@ def _fitted(
     if among is None and (gain > settings.over_none or problem.row != problem.error.first):
         progress.advance(note="fitting every effect")
         fits += _others(base, scores, fits, settings, distant)
+    if among is None and much_left(fits):
         fits += _over_ranges(base, scores, fits, settings, progress)
     if much_left(fits):
         # A fit that is allowed an error may stay where the error makes up for what needs none
@@ -550,8 +551,10 @@ def with_pair(
     if alone >= VERDICT.most:
         return found
     little = alone < VERDICT.least and first.fitted.remains().size >= settings.least_response
-    # What channels say of themselves stands beside anything else.
-    told = _with_candidates(found) if little and not first.placed.exchange else found
+    told, left = found, found.base.remains()
+    if little and not first.placed.exchange:  # what channels say of themselves stands
+        sentence = sentence_of(UNKNOWN, found.findings, (), left, alone)
+        told = replace(found, verdict=UNKNOWN, twins=(), worth=(), left=left, sentence=sentence)
     if found.verdict == INDISTINGUISHABLE:
         return told
     progress.advance(0, "fitting two effects at once")
@@ -582,15 +585,6 @@ def with_pair(
         pair=pair,
         left=left,
         sentence=" ".join(part for part in (text, doubt, left.sentence) if part),
-    )
-
-
-def _with_candidates(found: Diagnosis) -> Diagnosis:
-    """The diagnosis of an unknown cause, what leads it as candidates alone."""
-    share, left = removed(found.base, found.findings[0].fitted), found.base.remains()
-    sentence = sentence_of(UNKNOWN, found.findings, (), left, share)
-    return replace(
-        found, verdict=UNKNOWN, twins=(), worth=(), pair=(), left=left, sentence=sentence
     )
 
 

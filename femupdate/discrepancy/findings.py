@@ -370,12 +370,6 @@ def within_tolerances(verdict: str, findings: Sequence[Finding], left: Remains) 
     ).rstrip()
 
 
-def candidates_in_words(findings: Sequence[Finding]) -> str:
-    """The leading findings that the data speak for, three at most."""
-    likely = [finding for finding in findings if finding.log_evidence >= VERDICT.positive]
-    return "; ".join(finding.placed.in_words for finding in likely[:3])
-
-
 def share_in_words(share: float) -> str:
     """A share in per cent, or "none" and "all" where it is no less."""
     return "none" if share < LITTLE else percent(share) if share < 1.0 else "all"
@@ -403,9 +397,12 @@ def sentence_of(
             "certain to explain it."
         )
         if share > 0.0:
+            likely = [
+                one.placed.in_words for one in findings if one.log_evidence >= VERDICT.positive
+            ]
             text += (
                 f" The likeliest candidates remove {share_in_words(share)} of the misfit and may "
-                f"only stand in for the cause: {candidates_in_words(findings)}."
+                f"only stand in for the cause: {'; '.join(likely[:3])}."
             )
         return f"{text} {left.sentence}".rstrip()
     first = findings[0]

@@ -7,6 +7,7 @@ slip in a few cycles, the run itself tells: a model that lacks nothing leaves no
 in its weak parts as in its strong ones.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial, reduce
 
@@ -167,15 +168,7 @@ def _told_by_weak(
         f"{where} A linear model that serves the weak third of the run misses {percent(missed[0])} "
         f"of it, and {percent(missed[1])} of the strong third. {_SERVES}"
     )
-    return replace(
-        found,
-        verdict=NONLINEAR,
-        findings=tuple(changes),
-        twins=(),
-        worth=(),
-        pair=(),
-        sentence=sentence,
-    )
+    return _nonlinear(found, changes, sentence)
 
 
 def _told_by_thirds(found: Diagnosis, thirds: FrfData, settings: DiagnosisSettings) -> Diagnosis:
@@ -202,15 +195,13 @@ def _told_by_thirds(found: Diagnosis, thirds: FrfData, settings: DiagnosisSettin
     ]
     if named is not None:
         parts.append(f"Beside it: {named.in_words}.")
-    return replace(
-        found,
-        verdict=NONLINEAR,
-        findings=(*changes, *found.findings),
-        twins=(),
-        worth=(),
-        pair=(),
-        sentence=" ".join(parts),
-    )
+    return _nonlinear(found, (*changes, *found.findings), " ".join(parts))
+
+
+def _nonlinear(found: Diagnosis, findings: Sequence[Finding], sentence: str) -> Diagnosis:
+    """The diagnosis with another verdict."""
+    told = replace(found, verdict=NONLINEAR, findings=tuple(findings), sentence=sentence)
+    return replace(told, twins=(), worth=(), pair=())
 
 
 def _changes(linear: Fit, thirds: FrfData, settings: DiagnosisSettings) -> tuple[Finding, ...]:
