@@ -254,6 +254,8 @@ def _check(file: TextFile, mode: RecordedMode) -> None:
         raise file.error(
             f"the frequency of {which} is {mode.frequency_hz:g} Hz; it must be above 0"
         )
+    if mode.shape.size and (mode.shape == 0.0).all():
+        raise file.error(f"the shape of {which} is zero at all floors; leave blank what is unknown")
     # No building loses more than half: such a figure is in percent.
     if mode.damping is not None and mode.damping <= 0.0:
         raise file.error(

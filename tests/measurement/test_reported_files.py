@@ -1,0 +1,85 @@
+"""What users report of their files, and the first day of one: each file is told what is right."""
+
+import shlex
+
+import pytest
+from click.testing import CliRunner
+from femupdate.cli.main import group
+
+FOUR = ("--columns", "base=1,2F=2,3F=3,RF=4")
+THREE = ("--columns", "base=1,2F=2,RF=3")
+RIGHT = "Nothing looks wrong."
+# Of every file what `inspect` must say; the reasons stand beside the files.
+SAID = {
+    "reports/blank_gap_40.csv": ("Cut to the time that all channels have, 20.4", "blank cells"),
+    "reports/blank_starts_late.csv": ("Cut to the time that all channels have, 7 to", RIGHT),
+    "reports/clean_seed3_120s.csv.gz": (RIGHT,),
+    "reports/counts.csv": ("give what a count is with --unit", "RF=RF*4.7e-6"),
+    "reports/damping_0.001.csv": (RIGHT,),
+    "reports/date_am_pm.csv": ("100 Hz", RIGHT),
+    "reports/date_offset.csv": ("100 Hz", RIGHT),
+    "reports/epoch_ms.csv": ("read as ms since 1970", "100 Hz"),
+    "reports/gain_base_quarter.csv": ("(base) moves 0.249 times as much as all floors",),
+    "reports/gain_roof_quarter.csv": ("(RF) moves 0.251 times as much as channel 1",),
+    "reports/jitter_phone.csv": ("are interpolated to 100 Hz",),
+    "reports/knet_max_differs.NS": ("peaks at 127.4 gal, but its header says 13.23",),
+    "reports/late_roof_800ms.csv": ("(RF) runs 800 ms behind channel 1",),
+    "reports/long_name.uff": ("point 4 +X", RIGHT),
+    "reports/mixed_units.csv": (RIGHT,),
+    "reports/model.e2k": ("a model of ETABS",),
+    "reports/model.tcl": ("OpenSees",),
+    "reports/modes_damping_negative.csv": ("damping ratio of -0.01", "leave blank"),
+    "reports/modes_foreign.csv": ("mode 2 at 6.3 Hz",),
+    "reports/modes_no_sd.csv": (RIGHT,),
+    "reports/roof_clock_4000ppm.csv": ("1000 s of its clock are 1003.7 s",),
+    "reports/start_3s_late.tdms": ("by the file, RF 3 s later than the first",),
+    "reports/start_3s_late.uff": ("point 4 +X 3 s later than the first",),
+    "reports/theta1_0.2_below_prior.csv.gz": (RIGHT,),
+    "reports/times_two_decimals_125hz.csv": ("rounded to 0.01 s: 125 Hz is taken",),
+    "reports/times_two_decimals_200hz.csv": ("rounded to 0.01 s: 200 Hz is taken",),
+    "reports/times_whole_seconds.csv": ("rounded to 1 s: 100 Hz is taken",),
+    "reports/two_clocks.mat": ("RF 3 s later than the first", "3 channels"),
+    "reports/two_rates.tdms": ("50 Hz",),
+    "reports/two_rates.uff": ("50 Hz",),
+    "reports/uneven_20_20.uff": ("1200", RIGHT),
+    "first_day/names_en.csv": ("base=Ground,2F=Floor1,3F=Floor2,RF=Roof",),
+    "first_day/quoted_thousands.csv": ("Times in ms are called time_s (ms)", "1436"),
+}
+MAPPED = {"reports/two_rates": THREE, "reports/": FOUR}
+
+
+def told(words):
+    """Output of a command, and its exit code."""
+    result = CliRunner().invoke(group, words)
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return " ".join(result.output.split()), result.exit_code
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_inspect_says_what_is_right(shared_file, name):
+    path = shared_file(f"cases/{name}")
+    mapped = next(how for start, how in {**MAPPED, "": ()}.items() if name.startswith(start))
+    output, _ = told(["inspect", str(path), *(mapped if path.suffix in (".uff", ".tdms") else ())])
+    for words in SAID[name]:
+        assert words in output
+
+
+# Building files that are refused before anything is computed.
+REFUSED = {
+    "reports/springs_1_newton.toml": "supports.kx: the whole building would move at 0.0003 Hz",
+    "reports/springs_soft_1e4.toml": "supports.kx: the whole building would move at 0.03 Hz",
+    "reports/windows_path_mo.toml": "write / in its place",
+    "reports/windows_path_tn.toml": "write / or single quotes",
+    "first_day/unit_MPa.toml": "is no concrete, of which 10 to 60 GPa are usual",
+    "first_day/mmcol.toml": "a column 4 m wide stands in story S2, which is 3 m high",
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_building_that_is_wrong_is_refused_in_a_sentence(shared_file, name, tmp_path):
+    path, study = shared_file(f"cases/{name}"), tmp_path / "study"
+    output, code = told(shlex.split(f"build-model {path} --study {study} --no-pictures"))
+    assert code == 1
+    assert "Error: " in output
+    assert REFUSED[name] in output
+    assert not (study / "reduced_model.npz").exists()
