@@ -26,7 +26,7 @@ SAID = {
     "reports/late_roof_800ms.csv": ("(RF) runs 800 ms behind channel 1",),
     "reports/long_name.uff": ("point 4 +X", RIGHT),
     "reports/mixed_units.csv": (RIGHT,),
-    "reports/model.e2k": ("a model of ETABS",),
+    "reports/model.e2k": ("it has no STORY or no POINT",),
     "reports/model.tcl": ("OpenSees",),
     "reports/modes_damping_negative.csv": ("damping ratio of -0.01", "leave blank"),
     "reports/modes_foreign.csv": ("mode 2 at 6.3 Hz",),
@@ -71,7 +71,7 @@ REFUSED = {
     "reports/windows_path_mo.toml": "write / in its place",
     "reports/windows_path_tn.toml": "write / or single quotes",
     "first_day/unit_MPa.toml": "is no concrete, of which 10 to 60 GPa are usual",
-    "first_day/mmcol.toml": "a column 4 m wide stands in story S2, which is 3 m high",
+    "first_day/mmcol.toml": "correct the member that is too heavy",
 }
 
 
