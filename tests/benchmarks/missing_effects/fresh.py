@@ -23,9 +23,9 @@ from scipy.signal import resample_poly
 import femupdate
 from femupdate.arrays import Floats
 from femupdate.building import load_building
+from femupdate.fe.export_nastran import bulk_data
 from femupdate.simulation import fine_model
 
-from ..bulk_data import bulk_data
 from ..result import Job
 from .entries import KINDS, places_of
 from .frames import frame_modes
