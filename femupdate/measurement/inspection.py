@@ -234,7 +234,7 @@ def inspect_file(
     table = recording.mode_table
     modes = recording.modes if table is None else modes_in_table(table, columns or {}, named=False)
     tabled = bool(functions) and recording.table is not None
-    histories = () if tabled or table is not None else recording.histories()
+    histories = () if tabled or table is not None else recording.histories(columns)
     done = tuple(dict.fromkeys(words for each in histories for words in each.done))
     floors = proposed_floors(histories)
     placed = _placed([parse_channel(each.name) for each in histories])

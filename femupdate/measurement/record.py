@@ -174,7 +174,7 @@ def read_record(
             peak is one that no earthquake has, which tells of a wrong unit.
     """
     recording = read_measured(path)
-    file, channels = recording.file, recording.histories()
+    file, channels = recording.file, recording.histories(columns)
     if not channels:
         raise file.error("there are no histories in the file; give the record of the ground")
     told = {k: v for k, v in (columns or {}).items() if k.lower().startswith(BASE)}

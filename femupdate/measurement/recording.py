@@ -20,6 +20,7 @@ from femupdate.measurement.clock import (
 )
 from femupdate.measurement.names import (
     DIRECTION_END,
+    TIME,
     TIME_NAME,
     floors_of,
     parse_channel,
@@ -231,17 +232,24 @@ class Recording:
         )
         return replace(self, file=file, table=table, mode_table=modes)
 
-    def histories(self) -> tuple[RecordedChannel, ...]:
-        """Channels of the file; of a table, every column beside the one of times."""
-        table = self.table
-        if table is None:
+    def histories(self, columns: Mapping[str, str] | None = None) -> tuple[RecordedChannel, ...]:
+        """Channels of the file; of a table, every column beside the one of times.
+
+        Args:
+            columns: our column name to the file's, as the user says it.
+        """
+        if self.table is None:
             return self.channels
+        table, given = self.table.with_times(columns or {})
         names, values = table.names or (), table.values
         if values.shape[1] == 1:
             raise table.file.error(
                 "there is one column only; a record needs a column of times and one of acceleration"
             )
-        at = next((k for k, name in enumerate(names) if TIME_NAME.match(name)), None)
+        at = next(
+            (k for k, name in enumerate(names) if TIME_NAME.match(name) or name == given.get(TIME)),
+            None,
+        )
         # So few rows as two are refused wherever their times are. No acceleration grows by the same
         # step from row to row: such a first column is the time.
         if at is None and len(values) > 2:
@@ -250,10 +258,11 @@ class Recording:
             except MeasurementError:
                 if not names and (np.diff(values[:, 0]) > 0.0).all():
                     raise
+                rate = 'give the rate: --columns "time_s=200 Hz,base=1,2F=2"'
                 raise table.file.error(
-                    f"no column of times among {', '.join(names)}; call it time_s"
+                    f"no column of times among {', '.join(names)}; call it time_s, or {rate}"
                     if names
-                    else "no column grows as times do; put one of times, in s, before the others"
+                    else f"no column grows as times do; put one of times, in s, first, or {rate}"
                 ) from None
         return tuple(in_step(self.file, channels_of(table, at or 0)).values())
 

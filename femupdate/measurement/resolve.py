@@ -208,13 +208,19 @@ def layout_of(table: ColumnTable, columns: Mapping[str, str] | None) -> Layout:
     """What the columns of a table stand for.
 
     Args:
-        columns: our column name to the file's. Once it is given, other columns count only where
-            they bear one of our names.
+        columns: our column name to the file's, which are numbers from 1 where it has no header;
+            `time_s` may be a rate, such as `200 Hz`. Once it is given, other columns count only
+            where they bear one of our names.
     """
+    columns, factors = without_factors(columns or {})
+    table, columns = table.with_times(columns)
     file, names = table.file, table.names
     if names is None:
-        raise file.error(f"the first row must name the columns ({HISTORY_COLUMNS})", 1)
-    columns, factors = without_factors(columns or {})
+        raise file.error(
+            f"the first row must name the columns ({HISTORY_COLUMNS}); or say them by --columns,"
+            ' such as "time_s=1,base=2,RF=3", or "time_s=200 Hz,base=1,RF=2" without times',
+            1,
+        )
     given = renamed_columns(table, columns)
     if factors:
         by = np.array([factors.get(given.get(k, ""), 1.0) for k in range(len(names))])

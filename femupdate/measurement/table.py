@@ -3,7 +3,7 @@
 import csv
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -180,6 +180,31 @@ class ColumnTable:
         values = np.column_stack([column.astype(np.float64) for _, column in parts.values()])
         stated = tuple(units.get(name) or None for name, _ in parts.values())
         return ColumnTable(file, tuple(parts), stated, values, np.arange(len(values)) + 1)
+
+    def with_times(self, columns: Mapping[str, str]) -> "tuple[ColumnTable, Mapping[str, str]]":
+        """The table with numbers for names that it lacks, and times by a rate such as `200 Hz`.
+
+        Args:
+            columns: our column name to the file's, or `time_s` to a rate; returned without that.
+        """
+        names = self.names
+        if names is None and columns:
+            names = tuple(str(k + 1) for k in range(self.values.shape[1]))
+        rate = re.fullmatch(r"(\d+(?:\.\d+)?)\s*Hz", columns.get(TIME, ""), re.IGNORECASE)
+        if rate is None or names is None:
+            return replace(self, names=names), columns
+        if TIME in names:
+            raise self.file.error(f"the file has times; leave out {TIME}={rate[0]}")
+        if not float(rate[1]) > 0.0:
+            raise self.file.error(f"{TIME}={rate[0]} is no rate; give the samples a second")
+        times = np.arange(len(self.values)) / float(rate[1])
+        timed = replace(
+            self,
+            names=(TIME, *names),
+            units=("s", *self.units),
+            values=np.column_stack([times, self.values]),
+        )
+        return timed, {ours: theirs for ours, theirs in columns.items() if ours != TIME}
 
     def require_filled(self, columns: Sequence[int]) -> None:
         """Refuse blank cells in some columns."""

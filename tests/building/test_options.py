@@ -14,7 +14,7 @@ from femupdate.building import (
     self_mass,
 )
 from femupdate.fe import Shells, assemble, lowest_modes, static_displacement
-from femupdate.simulation.truth import fine_model
+from femupdate.simulation import fine_model
 
 
 def meshed(document, size=None):

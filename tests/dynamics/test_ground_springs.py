@@ -12,11 +12,11 @@ from femupdate.dynamics import (
     ConstantDamping,
     ReductionTarget,
     System,
+    driven_system,
     history_batches,
     reduce_structure,
     reduced_on,
 )
-from femupdate.dynamics.equations import driven_system
 from femupdate.effects import structure_of
 from femupdate.fe import opensees_script
 

@@ -53,6 +53,29 @@ def test_histories_with_a_unit_for_every_column(write, mark, start, end):
     assert data.source == "obs.csv"
 
 
+@pytest.mark.parametrize(("first", "time"), [(0, "1"), (1, "200 Hz")])
+def test_a_table_without_header_whose_columns_are_told_by_number(write, first, time):
+    rows = histories_text(units=None).splitlines()[2:]
+    bare = "\n".join(row.split(",", first)[first] for row in rows)
+    columns = {"time_s": time} | {ours: str(k + 2 - first) for k, ours in enumerate(NAMES)}
+    data = read_observation_file(write(bare), unit="gal", columns=columns)
+    assert [channel.name for channel in data.channels] == list(NAMES)
+    assert data.time_step == pytest.approx(0.005, rel=1e-12)
+    np.testing.assert_allclose(data.acceleration, SAMPLES * 0.01, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "time", "words"),
+    [
+        (histories_text(), "200 Hz", "the file has times; leave out time_s=200 Hz"),
+        ("\n".join(["0.1,0.2"] * 20), "0 Hz", "time_s=0 Hz is no rate"),
+    ],
+)
+def test_a_rate_that_cannot_be(write, text, time, words):
+    with pytest.raises(MeasurementError, match=words):
+        read_observation_file(write(text), columns={"time_s": time, "base": "1", "2F": "2"})
+
+
 def test_unit_option_and_units_beside_the_names(write):
     data = read_observation_file(write(histories_text(units=None)), unit="gal")
     np.testing.assert_allclose(data.acceleration, SAMPLES * 0.01, rtol=1e-14)

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from femupdate.errors import MeasurementError
 from femupdate.measurement import (
     Histories,
+    Observation,
+    RecordedMode,
     channel_name,
     floor_height,
     identified_modes,
@@ -16,8 +18,6 @@ from femupdate.measurement import (
     read_observation_file,
     write_observation_histories,
 )
-from femupdate.measurement.observation import Observation
-from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.write import write_frfs, write_modes_uff
 
 
