@@ -100,7 +100,8 @@ def compare_frfs(before: str, after: str, study: Study) -> FrfComparison:
         seen[name] = own.floors, h
     for name, (model, posterior) in models.items():
         mean = posterior.parameters.split(torch.from_numpy(posterior.values.mean((0, 1))[None]))
-        known = mean.theta, mean.zeta, mean.sizes, torch.from_numpy(grid)
+        at = torch.from_numpy(grid if estimator is None else estimator.frequency_hz)
+        known = mean.theta, mean.zeta, mean.sizes, at
         # Through the estimate of the record, which smooths its peaks.
         seen[name] = model.system.floors, model.system.seen_frf(*known, estimator)[0].numpy()
     floors = tuple(floor for floor in seen[before][0] if floor in seen[after][0])

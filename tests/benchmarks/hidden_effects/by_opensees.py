@@ -82,7 +82,7 @@ def changed(
             model,
             masses=PointMasses(
                 node=np.concatenate([own.node, node]),
-                mass=np.concatenate([own.mass, values[node]]),
+                mass=np.concatenate([own.mass, np.repeat(values[node][:, None], 3, axis=1)]),
                 inertia=np.concatenate([own.inertia, np.zeros((len(node), 3))]),
             ),
         )

@@ -32,7 +32,7 @@ THETA = np.array([1.1, 0.9, 1.0])
 @pytest.fixture(scope="module")
 def fine():
     building = load_building(BUILDING)
-    return fine_model(building, 2.0, building.sensors.points)
+    return fine_model(building, 1.0, building.sensors.points)
 
 
 def frequencies(fine, effects=()):
