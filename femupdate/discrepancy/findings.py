@@ -398,7 +398,9 @@ def sentence_of(
         )
         if share > 0.0:
             likely = [
-                one.placed.in_words for one in findings if one.log_evidence >= VERDICT.positive
+                finding.placed.in_words
+                for finding in findings
+                if finding.log_evidence >= VERDICT.positive
             ]
             text += (
                 f" The likeliest candidates remove {share_in_words(share)} of the misfit and may "

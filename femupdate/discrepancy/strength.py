@@ -162,8 +162,8 @@ def _told_by_weak(
         kept = fit(strong.likelihood, strong.placed, weak.z, 0)
         gain = log_posterior(strong.likelihood, strong) - log_posterior(strong.likelihood, kept)
         test = score(strong.likelihood, strong, placed)
-        one = as_finding(strong, changed, test, gain)
-        changes = [replace(one, size=float(size), size_sd=float(sd[story] / level))]
+        finding = as_finding(strong, changed, test, gain)
+        changes = [replace(finding, size=float(size), size_sd=float(sd[story] / level))]
     sentence = (
         f"{where} A linear model that serves the weak third of the run misses {percent(missed[0])} "
         f"of it, and {percent(missed[1])} of the strong third. {_SERVES}"
