@@ -17,6 +17,7 @@ _KEYWORDS = {"band": "band_hz", "floor-spectra": "spectrum_damping"}
 
 def in_python(text: str) -> str:
     """A message in the words of Python: functions for commands, keywords for options."""
+    text = text.replace("; -v tells more", "; `print` of the result tells more")
     text = _COMMAND.sub(lambda found: f"`{_VERBS.get(found[1], found[1])}(study, ...)`", text)
     return _OPTION.sub(
         lambda found: f"`{_KEYWORDS.get(found[1], found[1].replace('-', '_'))}=`", text

@@ -43,8 +43,8 @@ _INTERNAL_SLOPES = np.array(  # along xi and eta, (2, mode, g)
 _INTERNAL_SHEAR = (2.0 / 3.0) * np.array(  # their means along the sides, (2, mode, g)
     [[_ONE, _NONE, _SKEW * _ETA, _NONE], [_NONE, _ONE, _NONE, _SKEW * _XI]]
 ).transpose(2, 0, 1)
-# Of the linked deflection in the mass. With three quarters, the leading errors of mass and
-# stiffness cancel in waves of a thin plate that are as long both ways.
+# Of the linked deflection in the mass, chosen by trial: modes 1, 2 and 4 of a thin square plate
+# on 16 x 16 elements err by -.23, -.14 and -.63 %, with all of it by -.39, -.54 and -1.26 %.
 _LINKED = 0.75
 
 
@@ -56,7 +56,7 @@ def plate_stiffness(
     The shear strains are interpolated from the middles of the edges, so that thin plates do not
     lock (Bathe and Dvorkin 1985). Rotations that are quadratic inside an element, condensed,
     let its curvature follow the shear force: a strip in cylindrical bending is exact at its nodes,
-    as a beam is, which the residual flexibility of MacNeal (1978) does for a constant shear alone.
+    as a beam is. MacNeal (1978) has that by a softer shear, the residual bending flexibility.
     Less their mean, curvatures of these rotations leave states of constant curvature as they are.
 
     Args:
@@ -100,8 +100,8 @@ def plate_mass(plane: Floats, thickness: Floats, density: Floats) -> Floats:
     The deflection is quadratic along the sides, as the tied shear strains imply: the rotations of
     its ends bend a side by an eighth of its length times their difference (the linked
     interpolation of Auricchio and Taylor 1994). With a bilinear deflection, the frequencies on a
-    mesh of size h would err by k^2 h^2 / 8 at the wave number k, with all of the linked one by
-    -k^2 h^2 / 24. Rotations carry density thickness^3 / 12.
+    mesh of size h would err by k^2 h^2 / 8 at the wave number k. Rotations carry
+    density thickness^3 / 12.
 
     Args:
         plane: (n, 4, 2) corners in the element's plane, counter-clockwise, m.

@@ -126,19 +126,19 @@ def weighted(value):
 def brute_force(data):
     """Points (n, 4) and weights (n,): over the whole prior, then about the best of its points."""
     rng = np.random.default_rng(6)
-    coarse = LOWER + (UPPER - LOWER) * qmc.Sobol(4, seed=11).random_base2(16)
+    coarse = LOWER + (UPPER - LOWER) * qmc.Sobol(4, seed=11).random_base2(18)
     value = log_density(coarse, data)
     weight, _ = weighted(0.5 * value)  # of a wider likelihood
     centre = coarse[rng.choice(len(coarse), 200, p=weight)]
     spread = 0.15
-    theta = centre[rng.integers(200, size=2**16)] + spread * rng.standard_normal((2**16, 4))
+    theta = centre[rng.integers(200, size=2**17)] + spread * rng.standard_normal((2**17, 4))
     theta = theta[((theta > LOWER) & (theta < UPPER)).all(axis=1)]
     parts = [
         np.exp(-0.5 * (((rows[:, None] - centre) / spread) ** 2).sum(axis=2)).sum(axis=1)
         for rows in np.array_split(theta, 64)
     ]
     weight, worth = weighted(log_density(theta, data) - np.log(np.concatenate(parts)))
-    assert worth > 1500.0
+    assert worth > 3000.0
     return theta, weight
 
 

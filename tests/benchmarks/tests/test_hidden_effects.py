@@ -23,7 +23,7 @@ from tests import sticks
 
 # Numbers that no published trial has used; every outcome is a function of them.
 SEED = 90
-PLAN = TrialPlan(clean=1, one=1, two=0, outside=0)
+PLAN = TrialPlan(clean=1, one=2, two=0, outside=0)
 # Half of a trial's record, seen at a fifth of the frequencies: seconds instead of a minute.
 SHORT = TrialSettings(durations_s=(60.0,))
 
@@ -124,7 +124,7 @@ def test_names_are_counted_by_strength(one):
 def test_the_result_is_written_with_machine_and_seed(run):
     content = run.report.content()
     assert content["seed"] == SEED
-    assert sorted(one["kind"] for one in content["outcomes"]) == [CLEAN, ONE]
+    assert sorted(one["kind"] for one in content["outcomes"]) == [CLEAN, ONE, ONE]
     assert "false alarms" in run.report.text
 
 
