@@ -23,7 +23,7 @@ from femupdate.discrepancy.score import score
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.dynamics.history import transformed_sensors
 from femupdate.dynamics.level import PERIODS, strongest_hz
-from femupdate.effects.catalogue.amplitude_softening import AmplitudeSoftening
+from femupdate.effects.catalogue.softening import AmplitudeSoftening
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.inference.frf_data import COMPARING, FrfData, frf_data, that_says, together

@@ -20,12 +20,12 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
-from femupdate.dynamics.closed_form import split_sizes
 from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.level import PERIODS, SPAN, level_of_moment, motion_level
 from femupdate.dynamics.modes import Modes, response
 from femupdate.dynamics.recurrence import ModalOutputs, Steps, record_points
 from femupdate.dynamics.system import Rows, System
+from femupdate.effects.effect import split_sizes
 from femupdate.errors import MeasurementError, StructureError
 from femupdate.progress import SILENT, Progress
 

@@ -9,12 +9,12 @@ instruments do last of all.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.dynamics.closed_form import ClosedForm, Estimate, observed, split_sizes
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw
 from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.dynamics.force_response import RestFlexibility
@@ -36,6 +36,8 @@ from femupdate.effects.effect import (
     LevelChange,
     Placed,
     Terms,
+    observed,
+    split_sizes,
 )
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
@@ -43,6 +45,22 @@ _MATRICES = 2**20  # numbers in the matrices of a batch of eigenproblems
 # Size of one intermediate array (samples x modes x frequencies).
 _CPU_BYTES = 2**20
 _GPU_BYTES = 512 * 2**20
+
+
+class Estimate(Protocol):
+    """What an estimate makes of complex FRFs (N, f, e).
+
+    Where the base was measured to turn, responses to unit rotation of it come second.
+    """
+
+    @property
+    def turns(self) -> bool:
+        """Whether it asks for these."""
+        ...
+
+    def __call__(self, frf: Tensor, turned: Tensor | None = None) -> Tensor:
+        """(N, f, k) as measured."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,8 +220,7 @@ class System:
     ) -> ModalData:
         """Solve the modes of every parameter vector and keep those that the floors feel.
 
-        The leading one of `ModalData`'s formula stands for a base that only translates; what the
-        base does instead is for `ClosedForm`.
+        The leading one of `ModalData`'s formula stands for a base that only translates.
 
         Args:
             parameters: (N, p + q) stiffness factors, then sizes of effects; on any device.
@@ -241,7 +258,6 @@ class System:
             batch: samples at a time; default what is fastest.
             seen: what an estimate makes of FRFs, before the logarithm is taken.
         """
-        form = self.closed_form(float(frequency_hz[-1]))
         sizes = self.split(parameters)[1].to(modal.omega)
         omega = 2.0 * torch.pi * frequency_hz.to(modal.omega)
         step = batch or fast_batch(modal, len(frequency_hz))
@@ -249,7 +265,17 @@ class System:
             rows = slice(start, start + step)
             ratio = self.ratio(modal[rows].omega, zeta[rows].to(modal.omega), sizes[rows])
             parts = modal[rows].response(omega, ratio)
-            yield form.log_frf(parts, omega, sizes[rows], seen=seen)
+            if self._read_otherwise or seen is not None:
+                frf = torch.complex(*parts)
+                if any(terms.pitch for terms in self.terms) and self.model.rotation is not None:
+                    base = self._base_motion(sizes[rows], split_sizes(self.placed, sizes[rows]))
+                    leaning = base[:, 1, :1] * sizes.new_tensor(self.model.rotation.levels)
+                    frf = frf + leaning[:, :, None]
+                frf = observed(self.placed, self.floors, frf, omega, sizes[rows])
+                frf = frf if seen is None else seen(frf)
+                parts = frf.real, frf.imag
+            # A square below 1e-24 is rounding; its logarithm would be all that is seen.
+            yield 0.5 * torch.log(parts[0].square() + parts[1].square() + 1e-24)
 
     def modes(
         self, theta: Tensor, sizes: Tensor, rows: Rows | None = None, *, released: bool = False
@@ -312,17 +338,11 @@ class System:
         ]
         return ports if dashpots is None else [*ports, *(rate for _ in dashpots)]
 
-    def closed_form(self, top_hz: float) -> ClosedForm:
-        """What the effects do in closed form, on a grid up to a frequency."""
-        rotation = self.model.rotation
-        return ClosedForm(
-            self.placed,
-            tuple(terms.pitch for terms in self.terms),
-            self.floors,
-            () if rotation is None else tuple(float(level) for level in rotation.levels),
-            self.factors,
-            top_hz,
-        )
+    @property
+    def _read_otherwise(self) -> bool:
+        """Whether effects change FRFs beside the modes."""
+        pitched = any(terms.pitch for terms in self.terms)
+        return pitched or any(listed.effect.instrument for listed in self.placed)
 
     def limits(self) -> tuple[Tensor, Tensor]:
         """(p + q,) physical limits of the parameters; a stiffness factor has none here."""
@@ -430,7 +450,7 @@ class System:
         modal = self.modal_data(parameters[rows], modes=how.modes, top_frequency_hz=top)
         modal = modal.to(parameters.device, how.precision)[same]
         # What effects do in closed form is known by the rows of all floors.
-        early = chosen is not None and not self.closed_form(0.0).changes
+        early = chosen is not None and not self._read_otherwise
         parts = self.log_frf_batches(
             modal.of_floors(chosen) if early and chosen is not None else modal,
             parameters,

@@ -5,11 +5,10 @@ reduced one, whose n coordinates have tensors.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, TypeAlias
 
-import numpy as np
 import torch
 from scipy.sparse import csc_matrix, diags
 from torch import Tensor
@@ -72,6 +71,19 @@ class EffectParameter:
         # Nothing is looked for beyond five standard deviations of the prior.
         reach = 5.0 * self.scale
         return max(self.lower, self.neutral - reach), min(self.upper, self.neutral + reach)
+
+
+def change(
+    text: str,
+    scale: float,
+    lower: float,
+    upper: float,
+    unit: str = "1",
+    trials: tuple[float, ...] = (0.5,),
+) -> tuple[EffectParameter]:
+    """The size of an effect, alone: what it is, its prior standard deviation and its limits."""
+    size = EffectParameter("size", unit, scale, lower=lower, upper=upper, text=text, trials=trials)
+    return (size,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -401,21 +413,31 @@ def mass_terms(structure: Structure, values: Floats) -> Terms:
     return Terms(mass=mass)
 
 
-def floor_port(structure: Structure, floor: int) -> Port:
-    """The absolute displacement of a floor, in the mean over its mass."""
-    return Port(structure.floor_means[floor], structure.rigid_floors[floor])
-
-
-def story_port(structure: Structure, story: int) -> Port:
-    """The drift of a story: the floor above it less the one below.
-
-    What stands between two floors leans with them: a rigid rotation does not stretch it.
-    """
-    rows = structure.floor_means
-    below = rows[story - 1] if story else np.zeros(rows.shape[1])
-    return Port(rows[story] - below, np.zeros(2))
-
-
 def as_complex(real: Tensor, imaginary: Tensor) -> Tensor:
     """A complex tensor of two real ones that broadcast."""
     return torch.complex(*torch.broadcast_tensors(real, imaginary))
+
+
+def split_sizes(placed: Sequence[Placed], sizes: Tensor) -> list[Tensor]:
+    """The parameters (N, q) of all effects, one after the other, each effect's by themselves."""
+    counts = [len(effect.effect.parameters) for effect in placed]
+    return list(sizes.split(counts, dim=1)) if counts else []
+
+
+def observed(
+    placed: Sequence[Placed],
+    floors: tuple[str, ...],
+    frf: Tensor,
+    omega: Tensor,
+    sizes: Tensor,
+    over_base: bool = True,
+) -> Tensor:
+    """FRFs (N, f, k) of the floors at omega (k,), rad/s, as instruments with effects give them.
+
+    `over_base` says whether they are taken over the reading of the base's horizontal sensor.
+    """
+    for listed, values in zip(placed, split_sizes(placed, sizes), strict=True):
+        if over_base or listed.place != "base":
+            rows = listed.effect.place_rows(listed.place, floors)
+            frf = listed.effect.observe(frf, omega, values, rows)
+    return frf

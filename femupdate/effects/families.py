@@ -79,9 +79,7 @@ class MemberStiffness(Effect):
             matrices = self.stiffness(structure)
             scaled = (Stiffness(k, matrices[k]) for k in chosen if matrices[k].nnz)
             return Terms(stiffness=tuple(scaled))
-        mesh, operators = structure.mesh, structure.operators
-        if mesh is None or operators is None:
-            raise ValueError("a shear building has no members")
+        mesh, operators = structure.meshed
         bending = structure.once(
             ("bending", self.kinds), lambda: bending_terms(mesh.model, operators, self.kinds)
         )

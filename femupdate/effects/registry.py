@@ -1,4 +1,4 @@
-"""The effects of the catalogue, each a module of its folder, and those that a building lists."""
+"""The effects of the catalogue, by name, and those that a building lists."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,9 @@ from femupdate.errors import BuildingError
 from femupdate.registry import classes_in
 
 _KINDS = classes_in(catalogue, Effect)  # type: ignore[type-abstract] # a module's are concrete
-CATALOGUE: dict[str, Effect] = {kind.name: kind() for kind in _KINDS}
+CATALOGUE: dict[str, Effect] = {
+    kind.name: kind() for kind in sorted(_KINDS, key=lambda kind: kind.name)
+}
 
 
 def effect_named(name: str) -> Effect:

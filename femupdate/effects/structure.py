@@ -104,6 +104,13 @@ class Structure:
         return np.asarray(self.rigid_mass[TRANSLATION, TRANSLATION] * self.dashpots / lengths)
 
     @property
+    def meshed(self) -> tuple[BuildingMesh, AffineOperators]:
+        """Mesh and assembled mesh of a frame, or of a mesh that was read."""
+        if self.mesh is None or self.operators is None:
+            raise ValueError("a shear building has no mesh")
+        return self.mesh, self.operators
+
+    @property
     def is_stick(self) -> bool:
         """Whether masses are lumped: the structure is then its own reduction."""
         return self.operators is None
@@ -157,6 +164,11 @@ class Structure:
         """(n,) displacement under unit base acceleration at theta = 1, s2."""
         return self._shapes[0]
 
+    @property
+    def roof(self) -> float:
+        """The same of the sensors of the roof, s2."""
+        return float(self.floor_rows[-1] @ self.static)
+
     @cached_property
     def fundamental(self) -> tuple[float, Floats]:
         """Circular frequency (rad/s) and mean shape (f,) of the floors in the first driven mode.
@@ -203,7 +215,15 @@ class Structure:
 
     def member_stiffness(self, kinds: tuple[str, ...]) -> tuple[csc_matrix, ...]:
         """Stiffness of the members of some kinds, such as "wall", one (n, n) matrix a story."""
-        return self.once(("members", kinds), lambda: self._members(kinds))
+
+        def make() -> tuple[csc_matrix, ...]:
+            twice = self.meshed[0].model.mapped(
+                lambda part: part.scaled(np.where(np.isin(part.kind, kinds), 2.0, 1.0))
+            )
+            pairs = zip(assemble(twice).stiffness_terms, self.stiffness_terms, strict=True)
+            return tuple(csc_matrix(new - old) for new, old in pairs)
+
+        return self.once(("members", kinds), make)
 
     def once(self, what: Hashable, make: Callable[[], T]) -> T:
         """Matrices that several places of an effect share, made when first asked for."""
@@ -211,24 +231,12 @@ class Structure:
             self.known[what] = make()
         return cast(T, self.known[what])
 
-    def _members(self, kinds: tuple[str, ...]) -> tuple[csc_matrix, ...]:
-        if self.mesh is None or self.operators is None:
-            raise ValueError("a shear building has no members")
-        twice = self.mesh.model.mapped(
-            lambda part: part.scaled(np.where(np.isin(part.kind, kinds), 2.0, 1.0))
-        )
-        more = assemble(twice)
-        pairs = zip(more.stiffness_terms, self.operators.stiffness_terms, strict=True)
-        return tuple(csc_matrix(new - old) for new, old in pairs)
-
     @cached_property
     def infills(self) -> tuple[Infill, ...]:
         """The walls that the model only weighs, with the stiffness that it leaves out."""
         if not isinstance(self.building, FrameBuilding):
             return ()
-        if self.mesh is None or self.operators is None:
-            raise AssertionError("a frame has a mesh")
-        return infills(self.building, self.mesh, self.operators, self.mesh_size)
+        return infills(self.building, *self.meshed, self.mesh_size)
 
 
 def require_story_factors(building: Building) -> None:

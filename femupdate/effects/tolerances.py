@@ -6,9 +6,7 @@ from functools import lru_cache
 from femupdate.building.common import Tolerances
 from femupdate.building.document import Building
 from femupdate.effects.catalogue.added_mass import AddedMass
-from femupdate.effects.catalogue.base_gain import BaseGain
-from femupdate.effects.catalogue.channel_delay import ChannelDelay
-from femupdate.effects.catalogue.channel_gain import ChannelGain
+from femupdate.effects.catalogue.channels import BaseGain, ChannelDelay, ChannelGain
 from femupdate.effects.effect import Effect, Placed
 
 TOLERANCES = {"mass": "masses", "gain": "gains", "delay": "clocks"}

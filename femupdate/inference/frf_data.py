@@ -10,11 +10,10 @@ from scipy.special import chdtrc
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.closed_form import observed
 from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.dynamics.system import Responses, System
-from femupdate.effects.effect import Effect, Placed
+from femupdate.effects.effect import Effect, Placed, observed
 from femupdate.inference.data import Cell, Remains
 from femupdate.inference.model_error import (
     COARSE_ERROR,

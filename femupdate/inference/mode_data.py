@@ -15,9 +15,8 @@ from scipy.special import chdtrc
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.dynamics.closed_form import observed, split_sizes
 from femupdate.dynamics.system import System
-from femupdate.effects.effect import Effect, Placed
+from femupdate.effects.effect import Effect, Placed, observed, split_sizes
 from femupdate.errors import InferenceError
 from femupdate.inference.data import WILD, Cell, Remains
 from femupdate.inference.model_error import NOISE_ALONE, ErrorTable, LearnedError

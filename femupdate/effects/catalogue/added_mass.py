@@ -4,7 +4,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, Terms, mass_terms
+from femupdate.effects.effect import Effect, Terms, change, mass_terms
 from femupdate.effects.structure import Structure, numbers_of, ranges_of
 
 
@@ -20,9 +20,7 @@ class AddedMass(Effect):
     clause = "{place} carries {change} mass than modelled"
     sits = "every floor"
     settled_by = "a look at what stands on the floor, and its weight"
-    parameters = (
-        EffectParameter("size", "1", 0.1, lower=-0.5, upper=1.0, text="share of the floor's mass"),
-    )
+    parameters = change("share of the floor's mass", 0.1, -0.5, 1.0)
 
     def points(self, structure: Structure) -> tuple[str, ...]:
         """Ranges of floors."""

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, SpringTerms, Sway, Terms
+from femupdate.effects.effect import Effect, SpringTerms, Sway, Terms, change
 from femupdate.effects.structure import TRANSLATION, Structure
 
 _GROUND = "ground"
@@ -22,11 +22,7 @@ class Brace(Effect):
     )
     clause = "A brace {where} has {size} of the building's stiffness"
     settled_by = "a look at the facades, stairs and shafts, and behind the cladding"
-    parameters = (
-        EffectParameter(
-            "size", "1", 0.2, lower=0.0, upper=3.0, text="stiffness over that of the building"
-        ),
-    )
+    parameters = change("stiffness over that of the building", 0.2, 0.0, 3.0)
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Two floors one or two stories apart, as in "2F-4F", or "ground-3F".
@@ -64,7 +60,7 @@ class Brace(Effect):
         low, high = _levels(structure, place)
         rows = np.vstack([np.zeros(structure.floor_means.shape[1]), structure.floor_means])
         shear = float(structure.rigid_mass[TRANSLATION, TRANSLATION])
-        spring = shear / float(structure.floor_rows[-1] @ structure.static)
+        spring = shear / structure.roof
         return Terms(springs=SpringTerms((rows[high] - rows[low])[None], np.array([spring])))
 
 

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, Terms
+from femupdate.effects.effect import Effect, Terms, change
 from femupdate.effects.structure import Structure
 
 _LAWS = {
@@ -25,9 +25,7 @@ class OtherDampingLaw(Effect):
         "high and low modes cannot both be right."
     )
     settled_by = "the decay of free vibration in each mode"
-    parameters = (
-        EffectParameter("size", "1", 0.5, lower=-0.9, upper=3.0, text="share of the other law"),
-    )
+    parameters = change("share of the other law", 0.5, -0.9, 3.0)
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """Which law: Rayleigh's, or one of its parts, that of stiffness or of mass."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, Terms, mass_terms
+from femupdate.effects.effect import Effect, Terms, change, mass_terms
 from femupdate.effects.structure import Structure
 
 
@@ -18,9 +18,7 @@ class Eccentricity(Effect):
     )
     clause = "The masses lie {size} of the plan's depth beside the middle"
     settled_by = "two sensors on each floor, at opposite sides of the plan"
-    parameters = (
-        EffectParameter("size", "1", 0.05, lower=0.0, upper=0.15, text="shift over plan depth"),
-    )
+    parameters = change("shift over plan depth", 0.05, 0.0, 0.15)
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All floors together, where the plan has a depth."""

@@ -2,7 +2,7 @@
 
 from femupdate.effects.bars import turning_beams, turning_floors
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, Terms
+from femupdate.effects.effect import Effect, Terms, change
 from femupdate.effects.structure import Structure
 
 _ALL = "all"
@@ -22,15 +22,8 @@ class JointFlexibility(Effect):
         "connections): stories are softer than clamped ones and bend their neighbours."
     )
     settled_by = "gyroscopes or pairs of vertical sensors beside a joint"
-    parameters = (
-        EffectParameter(
-            "size",
-            "1",
-            0.05,
-            lower=0.0,
-            upper=2.0,
-            text="E I / L of the column (in frames: of the beam) over the joint's stiffness",
-        ),
+    parameters = change(
+        "E I / L of the column (in frames: of the beam) over the joint's stiffness", 0.05, 0.0, 2.0
     )
 
     def places(self, structure: Structure) -> tuple[str, ...]:
@@ -53,8 +46,8 @@ class JointFlexibility(Effect):
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """At unit size the joint is as stiff as E I / L of what it holds."""
-        mesh, operators = structure.mesh, structure.operators
-        if mesh is None or operators is None:
+        if structure.is_stick:
             return Terms(hinges=turning_floors(structure))
+        mesh, operators = structure.meshed
         turning = structure.once(("joints",), lambda: turning_beams(mesh.model, operators))
         return Terms(stiffness=turning)

@@ -2,7 +2,7 @@
 
 from femupdate.building.frame import FrameBuilding
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, Stiffness, Terms
+from femupdate.effects.effect import Effect, Stiffness, Terms, change
 from femupdate.effects.infill import infill_lines
 from femupdate.effects.structure import Structure
 
@@ -20,11 +20,7 @@ class NonStructuralWalls(Effect):
     )
     clause = "The non-structural walls {where} have {size} of their elastic stiffness"
     settled_by = "the gaps around these walls, or sensors at both sides of the plan"
-    parameters = (
-        EffectParameter(
-            "size", "1", 0.2, lower=0.0, upper=2.0, text="share of the walls' elastic stiffness"
-        ),
-    )
+    parameters = change("share of the walls' elastic stiffness", 0.2, 0.0, 2.0)
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All such walls, those of a line, of a story, and each by itself, as in "X1/S2"."""

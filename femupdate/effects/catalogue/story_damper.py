@@ -6,15 +6,7 @@ from torch import Tensor
 from femupdate.arrays import Flags
 from femupdate.building.frame import FrameBuilding
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import (
-    Effect,
-    EffectParameter,
-    Port,
-    Sway,
-    Terms,
-    as_complex,
-    story_port,
-)
+from femupdate.effects.effect import Effect, Port, Sway, Terms, as_complex, change
 from femupdate.effects.structure import Structure
 
 
@@ -34,11 +26,7 @@ class StoryDamper(Effect):
     clause = "The story {where} adds {size} to the first damping ratio"
     sits = "every story, named after the floor above it"
     settled_by = "what may rub or slip in the story, or the decay of free vibration in each mode"
-    parameters = (
-        EffectParameter(
-            "size", "1", 0.02, lower=0.0, upper=0.5, text="damping ratio in the first mode"
-        ),
-    )
+    parameters = change("damping ratio in the first mode", 0.02, 0.0, 0.5)
 
     def points(self, structure: Structure) -> tuple[str, ...]:
         """A point of every story where grid lines meet, as in "3F/X1-Y2"."""
@@ -71,8 +59,7 @@ class StoryDamper(Effect):
         floor, _, point = place.partition("/")
         story = structure.floors.index(floor)
         sway = Sway(0.0, *structure.fundamental)
-        port = _point_port(structure, story, point) if point else story_port(structure, story)
-        return Terms(port=port, constants=(self.unit(sway, story),))
+        return Terms(port=_port(structure, story, point), constants=(self.unit(sway, story),))
 
     def unit(self, sway: Sway, place: int) -> float:
         """The dashpot, N s/m."""
@@ -91,14 +78,15 @@ def _at(structure: Structure, floor: int, x: float, y: float) -> Flags:
     return structure.along_floor(floor) & here
 
 
-def _point_port(structure: Structure, story: int, point: str) -> Port:
-    """The drift of a story where two grid lines meet; it leans with a rigid rotation."""
-    if not isinstance(structure.building, FrameBuilding):
-        raise ValueError("only frames have points")
-    grid, (x, _, y) = structure.building.grid, point.partition("-")
-    row = np.zeros(structure.points.motion.shape[1])
-    for floor, sign in ((story, 1.0), (story - 1, -1.0)):
-        if floor >= 0:
+def _port(structure: Structure, story: int, point: str) -> Port:
+    """The drift of a story in the mean or at a point; a rigid rotation does not stretch it."""
+    ends = [(floor, sign) for floor, sign in ((story, 1.0), (story - 1, -1.0)) if floor >= 0]
+    row = np.zeros(structure.floor_means.shape[1])
+    for floor, sign in ends:
+        at_floor = structure.floor_means[floor]
+        if point and isinstance(structure.building, FrameBuilding):
+            grid, (x, _, y) = structure.building.grid, point.partition("-")
             here = _at(structure, floor, grid.x[x], grid.y[y])
-            row += sign * np.asarray(structure.points.motion[here].mean(axis=0)).ravel()
+            at_floor = np.asarray(structure.points.motion[here].mean(axis=0)).ravel()
+        row += sign * at_floor
     return Port(row, np.zeros(2))

@@ -4,7 +4,7 @@ import numpy as np
 from torch import Tensor
 
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, Terms, as_complex, floor_port
+from femupdate.effects.effect import Effect, EffectParameter, Port, Terms, as_complex
 from femupdate.effects.structure import Structure
 
 
@@ -50,7 +50,8 @@ class TunedAppendage(Effect):
         """Where it stands, the floor's mass and the building's first frequency."""
         floor = structure.floors.index(place)
         mass = float(structure.points.mass[structure.along_floor(floor)].sum())
-        return Terms(port=floor_port(structure, floor), constants=(mass, structure.fundamental[0]))
+        port = Port(structure.floor_means[floor], structure.rigid_floors[floor])
+        return Terms(port=port, constants=(mass, structure.fundamental[0]))
 
     def port_stiffness(self, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]) -> Tensor:
         """-omega^2 m T, T the transmissibility of the spring and dashpot."""

@@ -7,7 +7,7 @@ import numpy as np
 from femupdate.dynamics import System, damping_law
 from femupdate.effects import Effect, Terms
 from femupdate.effects.catalogue.added_mass import AddedMass
-from femupdate.effects.catalogue.flexible_diaphragm import FlexibleDiaphragm
+from femupdate.effects.catalogue.members import FlexibleDiaphragm
 from femupdate.effects.families import MemberStiffness
 from femupdate.effects.structure import Structure
 from femupdate.fe import Beams, Elements, FiniteElementModel, PointMasses
