@@ -32,8 +32,8 @@ _NOUNS = {
     "System": "dynamics.system",
 }
 _VERBS = (
-    *("calibrate", "compare", "diagnose", "inspect", "predict", "reduce", "repair", "save_arrays"),
-    *("simulate", "status", "train", "write_report"),
+    *("calibrate", "compare", "diagnose", "inspect", "predict", "reduce", "repair", "simulate"),
+    *("status", "train", "write_report"),
 )
 
 if _TYPE_CHECKING:
@@ -57,7 +57,6 @@ if _TYPE_CHECKING:
         predict,
         reduce,
         repair,
-        save_arrays,
         simulate,
         status,
         train,
@@ -98,7 +97,6 @@ __all__ = [
     "predict",
     "reduce",
     "repair",
-    "save_arrays",
     "simulate",
     "status",
     "train",

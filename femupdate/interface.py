@@ -18,8 +18,6 @@ from femupdate.progress import SILENT, Progress
 from femupdate.study import MAIN_POSTERIOR, Study
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from femupdate.measurement.observation import Observation
     from femupdate.measurement.record import GroundMotion
     from femupdate.report.prediction import Prediction
@@ -168,13 +166,13 @@ def train(
         train_study,
     )
 
-    effort = THOROUGH if thorough else USUAL
-    count = samples or effort.samples
+    usual, epochs = THOROUGH if thorough else USUAL
+    count = samples or usual
     weights = None if start is None else Path(start)
     opened, name, (_, rest) = _study(study), _name(building), _parted(settings, Training)
     check_training(opened, count, rest.get("batch", 512), weights, name)
     model = reduce(opened, name, progress=progress)
-    chosen = default_settings(model, **{"epochs": effort.epochs, **rest})
+    chosen = default_settings(model, **{"epochs": epochs, **rest})
     return train_study(opened, model, count, chosen, fresh=fresh, start=weights, progress=progress)
 
 
@@ -189,7 +187,7 @@ def calibrate(
     """Draw the posterior of the stiffness factors from measured files.
 
     Args:
-        files: of one building, of any kind that the command takes; or FRFs as arrays.
+        files: of one building, of any kind that the command takes; or arrays (`Observation`).
         name: of the posterior in the study.
         settings: how files are read (`Reading`) and the posterior is drawn (`Sampling`).
 
@@ -379,37 +377,6 @@ def simulate(
     return write_simulation(made, Path(path))
 
 
-def save_arrays(
-    path: File, time_step: float, columns: "Mapping[str, ArrayLike]", *, unit: str = "m/s2"
-) -> Path:
-    """Write arrays as a measured file (CSV), which all functions take.
-
-    Args:
-        time_step: s.
-        columns: of equal length, by names as files have them: `base`, `2F`, ..., `RF`.
-        unit: of all.
-
-    Raises:
-        MeasurementError: a name is not known, or the lengths differ.
-    """
-    import numpy as np
-
-    from femupdate.errors import MeasurementError
-    from femupdate.measurement.histories import Histories
-    from femupdate.measurement.names import parse_channel
-    from femupdate.measurement.write import write_observation_histories
-    from femupdate.units import factor
-
-    channels = [(name, parse_channel(name)) for name in columns]
-    unknown = [name for name, channel in channels if channel is None]
-    if unknown or len({np.size(values) for values in columns.values()}) != 1:
-        wrong = f"{unknown[0]!r} is no channel" if unknown else "the columns differ in length"
-        raise MeasurementError(f"{wrong}; give base, 2F, ..., RF, all of one length")
-    values = factor(unit, "acceleration") * np.array([*columns.values()], dtype=float)
-    known = tuple(channel for _, channel in channels if channel is not None)
-    return write_observation_histories(path, Histories(time_step, known, values))
-
-
 def inspect(
     *files: File, unit: str | None = None, columns: Mapping[str, str] | None = None
 ) -> "InspectedFiles":
@@ -495,15 +462,18 @@ def _files(study: Study, given: "Sequence[File | Observation | GroundMotion]") -
         if isinstance(data, str | Path):
             paths.append(Path(data))
             continue
+        from femupdate.measurement.observation import Observation
         from femupdate.measurement.record import GroundMotion
-        from femupdate.measurement.write import write_frfs
+        from femupdate.measurement.write import write_frfs, write_observation_histories
 
         if isinstance(data, GroundMotion):
-            columns = {"base": data.acceleration}
-            path = study.path("measured", f"{data.name}.csv")
-            paths.append(save_arrays(path, data.time_step, columns))
+            base = {"base": data.acceleration}
+            data = Observation.from_accelerations(data.time_step, base, source=data.name)
+        path, histories = study.path("measured", f"{Path(data.source).stem}.csv"), data.histories
+        if histories is not None and not data.frequency_hz.size:
+            paths.append(write_observation_histories(path, histories))
         else:
-            paths.append(write_frfs(study.path("measured", f"{Path(data.source).stem}.csv"), data))
+            paths.append(write_frfs(path, data))
     return paths
 
 

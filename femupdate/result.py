@@ -1,6 +1,7 @@
 """What a command has found, described once; terminal, page, JSON and CSV read its items."""
 
 import math
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -167,6 +168,13 @@ class Result:
         """Those for spreadsheets."""
         tables = [item for item in self.items() if isinstance(item, Table)]
         return tuple(table for table in tables if any(column.csv for column in table.columns))
+
+
+def first_lines(verdict: str, figures: str, then: str) -> Iterable[Note]:
+    """What is said first: the verdict, the main figures and what to do, which pages say apart."""
+    for line in (verdict, figures):
+        yield Note(textwrap.fill(line, 98, subsequent_indent="  "), page=False)
+    yield Note(f"Next: {then}; -v tells more.", page=False)
 
 
 def took(seconds: float) -> str:

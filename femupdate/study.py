@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 import re
+import shlex
 import shutil
 import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -59,6 +60,15 @@ def made_by(words: Sequence[str]) -> Iterator[None]:
         yield
     finally:
         _RUNNING.reset(token)
+
+
+def typed(words: str, file: Path) -> str:
+    """A command as it is typed, for the study and the posterior that hold a file."""
+    named = file.parent.parent.name == NAMED
+    folder = shlex.quote(str(file.parents[2] if named else file.parent))
+    if named and words.split()[0] in ("predict", "report"):
+        words += f" --posterior {shlex.quote(file.parent.name)}"
+    return f"femupdate {words}" + ("" if folder == "study" else f" --study {folder}")
 
 
 def _are_texts(value: Any) -> bool:

@@ -58,16 +58,19 @@ def test_what_is_wrong_is_said_at_once(tmp_path):
         _ = femupdate.calibrated
 
 
-def test_arrays_become_a_file_that_reads_back(tmp_path):
-    rows = np.random.default_rng(0).standard_normal((2, 80))
-    columns = dict(zip(("base", "RF"), rows, strict=True))
-    path = femupdate.save_arrays(tmp_path / "run.csv", 0.01, columns, unit="cm/s2")
-    histories = read_observation_file(path)
-    np.testing.assert_allclose(histories.acceleration, 0.01 * rows, rtol=1e-8)
-    assert histories.time_step == pytest.approx(0.01)
+def test_arrays_of_accelerations_are_taken_as_a_file_is(tmp_path):
+    truth = {"theta": (0.9, 1.1, 1.0), "zeta": 0.02}
+    simulated(tmp_path / "run.csv", **truth)
+    read = read_observation_file(tmp_path / "run.csv")
+    rows = {c.name: row / 9.80665 for c, row in zip(read.channels, read.acceleration, strict=True)}
+    seen = femupdate.Observation.from_accelerations(read.time_step, rows, unit="g")
+    how = {"building": "shear_3dof", "exact": True, "particles": 400}
+    found = femupdate.calibrate(tmp_path / "house", seen, **how)
+    assert np.abs(found.posterior.samples.mean(axis=0) - truth["theta"]).max() < 0.01
+    assert found.files == (tmp_path / "house" / "measured" / "arrays.csv",)
     for wrong in ({"base": [1.0], "attic": [2.0]}, {"base": [1.0], "RF": [1.0, 2.0]}):
         with pytest.raises(MeasurementError, match="give base, 2F"):
-            femupdate.save_arrays(tmp_path / "wrong.csv", 0.01, wrong)
+            femupdate.Observation.from_accelerations(0.01, wrong)
 
 
 def test_every_public_name_is_told():

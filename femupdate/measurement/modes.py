@@ -68,6 +68,13 @@ def modes_in_table(
         )
     sensors, shape, sd = _shapes(table, values)
     numbers = values.get(MODE, np.arange(1.0, len(frequency) + 1.0))
+    for row, number in enumerate(numbers):
+        if number in numbers[:row]:
+            raise table.file.error(
+                f"mode {number:g} is given twice; give each mode once, or number them apart",
+                int(table.lines[row]),
+                MODE,
+            )
 
     def cell(name: str, row: int) -> float | None:
         value = float(values[name][row]) if name in values else np.nan

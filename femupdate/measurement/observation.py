@@ -12,6 +12,7 @@ from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.errors import MeasurementError
 from femupdate.measurement.names import BASE, floor_height, parse_channel
 from femupdate.measurement.thresholds import SPECTRUM
+from femupdate.units import factor
 
 if TYPE_CHECKING:
     from femupdate.measurement.estimated import Estimator
@@ -126,6 +127,44 @@ class Observation:
             phase=np.angle(h).astype(np.float64) if whole else None,
             source=source,
         )
+
+    @classmethod
+    def from_accelerations(
+        cls,
+        time_step: float,
+        accelerations: Mapping[str, ArrayLike],
+        *,
+        unit: str = "m/s2",
+        source: str = "arrays",
+    ) -> "Observation":
+        """Histories of base and floors, whose FRFs `calibrate` estimates on the building's grid.
+
+            >>> import femupdate
+            >>> rows = {"base": [0.0, 0.1, 0.0], "RF": [0.0, 0.2, -0.1]}
+            >>> femupdate.Observation.from_accelerations(0.01, rows, unit="g").floors
+            ('RF',)
+
+        Args:
+            time_step: s.
+            accelerations: (n,) by names as files have them: base, 2F, ..., RF, 2F:1, RF.y.
+
+        Raises:
+            MeasurementError: a name is not known, or the lengths differ.
+            UnitError: the unit is no acceleration's.
+        """
+        from femupdate.measurement.histories import Histories
+
+        channels = {name: parse_channel(name) for name in accelerations}
+        unknown = [name for name, channel in channels.items() if channel is None]
+        if unknown or len({np.size(values) for values in accelerations.values()}) != 1:
+            wrong = f"{unknown[0]!r} is no channel" if unknown else "the arrays differ in length"
+            raise MeasurementError(f"{source}: {wrong}; give base, 2F, ..., RF, all of one length")
+        rows = factor(unit, "acceleration") * np.array([*accelerations.values()], dtype=float)
+        known = tuple(channel for channel in channels.values() if channel is not None)
+        histories = Histories(time_step, known, rows, source)
+        none = np.zeros((len(histories.floors), 0))
+        frfs = np.zeros(0), histories.floors, none, none, none > 0.0
+        return cls(*frfs, source=source, histories=histories)
 
     def __post_init__(self) -> None:
         shape = (len(self.floors), self.frequency_hz.size)

@@ -36,10 +36,11 @@ from femupdate.report.quantities import (
     quantity_tables,
     tidy_table,
 )
-from femupdate.report.scale import Scale
-from femupdate.result import Item, Note, Notes, Picture, Result, took
+from femupdate.report.scale import Scale, range_text
+from femupdate.result import Item, Note, Notes, Picture, Result, first_lines, took
 from femupdate.storage import read_tree, write_tree
-from femupdate.study import as_written
+from femupdate.study import as_written, typed
+from femupdate.units import percent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +62,7 @@ class Prediction(Result):
             error, m/s2.
         path: the netCDF file.
         damping: what damping was used, in words.
-        notes: what the user should know.
+        notes: what the user should know, the warnings among them.
         seconds: all the time taken.
         quantities: peaks, drift ratios, base shear and stiffness of the stories, by key.
         motion: of the base.
@@ -82,6 +83,7 @@ class Prediction(Result):
     measured: Floats | None = None
     floor_spectra: FloorSpectra | None = None
     members: tuple[MemberForces, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def peak_acceleration(self) -> Statistics:
@@ -101,12 +103,33 @@ class Prediction(Result):
     def items(self) -> Iterator[Item]:
         """Peaks, stiffnesses and what else was asked for, notes and tables."""
         summary, alone, spectra = self.summary, self.alone, self.floor_spectra
-        floors = summary.floors
+        floors, found = summary.floors, self.quantities.values()
         peaks = {
             "peak_acceleration_m_s2": self.peak_acceleration,
             "peak_acceleration_of_parameters_m_s2": statistics(alone.peak_acceleration),
         }
         stories = [str(k) for k in range(1, len(self.story_stiffness.mean) + 1)]
+        state = "to be used with care" if self.warnings else "predicted"
+        verdict = f"Verdict: {state} ({self.motion.title}, peak {self.motion.peak:.2f} m/s²"
+        if self.comparison is not None:
+            figures = self.comparison.as_dict()
+            error = max(figures.values(), key=lambda scores: scores["relative_error"])
+            held = sum(scores["peak_within"] for scores in figures.values())
+            verdict += f"; {held:.0f} of {len(figures)} measured peaks lie in their intervals, the "
+            verdict += f"error is up to {percent(error['relative_error'])}"
+        largest = [
+            f"{quantity.name} {range_text(quantity.values[:, at])} {quantity.unit} "
+            f"({quantity.places[at]})"
+            for quantity in found
+            for at in [int(quantity.statistics.mean.argmax())]
+            if quantity.name.startswith("peak")
+        ]
+        yield from first_lines(
+            f"{verdict}).",
+            f"Largest (90 %): {', '.join(largest)}.",
+            f"`{typed('report', self.path)}` writes the page",
+        )
+        yield Notes(self.warnings, warning=True)
         yield Note(
             f"Prediction from {len(summary)} posterior draws{took(self.seconds)}",
             {
@@ -115,11 +138,11 @@ class Prediction(Result):
                 "story_stiffness_n_per_m": self.story_stiffness.by_name(stories),
                 "seconds": self.seconds,
             },
+            detail=True,
         )
-        yield Note(f"  damping ratio: {self.damping}", {"damping": self.damping})
-        found = self.quantities.values()
-        yield from quantity_tables(found)
-        yield Note("  mean, and 5 to 95 % in brackets", page=False)
+        yield Note(f"  damping ratio: {self.damping}", {"damping": self.damping}, detail=True)
+        yield from (replace(table, detail=True) for table in quantity_tables(found))
+        yield Note("  mean, and 5 to 95 % in brackets", detail=True, page=False)
         yield from member_tables(self.members)
         if self.members:
             forces = [member.as_dict() for member in self.members]
@@ -128,11 +151,11 @@ class Prediction(Result):
             yield Note(content={"floor_spectra": spectra.as_dict(floors)})
             yield spectra.table(floors)
         if self.comparison is not None:
-            figures = self.comparison.as_dict()
             yield Note(content={"comparison": figures})
-            yield score_table(figures)
-        yield Notes(self.notes, "--json has them", key="notes")
-        yield Note(f"  {self.path}", {"prediction": self.path}, page=False)
+            yield replace(score_table(figures), detail=True)
+        yield Note(content={"notes": self.notes})
+        yield Notes(tuple(note for note in self.notes if note not in self.warnings), detail=True)
+        yield Note(f"  {self.path}", {"prediction": self.path}, detail=True, page=False)
         yield tidy_table("peaks", found, key="peaks")
         yield tidy_table("predicted_peaks", found, self.members)
         if spectra is not None:
@@ -283,6 +306,7 @@ def save_prediction(found: Prediction) -> None:
         "time_step_s": motion.time_step,
         "damping": found.damping,
         "notes": json.dumps(found.notes),
+        "warnings": json.dumps(found.warnings),
     }
     write_tree(tree, found.path)
 
@@ -349,6 +373,7 @@ def read_prediction(path: Path, building: Building, mass: float) -> Prediction:
             path=path,
             damping=str(tree.attrs["damping"]),
             notes=tuple(map(str, json.loads(tree.attrs["notes"]))),
+            warnings=tuple(map(str, json.loads(tree.attrs.get("warnings", "[]")))),
             seconds=np.nan,
             quantities=quantities(building, floors, peaks, mass),
             motion=motion,

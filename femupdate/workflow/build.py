@@ -18,8 +18,8 @@ from femupdate.fe.export_nastran import bulk_data
 from femupdate.fe.export_opensees import opensees_script
 from femupdate.fe.model import FiniteElementModel
 from femupdate.progress import SILENT, Progress
-from femupdate.result import Item, Note, Notes, Result
-from femupdate.study import BUILDING_FILE, Study, atomic_path, write_text
+from femupdate.result import Item, Note, Notes, Result, first_lines
+from femupdate.study import BUILDING_FILE, Study, atomic_path, typed, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
 from femupdate.workflow.model import (
@@ -40,12 +40,14 @@ class BuildReport(Result):
     """What was built.
 
     Attributes:
+        folder: of the study.
         modes: lowest of the full model at theta = 1.
         dof: degrees of freedom of the full model after supports.
         mass_kg: of the model, its supports included.
         checks: what was checked, a sentence each.
     """
 
+    folder: Path
     model: StudyModel
     modes: FullModes
     dof: int
@@ -74,10 +76,19 @@ class BuildReport(Result):
             "reduced_size": self.model.reduced.size,
             "reduction_error": self.model.reduction_error,
         }
-        yield Note(building.title or building.name, content)
         sizes = f"{self.dof} degrees of freedom, {self.elements} elements"
-        yield Note(f"  {sizes}", {"dof": self.dof, "elements": self.elements})
         frequency = modes.frequency_hz[told]
+        heavy = [k for k in told if modes.effective_mass[k].max() >= 0.1] or told
+        yield from first_lines(
+            f"Verdict: {building.title or building.name} stands ({sizes}, "
+            f"{self.mass_kg / 1e3:.4g} t).",
+            "Heaviest modes: "
+            + ", ".join(f"{modes.frequency_hz[k]:.3f} Hz ({modes.direction[k]})" for k in heavy[:8])
+            + ".",
+            f"look at the pictures, then `{typed('calibrate FILE', self.folder / BUILDING_FILE)}`",
+        )
+        yield Note(content=content)
+        yield Note(f"  {sizes}", {"dof": self.dof, "elements": self.elements}, detail=True)
         columns = (
             Column([k + 1 for k in told], "mode", key="mode"),
             Column(frequency, "Hz", [f"{value:.3f}" for value in frequency], key="frequency_hz"),
@@ -92,16 +103,17 @@ class BuildReport(Result):
                 for axis, shares in zip("xy", modes.effective_mass[told].T, strict=True)
             ),
         )
-        yield Table(name="modes", key="modes", columns=columns)
+        yield Table(name="modes", key="modes", columns=columns, detail=True)
         for axis, shares in zip("XY", np.cumsum(modes.effective_mass, axis=0).T, strict=True):
             if shares[-1] > 0.0:
                 enough = int(np.searchsorted(shares, 0.9)) + 1
                 first = f"; the first {enough} move 90 %" if enough <= len(shares) else ""
                 total = percent(shares[-1], 1)
                 yield Note(
-                    f"  All {len(shares)} modes move {total} of the mass along {axis}{first}."
+                    f"  All {len(shares)} modes move {total} of the mass along {axis}{first}.",
+                    detail=True,
                 )
-        yield Notes(self.checks, key="checks")
+        yield Notes(self.checks, key="checks", detail=True)
 
     def _told(self) -> list[int]:
         """The lowest modes, and those above them that move much."""
@@ -141,6 +153,7 @@ def build_study(
     if mesh is None or operators is None:
         model = keep_reduction(study, chosen, reduce_building(chosen, structure))
         return BuildReport(
+            folder=study.folder,
             model=model,
             modes=full_modes(model),
             dof=model.reduced.size,
@@ -168,6 +181,7 @@ def build_study(
         *mesh.notes,
     )
     return BuildReport(
+        folder=study.folder,
         model=model,
         modes=modes,
         dof=size,

@@ -2,7 +2,6 @@
 
 import json
 import shlex
-import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -21,9 +20,9 @@ from femupdate.measurement.observation import on_all_floors
 from femupdate.report.curves import Curve, response_curves
 from femupdate.report.quantities import DrawnQuantity, floor_table, tidy_table
 from femupdate.report.scale import range_text
-from femupdate.result import Item, Note, Notes, Picture, Result, plain, took
+from femupdate.result import Item, Note, Notes, Picture, Result, first_lines, plain, took
 from femupdate.seeds import spawn
-from femupdate.study import Study, as_written, write_text
+from femupdate.study import Study, as_written, typed, write_text
 from femupdate.tables import Table
 from femupdate.units import percent
 from femupdate.workflow.calibrate_draws import predictive_log_frf
@@ -92,7 +91,7 @@ class CalibrationReport(Result):
         return response_curves(predicted, seen, _with_errors(model, posterior, predicted))
 
     @property
-    def first(self) -> tuple[str, ...]:
+    def first(self) -> tuple[str, str]:
         """The verdict, and the interval of every parameter unless they are many."""
         posterior, building = self.posterior, self.model.building
         wrong, seen = bool(posterior.warnings), posterior.observation
@@ -130,12 +129,12 @@ class CalibrationReport(Result):
         """Verdict, intervals, what to do, warnings; then the table, what it is worth, and notes."""
         posterior, seen = self.posterior, self.posterior.observation
         drawn, zeta, draws = posterior.drawn, posterior.zeta_samples, posterior.samples
-        for line in self.first:
-            yield Note(textwrap.fill(line, 98, subsequent_indent="  "), page=False)
-        files = shlex.join(str(path) for path in self.files)
-        look = f"`femupdate diagnose {files}` looks for what is missing"
-        go = "`femupdate predict --record RECORD`, or `femupdate report` for the page"
-        yield Note(f"Next: {look if posterior.warnings else go}; -v tells more.", page=False)
+        look = typed(shlex.join(("diagnose", *map(str, self.files))), self.path)
+        go, page = typed("predict --record RECORD", self.path), typed("report", self.path)
+        ahead = f"`{look}` looks for what is missing"
+        if not posterior.warnings:
+            ahead = f"`{go}`, or `{page}` for the page"
+        yield from first_lines(*self.first, ahead)
         yield Notes(posterior.warnings, f"{SUMMARY} in the study", warning=True)
         yield Note(
             f"{drawn.likelihood.capitalize()} posterior: {len(draws)} draws{took(self.seconds)}",

@@ -1,9 +1,10 @@
 """diagnose: where model and measurement disagree, and what the model may lack."""
 
 import json
+import shlex
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import torch
 
 from femupdate.discrepancy.diagnose import with_pair
 from femupdate.discrepancy.findings import (
+    NAMED,
     PARTLY,
     Diagnosis,
     Finding,
@@ -38,8 +40,8 @@ from femupdate.inference.likelihood import Likelihood
 from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import with_unit
-from femupdate.result import Item, Note, Notes, Picture, Result
-from femupdate.study import Study, write_text
+from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
+from femupdate.study import Study, typed, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
 from femupdate.workflow.effects import finder_basis
@@ -61,6 +63,7 @@ class DiagnosisReport(Result):
         settings: of the diagnosis.
         path: of the JSON file.
         seconds: all the time taken.
+        files: the observations.
     """
 
     diagnosis: Diagnosis
@@ -70,6 +73,7 @@ class DiagnosisReport(Result):
     settings: DiagnosisSettings
     path: Path
     seconds: float
+    files: tuple[Path, ...]
 
     @property
     def would_decide(self) -> tuple[str, ...]:
@@ -84,10 +88,19 @@ class DiagnosisReport(Result):
     def items(self) -> Iterator[Item]:
         """The verdict, the leading effects, notes and tables."""
         found, points = self.diagnosis, self.problem.effective
-        yield Note(
+        where = ""
+        if found.residuals:
+            most = max(found.residuals, key=lambda cell: cell.excess)
+            where = ", most at {} from {:.3g} to {:.3g} Hz".format(most.floor, *most.band_hz)
+        named = found.verdict in (NAMED, PARTLY)
+        words = (f"repair {shlex.join(map(str, self.files))}", "adds what is missing")
+        command, does = words if named else ("report", "writes the page with the maps")
+        yield from first_lines(
             f"Verdict: {found.verdict}. {found.sentence}",
-            {"verdict": found.verdict, "sentence": found.sentence},
+            f"Residuals: {(found.base.chi2 / points) ** 0.5:.2g} times the noise (rms){where}.",
+            f"`{typed(command, self.path)}` {does}",
         )
+        yield Note(content={"verdict": found.verdict, "sentence": found.sentence})
         yield Note(
             f"  residuals {found.base.chi2:.0f} over {points:.0f} independent points "
             f"by the noise alone; {self.seconds:.1f} s",
@@ -100,14 +113,14 @@ class DiagnosisReport(Result):
             },
             detail=True,
         )
-        yield _effects(found.findings)
+        yield replace(_effects(found.findings), detail=True)
         told = ""
         if found.unobservable:
             unseen = grouped(found.unobservable, self.problem.reduced.structure)
             told = f"  cannot be seen with these sensors: {unseen}"
-        yield Note(told, {"cannot_be_seen": found.unobservable})
+        yield Note(told, {"cannot_be_seen": found.unobservable}, detail=True)
         yield Notes(self.notes, f"{self.path.name} in the study")
-        where = [cell for cell in found.residuals if cell.p_value < 1e-3]
+        high = [cell for cell in found.residuals if cell.p_value < 1e-3]
         keys = ("floor", "band_hz", "excess", "data")
         yield Note(
             f"  {self.path}",
@@ -120,9 +133,10 @@ class DiagnosisReport(Result):
                 "remaining": found.left.as_dict(),
                 "cannot_be_told_from_the_first": found.twins,
                 "would_decide": self.would_decide,
-                "where": [{key: getattr(cell, key) for key in keys} for cell in where],
+                "where": [{key: getattr(cell, key) for key in keys} for cell in high],
                 "screen": [*self.limits, *self.screen],
             },
+            detail=True,
         )
         cells = found.residuals
         columns = (
@@ -259,6 +273,7 @@ def diagnose_study(
         settings=chosen,
         path=study.path("diagnosis.json"),
         seconds=time.monotonic() - started,
+        files=source.paths,
     )
     origin = {**model.made_from(), **source.made_from()}
     keep_found(study, "diagnose", report.path, report.as_dict(), origin, source, second=second)

@@ -176,6 +176,7 @@ def predict_study(
         damping=damping,
         # The decisive come first.
         notes=(*posterior.warnings, *at_level, *_notes(model, posterior, motion, settings)),
+        warnings=(*posterior.warnings, *at_level),
         seconds=time.monotonic() - started,
         quantities=quantities(model.building, summary.floors, peaks, mass),
         motion=motion,

@@ -25,9 +25,9 @@ from femupdate.measurement.histories import Histories
 from femupdate.progress import SILENT, Progress
 from femupdate.report.curves import Curve
 from femupdate.report.scale import plus_minus
-from femupdate.result import Item, Note, Picture, Result
+from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
 from femupdate.seeds import Seed
-from femupdate.study import BUILDING_FILE, Study
+from femupdate.study import BUILDING_FILE, Study, typed
 from femupdate.tables import Column, Table
 from femupdate.workflow.amplitude import level_between
 from femupdate.workflow.calibrate_effects import with_fitted
@@ -88,25 +88,35 @@ class RepairReport(Result):
             }
             for added in done.rounds
         ]
-        yield Note(content={"verdict": done.verdict, "sentence": done.last.sentence})
-        yield from (Note(self._round(number)) for number in range(len(rounds)))
-        left = {"rounds": rounds, "remaining": {**done.left.as_dict(), "sentence": self._left}}
+        kept_out = self._in_turn() if held is None else held.lines()
+        verdict = f"nothing was added ({done.last.verdict}). {done.last.sentence}"
         if rounds:
-            yield Note(f"  what is left: {self._left}", left)
-        else:
-            yield Note(f"Nothing was added ({done.last.verdict}). {done.last.sentence}", left)
+            verdict = f"repaired. {'; '.join(step.finding.in_words for step in done.rounds)}."
+        squares = f"{done.before.chi2:.0f} -> {done.after.chi2:.0f} over {points:.0f} points"
+        path, folder = self.building_path, None if self.study is None else self.study.folder
+        yield from first_lines(
+            f"Verdict: {verdict}",
+            f"Residuals: {'; '.join((squares, *kept_out[:1], self._left))}",
+            f"`{typed('report', path or self.path)}` writes the page",
+        )
+        # What predicts data kept out better stands for itself, and what others complete.
+        if held is None and done.left.size > 0.0 and any(s.stands_in(points) for s in done.rounds):
+            yield Notes((STANDS_IN,))
+        yield Note(content={"verdict": done.verdict, "sentence": done.last.sentence})
+        yield from (Note(self._round(number), detail=True) for number in range(len(rounds)))
+        left = {"rounds": rounds, "remaining": {**done.left.as_dict(), "sentence": self._left}}
+        yield Note(f"  what is left: {self._left}", left, detail=True)
         told = ""
         if done.refused:
             names = "; ".join(added.in_words for added in done.refused)
             told = f"  not added, for data kept out are predicted worse with it: {names}"
         yield Note(told, {"refused": [added.placed.label for added in done.refused]})
         yield self._factors()
-        kept_out = self._in_turn() if held is None else held.lines()
-        yield Note("\n".join(f"  {line}" for line in kept_out), self._kept_out())
-        path, folder = self.building_path, None if self.study is None else self.study.folder
+        yield Note("\n".join(f"  {line}" for line in kept_out), self._kept_out(), detail=True)
         told = "" if path is None else f"  repaired building {path}"
-        yield Note(told, {"building": path, "study": folder})
-        yield Note(f"  {self.path}", {"seconds": self.seconds, "independent_points": points})
+        yield Note(told, {"building": path, "study": folder}, detail=True)
+        figures = {"seconds": self.seconds, "independent_points": points}
+        yield Note(f"  {self.path}", figures, detail=True)
 
     def _kept_out(self) -> dict[str, Any]:
         """How both models meet the data, and data kept out, for JSON."""
@@ -131,7 +141,7 @@ class RepairReport(Result):
                 Column(draws.mean(axis=0), when, cells[:count], key=f"theta_{when}"),
                 Column(draws.std(axis=0), key=f"theta_sd_{when}"),
             ]
-        return Table(name="factors", columns=tuple(columns))
+        return Table(name="factors", columns=tuple(columns), detail=True)
 
     def figures(self) -> Iterator[Picture]:
         """Maps of residuals before and after, and the picture that tells the whole story."""
@@ -199,12 +209,9 @@ class RepairReport(Result):
     def _round(self, number: int) -> str:
         """What one round added, and what tells on site whether it is there."""
         step, points = self.repair.rounds[number], self.problem.effective
-        # What predicts data kept out better stands for itself, and what others complete.
-        open_end = self.held is None and self.repair.left.size > 0.0
-        doubt = f"\n  {STANDS_IN}" if open_end and step.stands_in(points) else ""
         return (
             f"{number + 1}. {step.finding.in_words}\n  residuals {step.chi2_before:.0f} -> "
-            f"{step.chi2_after:.0f} over {points:.0f} independent points{doubt}\n"
+            f"{step.chi2_after:.0f} over {points:.0f} independent points\n"
             f"  without the model it is settled by {step.finding.placed.effect.settled_by}"
         )
 

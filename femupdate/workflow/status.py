@@ -18,6 +18,7 @@ from femupdate.study import (
     Study,
     file_hash,
     owner_of,
+    typed,
 )
 from femupdate.tables import Table
 from femupdate.units import capital
@@ -246,7 +247,7 @@ class _Look:
         repaired = self.study.path(REPAIRED)
         if repaired not in self.studies:
             return (report,)
-        command = f"femupdate report --study {shlex.quote(str(repaired))}"
+        command = typed("report", repaired / BUILDING_FILE)
         return (report, (command, "The same of the building that `repair` made."))
 
     def _shown(self) -> Study:
@@ -262,8 +263,7 @@ class _Look:
         # A repair is asked of the study of the building as it was, and writes into one inside it.
         if item is not None and (item.name, item.command, where.name) == _REPAIRED_POSTERIOR:
             where = where.parent
-        folder = shlex.quote(str(where))
-        return f"femupdate {command}" + ("" if folder == "study" else f" --study {folder}")
+        return typed(command, where / BUILDING_FILE)
 
 
 def sources_of(artefact: Artefact) -> tuple[str, ...]:

@@ -10,9 +10,9 @@ from typing import Any
 from femupdate import __version__
 from femupdate.errors import SurrogateError
 from femupdate.progress import SILENT, Progress
-from femupdate.result import Item, Note, Result
+from femupdate.result import Item, Note, Result, first_lines
 from femupdate.seeds import DATA_SET, stream
-from femupdate.study import Study, file_hash
+from femupdate.study import BUILDING_FILE, Study, file_hash, typed
 from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
 from femupdate.surrogate.network import NetworkSizes
 from femupdate.surrogate.storage import (
@@ -36,21 +36,8 @@ _CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
 
 
-@dataclass(frozen=True)
-class Effort:
-    """How much is put into a training.
-
-    Attributes:
-        samples: simulated buildings in the data set.
-    """
-
-    samples: int
-    epochs: int
-
-
-# Of six stories, on one core: some six minutes, and half an hour.
-USUAL = Effort(50_000, 16)
-THOROUGH = Effort(100_000, 45)
+# Samples and epochs. Of six stories, on one core: some six minutes, and half an hour.
+USUAL, THOROUGH = (50_000, 16), (100_000, 45)
 
 
 @dataclass(frozen=True)
@@ -59,15 +46,20 @@ class TrainReport(Result):
 
     Attributes:
         path: where they are.
-        trained: False where a fitting surrogate was there already.
-        seconds: spent on the data set and on the training, now.
+        folder: of the study.
+        seconds: spent on the data set and on the training, now; none where they were there.
     """
 
     surrogate: Surrogate
     path: Path
-    trained: bool
-    dataset_seconds: float
-    training_seconds: float
+    folder: Path
+    dataset_seconds: float = 0.0
+    training_seconds: float = 0.0
+
+    @property
+    def trained(self) -> bool:
+        """Whether no fitting surrogate was there already."""
+        return self.training_seconds > 0.0
 
     def items(self) -> Iterator[Item]:
         """How it went."""
@@ -81,21 +73,17 @@ class TrainReport(Result):
                 "metrics": metrics,
             }
         )
-        if not self.trained:
-            yield Note(
-                f"A trained surrogate fits this building: {self.path}. Use --fresh to train again."
-            )
-            return
-        yield Note(
-            f"Trained: data set {self.dataset_seconds:.0f} s, "
-            f"training {self.training_seconds:.0f} s"
+        there = f"{self.path} fits this building; --fresh trains again"
+        took = f"data set {self.dataset_seconds:.0f} s, training {self.training_seconds:.0f} s"
+        yield from first_lines(
+            f"Verdict: {'trained' if self.trained else 'trained already'}.",
+            f"Surrogate: {took if self.trained else there}.",
+            f"`{typed('calibrate FILE', self.folder / BUILDING_FILE)}`",
         )
-        yield Note(
-            f"  best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}, validation loss "
-            f"{metrics['validation_loss']:.1f}",
-            detail=True,
-        )
-        yield Note(f"  {self.path}")
+        if self.trained:
+            epochs = f"best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}"
+            loss = f"validation loss {metrics['validation_loss']:.1f}"
+            yield Note(f"  {epochs}, {loss}\n  {self.path}", detail=True)
 
 
 def check_samples(samples: int, settings: TrainingSettings) -> None:
@@ -138,7 +126,7 @@ def check_training(
 def train_study(
     study: Study,
     model: StudyModel,
-    samples: int = USUAL.samples,
+    samples: int = USUAL[0],
     settings: TrainingSettings | None = None,
     *,
     fresh: bool = False,
@@ -157,7 +145,7 @@ def train_study(
     """
     found = None if fresh or start is not None else find_surrogate(study, model.building)
     if found is not None:
-        return TrainReport(found[0], found[1], False, 0.0, 0.0)
+        return TrainReport(*found, study.folder)
     settings = settings or default_settings(model)
     check_samples(samples, settings)
     initial = None if start is None else load_surrogate(start).mvae
@@ -198,7 +186,8 @@ def train_study(
     # What other trainings left here, killed and then abandoned, goes as well.
     shutil.rmtree(folder.parent, ignore_errors=True)
     path = study.path(TRAINED.file)
-    return TrainReport(surrogate, path, True, between - started, time.monotonic() - between)
+    spent = between - started, time.monotonic() - between
+    return TrainReport(surrogate, path, study.folder, *spent)
 
 
 def default_settings(model: StudyModel, **changes: Any) -> TrainingSettings:
