@@ -166,8 +166,7 @@ def predict_study(
     if ratio is not None:
         floors = summary.examples.floor_acceleration
         spectra = floor_spectra(floors, motion.acceleration, motion.time_step, ratio)
-    peaks = [getattr(summary, name) for name in PEAKS]
-    mass = float(model.reduced.story_mass[0])
+    peaks, mass = [getattr(summary, name) for name in PEAKS], float(model.reduced.story_mass[0])
     report = Prediction(
         summary=summary,
         alone=alone,

@@ -64,6 +64,7 @@ TEXTS = {
     "imaginary parts alone": (frfs(*GOOD, head="frequency_hz,2F_im,3F_im,RF_im"), ()),
     "damping below zero": (MODES + "1,3.8,-2,0.4,0.7,1\n", ()),
     "a frequency below zero": (MODES + "1,-3.8,2,0.4,0.7,1\n", ()),
+    "a mode given twice": (MODES + "1,3.8,2,0.4,0.7,1\n" * 2, ()),
     "a shape of nothing": (MODES + "1,3.8,2,0,0,0\n", ()),
     "modes without frequencies": ("mode,damping (%),2F,3F,RF\n1,2,0.4,0.7,1\n", ()),
 }

@@ -232,8 +232,9 @@ def test_a_factor_that_ends_at_its_limit_is_told(diagnosed, study, tmp_path):
 
 
 def test_the_verdict_is_told_first_and_the_evidence_in_a_table(heavier):
-    lines = "\n".join(heavier.lines()).splitlines()
+    lines = "\n".join(heavier.lines(True)).splitlines()
     assert lines[0].startswith("Verdict: named. ")
+    assert "added_mass@3F" not in "\n".join(heavier.lines())
     (row, *_) = [words for words in map(str.split, lines) if words[:1] == ["added_mass@3F"]]
     assert float(row[1]) > 6.0  # the log evidence that a name needs
 
