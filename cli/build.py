@@ -9,7 +9,7 @@ from femupdate.study import Study
 
 from .answer import Answer
 from .bars import Bars
-from .common import building_option, check_free, study_options
+from .common import building_option, check_free, device_option, study_options
 from .group import GroupedCommand
 from .parameters import BuildingName
 
@@ -123,6 +123,7 @@ def build_model(
 )
 @click.option("--start", type=click.Path(path_type=Path), help="Weights to start from.")
 @click.option("--fresh", is_flag=True, help="Train even where a fitting surrogate exists.")
+@device_option
 @study_options(draws=False, shares=True)
 def train(study: Study, bars: Bars, **asked: Any) -> Answer:
     """Train the surrogate of the study's building.

@@ -56,6 +56,9 @@ building_option = click.option(
     "--building", type=BuildingName(), help="Shipped name or TOML file, for a new study."
 )
 observations_argument = click.argument("observations", type=InputFile(), nargs=-1, required=True)
+device_option = click.option(
+    "--device", default="cpu", show_default=True, help="Device for torch: cpu, cuda, ..."
+)
 unit_option = click.option("--unit", help="Unit of the accelerations, where the file gives none.")
 channel_option = click.option(
     "--channel", type=Channel(), help="Channel of the record, by name or number."

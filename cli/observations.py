@@ -14,6 +14,7 @@ from .common import (
     F,
     Tables,
     building_option,
+    device_option,
     drawn,
     observations_argument,
     reading_options,
@@ -48,7 +49,7 @@ from .parameters import InputFile
     show_default=True,
     help="Name of the posterior; a study keeps any number of them.",
 )
-@click.option("--device", default="cpu", show_default=True, help="Device for torch: cpu, cuda, ...")
+@device_option
 @click.option(
     "--anyway", is_flag=True, help="Keep a posterior even where the file is unlike the building."
 )

@@ -142,6 +142,7 @@ def train(
     thorough: bool = False,
     fresh: bool = False,
     start: File | None = None,
+    device: str = "cpu",
     progress: Progress = SILENT,
     **settings: Unpack[Training],
 ) -> "TrainReport":
@@ -152,12 +153,14 @@ def train(
         thorough: twice the samples and three times the epochs.
         fresh: train even where a fitting surrogate exists.
         start: weights to go on from.
+        device: of torch, for the training.
         settings: see `Training`.
 
     Raises:
         SurrogateError: too few samples, or no weights to start from.
         StudyError: the study has no building and none is named.
     """
+    from femupdate.workflow.calibrate import check_device
     from femupdate.workflow.train import (
         THOROUGH,
         USUAL,
@@ -170,10 +173,12 @@ def train(
     count = samples or usual
     weights = None if start is None else Path(start)
     opened, name, (_, rest) = _study(study), _name(building), _parted(settings, Training)
+    check_device(device)
     check_training(opened, count, rest.get("batch", 512), weights, name)
     model = reduce(opened, name, progress=progress)
     chosen = default_settings(model, **{"epochs": epochs, **rest})
-    return train_study(opened, model, count, chosen, fresh=fresh, start=weights, progress=progress)
+    how: dict[str, Any] = {"fresh": fresh, "start": weights, "progress": progress, "device": device}
+    return train_study(opened, model, count, chosen, **how)
 
 
 def calibrate(

@@ -52,13 +52,13 @@ class Descent:
     @property
     def precision(self) -> Tensor:
         """(s, z, z) of the posterior about each point, in double precision on the processor."""
-        information = self.information.double().cpu()
+        information = self.information.double()
         return information + torch.eye(information.shape[-1]).to(information)
 
     @property
     def log_mass(self) -> Tensor:
         """Log share (s,) of the posterior about each point, but for a constant (Laplace)."""
-        return -self.nats.double().cpu() - 0.5 * torch.linalg.slogdet(self.precision)[1]
+        return -self.nats.double() - 0.5 * torch.linalg.slogdet(self.precision)[1]
 
 
 class Residuals:
@@ -102,7 +102,7 @@ class Misfit(Residuals):
         root, target = data.weight.sqrt(), data.log_frf
 
         def residuals(z: Tensor) -> Tensor:
-            return (root * (target - respond(z.to(target.device)))).flatten(1).to(z.device)
+            return (root * (target - respond(z))).flatten(1)
 
         super().__init__(residuals, step)
 
@@ -156,7 +156,7 @@ def distinct(descent: Descent, log_mass: Tensor, *, nats: float, count: int) -> 
         nats: that one may be lighter than the heaviest.
         count: of them, at most.
     """
-    z, precision = descent.z.double().cpu(), descent.precision
+    z, precision = descent.z.double(), descent.precision
     rows: list[int] = []
     for row in torch.argsort(log_mass, descending=True).tolist():
         if log_mass[row] < log_mass.max() - nats or len(rows) == count:
@@ -270,7 +270,7 @@ def maximise(
     if near is not None:
         jacobian = torch.cat([near.expand(len(now.z), -1, -1), jacobian], dim=2)
     now = replace(now, jacobian=jacobian)
-    active = torch.ones(len(starts), dtype=torch.bool, device=starts.device)
+    active = torch.ones(len(starts), dtype=torch.bool)
     mended, damping = (
         torch.full_like(active, near is not None),
         torch.full_like(now.objective, _DAMPING),
@@ -342,7 +342,7 @@ def _tried(
         by = torch.cat([10.0 * damping[failed], 100.0 * damping[failed]])
         both = stepped(now[twice], by)
         which = both.objective.view(2, -1).argmin(0) * len(failed)
-        chosen = which + torch.arange(len(failed), device=which.device)
+        chosen = which + torch.arange(len(failed))
         found.put(failed, both[chosen])
         used[failed] = by[chosen]
     return found, used

@@ -92,7 +92,6 @@ class FrfData:
         believed: of the data and of the model beside them.
         logs: how ln|H| of one record is made, of the observed floors alone and far faster than
             complex FRFs; None where FRFs are compared.
-        device: where `logs` are.
         stand_in: gives these in place of the model, of its parameters and damping ratios, as a
             surrogate does.
     """
@@ -109,7 +108,6 @@ class FrfData:
     halves: "tuple[FrfData, ...]" = ()
     believed: Believed = LEARNING
     logs: Responses | None = None
-    device: torch.device | str = "cpu"
     stand_in: Callable[[Tensor, Tensor], Tensor] | None = None
 
     @property
@@ -240,17 +238,15 @@ class FrfData:
         (block,) = self.blocks
         seen = block.estimator
         asked = self.frequency_hz if seen is None else torch.from_numpy(seen.frequency_hz)
-        both = torch.cat([theta, sizes], dim=1).to(self.device, torch.float64)
-        ratio = zeta.to(self.device, torch.float64)
+        both, ratio = torch.cat([theta, sizes], dim=1).double(), zeta.double()
         if self.stand_in is not None:
             return self.stand_in(both, ratio)
-        return _as_run(system, seen).log_frf(both, ratio, asked.to(self.device), how)
+        return _as_run(system, seen).log_frf(both, ratio, asked, how)
 
     def as_logs(
         self,
         system: System,
         *,
-        device: torch.device | str = "cpu",
         precision: torch.dtype = torch.float64,
         modes: int | None = MODES_KEPT,
         batch: int | None = None,
@@ -259,7 +255,6 @@ class FrfData:
 
         Args:
             system: the model. Responses of one with effects are made of all its modes.
-            device: where responses are made.
             precision: of the responses; modes are always solved in float64. float32 takes half the
                 time and moves the log likelihood by a few thousandths.
             modes: kept for a response; all where None, which makes responses smooth in theta:
@@ -273,7 +268,7 @@ class FrfData:
             seen=self.blocks[0].estimator,
             batch=batch,
         )
-        return replace(self, logs=how, device=device)
+        return replace(self, logs=how)
 
     def drawn(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Complex FRFs (f, k) of the observed floors at the first record's points, as they are."""
@@ -545,14 +540,13 @@ def base_logs(
     system: System,
     *,
     believed: Believed = LEARNING,
-    device: torch.device | str = "cpu",
     precision: torch.dtype = torch.float64,
     modes: int | None = MODES_KEPT,
     batch: int | None = None,
 ) -> FrfData:
     """ln|H| under base motion, at all frequencies of an observation (see `FrfData.as_logs`)."""
     data = frf_data(observation, system.floors, use_phase=False, believed=believed)
-    return data.as_logs(system, device=device, precision=precision, modes=modes, batch=batch)
+    return data.as_logs(system, precision=precision, modes=modes, batch=batch)
 
 
 def forced_data(

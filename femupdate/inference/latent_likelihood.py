@@ -152,7 +152,7 @@ class LatentLikelihood:
         system: the building's reduced model, with its effects if it lists any, of which some
             hundreds of responses are asked.
         observation: on the surrogate's frequency grid.
-        device: where to evaluate.
+        device: where to evaluate; the search before it, of few points, is on the processor.
         power: that the likelihood is raised to; default the surrogate's own, from its calibration.
         least_noise: standard deviation of ln|H| below which the file's noise is not believed:
             idealisation errs as well; default that of the surrogate's training.
@@ -188,14 +188,11 @@ class LatentLikelihood:
             )
         self.input = encoder_input(observation, surrogate.info.floors)
         self.power = surrogate.info.likelihood_power if power is None else power
-        # A module moves in place: the caller's stays where it is.
-        self._mvae = copy.deepcopy(surrogate.mvae).to(device).requires_grad_(False)
+        mvae = copy.deepcopy(surrogate.mvae).requires_grad_(False)
         floor = surrogate.info.noise_sd if least_noise is None else least_noise
-        clean = latent_data(observation, surrogate.info.floors, floor, device)
-        seen = self.input.visibility
-        visibility = Visibility(seen.floors.to(device), seen.band.to(device))
+        clean = latent_data(observation, surrogate.info.floors, floor)
         with torch.no_grad():
-            self.proposal = self._mvae.encode_observation(self.input.log_frf.to(device), visibility)
+            self.proposal = mvae.encode_observation(self.input.log_frf, self.input.visibility)
         # The search is short and the same for an observation whatever the seed of the sampler.
         generator = torch_generator(_SEARCH_SEED)
         self.settled: Settled | None = None
@@ -212,13 +209,14 @@ class LatentLikelihood:
             None if learning is None else settle,
         )
         self.found = find_latent(
-            self._mvae, _with_decoder_error(clean, self._mvae), self.proposal, control, generator
+            mvae, _with_decoder_error(clean, mvae), self.proposal, control, generator
         )
         self.usual_misfit = usual_misfit(observation)
         # theta says where z is, but for the coordinate of the damping.
-        sizes = self._mvae.sizes
+        sizes = mvae.sizes
         spread = torch.diag(torch.arange(sizes.coordinates) >= sizes.parameters)
         self._quadratics = LatentQuadratics(self.found.posterior, spread, device)
+        self._mvae = mvae.to(device)
 
     def __call__(self, theta: Tensor) -> Tensor:
         """Log likelihood (n,), float32, of theta (n, p), on the device of theta."""
@@ -253,7 +251,6 @@ def latent_data(
     observation: Observation,
     floors: tuple[str, ...],
     least_noise: float,
-    device: torch.device | str = "cpu",
 ) -> LatentData:
     """An observation on the surrogate's floors, with the weight of each point.
 
@@ -265,7 +262,7 @@ def latent_data(
     log_values[rows] = data.log_frf
     precision = torch.zeros_like(log_values)
     precision[rows] = data.weight
-    return LatentData(log_values.to(device), precision.clamp_max(least_noise**-2).to(device))
+    return LatentData(log_values, precision.clamp_max(least_noise**-2))
 
 
 def usual_misfit(observation: Observation) -> float:
@@ -290,7 +287,7 @@ def floor_responses(
     On the surrogate's floors, as `like` (f, k) has them; zero where not observed.
     """
     # Differences of these are taken: they must be smooth.
-    data = base_logs(observation, system, device=like.device, modes=None)
+    data = base_logs(observation, system, modes=None)
     rows = list(data.rows)
 
     def respond(theta: Tensor, zeta: Tensor) -> Tensor:

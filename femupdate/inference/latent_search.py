@@ -77,10 +77,10 @@ class LatentQuadratics:
     def __init__(
         self, observed: ObservedLatent, covariance: Tensor, device: torch.device | str = "cpu"
     ) -> None:
-        mean, information = observed.mean.double().cpu(), observed.information.double().cpu()
+        mean, information = observed.mean.double(), observed.information.double()
         size = mean.shape[1]
         identity = torch.eye(size).to(mean)
-        spread = covariance.double().cpu()
+        spread = covariance.double()
         mixed = identity + information @ spread
         curvature = torch.linalg.solve(mixed, information)
         curvature = 0.5 * (curvature + curvature.transpose(1, 2))
@@ -170,7 +170,7 @@ def find_latent(
     rows = torch.nonzero(_expansion(ended)[1] < 1.0)[:, 0].tolist()
     arrived = _distinct(mvae, ended[rows] if rows else ended, nats=14.0, count=16)
     # A Gaussian for each solution, a row of them where a Gaussian does not describe it.
-    arrived, reach = _on_processor(arrived), precise.reach().cpu().double()
+    arrived, reach = _in_double(arrived), precise.reach().double()
     followed = bent(misfit, arrived, reach)
     others = arrived[(~followed).nonzero()[:, 0].tolist()]
     # Beyond the edge of what has a theta, the expansion's minimum is the only way to it.
@@ -183,9 +183,7 @@ def find_latent(
     best = int(log_weight.argmax())
     squares = 2.0 * float(found.nats[best]) - float(found.z[best].square().sum())
     return FoundLatent(
-        ObservedLatent(
-            log_weight.log_softmax(0), found.z.double().cpu(), found.information.double().cpu()
-        ),
+        ObservedLatent(log_weight.log_softmax(0), found.z.double(), found.information.double()),
         squares / int((control.data.weight > 0).sum()),
         misfit.responses,
     )
@@ -221,7 +219,7 @@ def _starts(
 ) -> Tensor:
     """Means and draws of the proposal, and the best of many draws from the prior, (s, z)."""
     component = torch.multinomial(
-        proposal.log_weight[0].exp().cpu(),
+        proposal.log_weight[0].exp(),
         _PROPOSAL_DRAWS,
         replacement=True,
         generator=generator,
@@ -241,14 +239,14 @@ def _starts(
     return torch.cat([proposal.mean[0], drawn, best])
 
 
-def _on_processor(descent: Descent) -> Descent:
+def _in_double(descent: Descent) -> Descent:
     parts = (descent.z, descent.nats, descent.information, descent.pull)
-    return Descent(*(part.double().cpu() for part in parts))
+    return Descent(*(part.double() for part in parts))
 
 
 def _expansion(descent: Descent) -> tuple[Tensor, Tensor]:
     """Step (s, z) to the minimum of the second-order expansion, and what it gains (s,), nats."""
-    descent = _on_processor(descent)
+    descent = _in_double(descent)
     slope = descent.pull - descent.z
     step = torch.linalg.solve(descent.precision, slope[:, :, None])[..., 0]
     return step, 0.5 * (step * slope).sum(1)
@@ -257,7 +255,7 @@ def _expansion(descent: Descent) -> tuple[Tensor, Tensor]:
 def _distinct(mvae: Mvae, descent: Descent, *, nats: float, count: int) -> Descent:
     """Different end points that count, the heaviest first."""
     # The prior of z cancels from the likelihood of theta: it must not decide what counts.
-    squares = descent.z.double().cpu()[:, : mvae.sizes.parameters].square().sum(1)
+    squares = descent.z.double()[:, : mvae.sizes.parameters].square().sum(1)
     return distinct(descent, descent.log_mass + 0.5 * squares, nats=nats, count=count)
 
 

@@ -74,11 +74,11 @@ class Likelihood:
         def of_some(some: Tensor) -> Tensor:
             return self.error.log_density(self._raw(some))
 
-        return self._in_batches(of_some, parameters).to(parameters.device) - self.constant
+        return self._in_batches(of_some, parameters) - self.constant
 
     def raw(self, parameters: Tensor) -> Tensor:
         """Residuals (n, m) of parameters (n, p), observed less predicted, in the unit of noise."""
-        return self._in_batches(self._raw, parameters).to(parameters.device)
+        return self._in_batches(self._raw, parameters)
 
     def residuals(self, parameters: Tensor) -> Tensor:
         """Residuals (n, m) of parameters (n, p), of unit covariance by the row."""
@@ -94,7 +94,7 @@ class Likelihood:
         def of_some(some: Tensor) -> Tensor:
             return -0.5 * self.whitened(self._raw(some)).square().sum(1)
 
-        return self._in_batches(of_some, parameters).to(parameters.device)
+        return self._in_batches(of_some, parameters)
 
     def log_densities(self, parameters: Tensor) -> tuple[Tensor, ...]:
         """Log density (n, g) of every kind of data by every row of its table of errors."""
@@ -276,7 +276,7 @@ class Likelihood:
 def missed(data: Sequence[Data], system: System, known: tuple[Tensor, Tensor, Tensor]) -> Tensor:
     """Residuals (n, m) in the unit of the noise, of theta (n, p), zeta (n,) and sizes (n, q)."""
     parts = [kind.compared(kind.predicted(system, *known)) for kind in data]
-    return torch.cat([part.to(known[0].device) for part in parts], dim=1)
+    return torch.cat(parts, dim=1)
 
 
 def likelihood_of(

@@ -79,7 +79,7 @@ def draws_about(
     covariance = torch.cholesky_inverse(factor)
     covariance[failed > 0] = torch.nan
     try:
-        proposal = students(found.z.double().cpu(), covariance, found.log_mass)
+        proposal = students(found.z.double(), covariance, found.log_mass)
         drawn = importance_sample(prior, log_likelihood, proposal, count, seed)
     except InferenceError:
         return None

@@ -221,8 +221,8 @@ class TemperedSmc:
         """
         end = self.reach(self.init(particles, seed), progress)
         return SamplerRun(
-            theta=self._density(1.0).parameters(end.points.xi),
-            log_likelihood=end.points.log_likelihood,
+            theta=self._density(1.0).parameters(end.points.xi).cpu(),
+            log_likelihood=end.points.log_likelihood.cpu(),
             log_evidence=end.log_evidence[0],
             evaluations=end.evaluations,
             levels=end.levels,
@@ -253,8 +253,8 @@ class TemperedSmc:
         parts = zip(torch.cat(theta, 1), torch.cat(value, 1), state.log_evidence, strict=True)
         return [
             SamplerRun(
-                theta=drawn,
-                log_likelihood=likelihood,
+                theta=drawn.cpu(),
+                log_likelihood=likelihood.cpu(),
                 log_evidence=evidence,
                 evaluations=(state.evaluations + density.evaluations) // groups,
                 levels=state.levels,

@@ -126,7 +126,8 @@ def log_frf_pool(
 ) -> Tensor:
     """ln|H| of all samples, (N, f, k), as float16: its rounding, .002, is far below the noise."""
     modal = dataset.modal
-    pool = torch.empty(len(dataset), modal.effect.shape[1], len(frequency_hz), dtype=torch.float16)
+    shape = len(dataset), modal.effect.shape[1], len(frequency_hz)
+    pool = torch.empty(shape, dtype=torch.float16, device=modal.effect.device)
     start = 0
     for part in system.log_frf_batches(modal, dataset.theta, zeta, frequency_hz):
         pool[start : start + len(part)] = part.to(torch.float16)

@@ -209,7 +209,7 @@ def proposal(
     count = min(settings.proposal_rows, len(log_frf))
     x = noisy_input(mvae, log_frf[:count], visibility[:count], settings, generator)
     # Products in half precision are good enough for a proposal, and several times faster.
-    with torch.autocast("cpu", torch.bfloat16, enabled=has_fast_half()):
+    with torch.autocast(x.device.type, torch.bfloat16, enabled=has_fast_half(x.device)):
         q_x = mvae.observation_encoder(x, visibility[:count])
     return -q_x.log_density(z[:count]).mean()
 
@@ -225,7 +225,7 @@ def reconstruction(
     """
     total = log_frf.shape[-1]
     points = min(settings.points, total)
-    chosen = torch.randperm(total, generator=generator)[:points]
+    chosen = torch.randperm(total, generator=generator, device=generator.device)[:points]
     target = log_frf[..., chosen].to(z.dtype)
     variance = settings.noise_sd**2 + mvae.decoder.excess_variance(chosen)
     misfit = (target - mvae.decode(z, chosen)) ** 2 + settings.noise_sd**2
@@ -246,9 +246,10 @@ def noisy_input(
         log_frf: (B, f, k).
     """
     count, floors, points = log_frf.shape
-    exponent = 2.0 * torch.rand(count, 1, 1, generator=generator) - 1.0
-    noise_sd = (settings.noise_sd * 2.0 ** (settings.noise_octaves * exponent)).to(mvae.x_mean)
-    x = torch.empty(count, floors, points).to(mvae.x_mean)
+    device = mvae.x_mean.device
+    exponent = 2.0 * torch.rand(count, 1, 1, generator=generator, device=device) - 1.0
+    noise_sd = settings.noise_sd * 2.0 ** (settings.noise_octaves * exponent)
+    x = torch.empty(count, floors, points, device=device)
     for start in range(0, count, _ROWS):
         rows = slice(start, min(start + _ROWS, count))
         part = x[rows].normal_(generator=generator)
@@ -257,8 +258,10 @@ def noisy_input(
     return x
 
 
-def has_fast_half() -> bool:
-    """Whether this processor has instructions for products of bfloat16 matrices."""
+def has_fast_half(device: torch.device) -> bool:
+    """Whether a device has instructions for products of bfloat16 matrices."""
+    if device.type != "cpu":
+        return device.type == "cuda" and torch.cuda.is_bf16_supported()
     return torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported()
 
 
@@ -314,6 +317,7 @@ class TrainingTask:
     zeta_bounds: tuple[float, float]
     box: Box
     sizes: NetworkSizes
+    device: str = "cpu"
 
 
 @dataclass(frozen=True)
@@ -368,7 +372,7 @@ def train_mvae(
         if checkpoint is not None:
             save_checkpoint(run, checkpoint, fingerprint)
     run.average.load_state_dict(run.best)
-    run.average.eval()
+    run.average.to("cpu").eval()
     metrics = {
         "validation_loss": run.best_loss,
         "best_epoch": float(run.best_epoch),
@@ -404,13 +408,13 @@ def _epochs(
             draw = run.epoch // settings.redraw_zeta_every
             training = _draw_samples(task, settings, draw, order[held_out:])
         note = f"epoch {run.epoch + 1}, validation loss {validation_loss:.1f}"
-        for share in _epoch(run, settings, training):
+        for share in _epoch(run, settings, training, task.device):
             shown.reached(run.epoch + share, note)
         run.epoch += 1
         # The held-out samples have the same noise and masks every time.
-        generator, total = _generator(settings.seed, 2_000_000), 0.0
+        generator, total = _generator(settings.seed, 2_000_000, task.device), 0.0
         with torch.no_grad():
-            for rows in torch.arange(held_out).split(settings.batch):
+            for rows in torch.arange(held_out, device=task.device).split(settings.batch):
                 terms = _terms(run.average, settings, validation, rows, generator)
                 total += float(terms.total()) * len(rows)
         validation_loss = total / held_out
@@ -431,14 +435,15 @@ def draw_visibility(
     count: int, floors: int, settings: TrainingSettings, generator: torch.Generator
 ) -> Visibility:
     """Random observed floors and bands, as in later calibrations."""
-    kind, forced, band = torch.rand(3, count, generator=generator)
-    chosen = torch.rand(count, floors, generator=generator) < 0.5
+    where = generator.device
+    kind, forced, band = torch.rand(3, count, generator=generator, device=where)
+    chosen = torch.rand(count, floors, generator=generator, device=where) < 0.5
     # Every subset has at least one floor.
-    chosen[torch.arange(count), (forced * floors).long().clamp_max(floors - 1)] = True
+    chosen[torch.arange(count, device=where), (forced * floors).long().clamp_max(floors - 1)] = True
     masks = chosen.float()
     masks[kind < settings.roof_share + settings.full_share] = 1.0
     masks[kind < settings.roof_share, :-1] = 0.0
-    low, high = torch.rand(2, count, generator=generator)
+    low, high = torch.rand(2, count, generator=generator, device=where)
     cut = band >= settings.full_band_share
     start = torch.where(cut, LATEST_START * low**2, 0.0)
     end = torch.where(cut, 1.0 - (1.0 - EARLIEST_END) * high, 1.0)
@@ -455,7 +460,7 @@ def _start(
         mvae = Mvae(task.sizes)
     # Enough samples for the mean and the scale of ln|H|.
     first = torch.arange(min(4000, len(task.dataset)))
-    pool = _draw_samples(task, settings, 0, first).log_frf.float()
+    pool = _draw_samples(task, settings, 0, first).log_frf.float().cpu()
     mvae.x_mean.copy_(pool.mean(0))
     mvae.x_scale.copy_(pool.std(0).clamp_min(settings.loss.noise_sd))
     mvae.lower.copy_(task.box.lower)
@@ -486,6 +491,7 @@ def _start(
                 "the weights to start from were trained on another prior; train from scratch"
             )
         mvae.load_state_dict(initial.state_dict())
+    mvae.to(task.device)
     average = copy.deepcopy(mvae)
     best = {name: value.clone() for name, value in average.state_dict().items()}
     return TrainingRun(mvae, average, best, _optimizer(mvae, settings))
@@ -518,15 +524,19 @@ def _draw_samples(
     """Return some of the samples, with damping drawn for the `draw`-th time."""
     generator = _generator(settings.seed, 1_000_000 + draw)
     zeta = sample_zeta(len(task.dataset), task.zeta_bounds, generator)[rows]
-    some = ModalDataset(task.dataset.theta[rows], task.dataset.modal[rows])
+    theta, modal = task.dataset.theta[rows], task.dataset.modal[rows].to(task.device)
+    zeta = zeta.to(task.device, torch.float32)
+    some = ModalDataset(theta.to(task.device, torch.float32), modal)
     pool = log_frf_pool(some, task.frequency_hz, task.system, zeta)
-    return _Samples(some.theta.to(torch.float32), zeta.to(torch.float32), pool)
+    return _Samples(some.theta, zeta, pool)
 
 
-def _epoch(run: TrainingRun, settings: TrainingSettings, samples: _Samples) -> Iterator[float]:
+def _epoch(
+    run: TrainingRun, settings: TrainingSettings, samples: _Samples, device: str
+) -> Iterator[float]:
     """Train for one epoch; yield the finished share of it after each step."""
-    generator = _generator(settings.seed, 1 + run.epoch)
-    shuffled = torch.randperm(len(samples), generator=generator)
+    generator = _generator(settings.seed, 1 + run.epoch, device)
+    shuffled = torch.randperm(len(samples), generator=generator, device=device)
     steps = len(samples) // settings.batch
     proposal = list(run.mvae.observation_encoder.parameters())
     model = [*run.mvae.bend.parameters(), *run.mvae.decoder.parameters()]
@@ -569,5 +579,5 @@ def _terms(
     return loss_terms(mvae, log_frf, theta, zeta, seen, settings.loss, generator)
 
 
-def _generator(seed: int, number: int) -> torch.Generator:
-    return torch_generator(stream(seed, TRAINING, number))
+def _generator(seed: int, number: int, device: str = "cpu") -> torch.Generator:
+    return torch_generator(stream(seed, TRAINING, number), device)

@@ -121,6 +121,11 @@ def check_calibration(
     needless = settings.exact or measured.beyond_surrogates or unserved(chosen)
     if not needless and (found := find_surrogate(study, chosen)) is not None:
         encoder_input(measured.base, found[0].info.floors)
+    elif settings.device != "cpu":
+        raise InferenceError(
+            f"the likelihood of the data is computed on the processor, not on {settings.device}; "
+            "leave the device out"
+        )
 
 
 def check_device(name: str) -> None:

@@ -238,4 +238,4 @@ def against_modes(
 
 
 def _numpy(tensor: Tensor) -> Floats:
-    return tensor.detach().cpu().to(torch.float64).numpy()
+    return tensor.detach().to(torch.float64).numpy()

@@ -51,7 +51,7 @@ class CalibrationSettings:
         particles: in all; shared among independent runs.
         exact: data-space likelihood instead of the latent one.
         chains: independent runs, so that their agreement can be judged.
-        device: where the likelihood is evaluated.
+        device: where the latent likelihood is evaluated.
         anyway: store a posterior even of an observation that is unlike the building.
     """
 
@@ -152,7 +152,7 @@ LEAST_EXPLAINED = 0.25
 
 
 def smooth_likelihood(
-    model: StudyModel, measured: Measured, device: str = "cpu", least_noise: float = 0.0
+    model: StudyModel, measured: Measured, least_noise: float = 0.0
 ) -> Likelihood:
     """The likelihood of all that was measured, the errors of the model not yet known.
 
@@ -174,7 +174,7 @@ def smooth_likelihood(
         cost = 0.0
     else:
         base = base_data([measured.base], model.system, phase)
-        base = base if phase else base.as_logs(model.system, device=device, modes=None)
+        base = base if phase else base.as_logs(model.system, modes=None)
         cost = cost_of_scatter(measured.base, base)
     base = base.with_least_noise(max(least_noise, model.least_noise))
     whole = likelihood_of((base, *others), model.system, model.parameters, cost)
@@ -288,7 +288,7 @@ def beyond_prior(
     model: StudyModel, measured: Measured, best: Tensor, settings: CalibrationSettings
 ) -> tuple[str, ...]:
     """Whether parameters outside the prior meet the data far better than the best (1, p) inside."""
-    likelihood = smooth_likelihood(model, measured, settings.device)
+    likelihood = smooth_likelihood(model, measured)
     wider = Parameters(tuple(entry.widened() for entry in likelihood.prior.entries))
     found = settled(replace(likelihood, prior=wider), settings.seed)
     points = torch.cat([best, wider.from_normal(found.found.z)])
@@ -330,7 +330,7 @@ def settled_likelihood(
     Raises:
         MeasurementError: the observation is unlike anything that the building can do.
     """
-    likelihood = smooth_likelihood(model, measured, settings.device)
+    likelihood = smooth_likelihood(model, measured)
     found = settled(likelihood, seed, starts)
     points = likelihood.prior.from_normal(found.found.z)
     require_own_building(model, found.likelihood, points, anyway=settings.anyway)

@@ -251,11 +251,11 @@ def _target(
     if fitted is not None:
         # A frame's model serves about its fit alone, so there no particles of the prior can help.
         model, origin = fitted.model, FROM_FIT
-        starts = fitted.starts(smooth_likelihood(model, measured, settings.device), settings.seed)
+        starts = fitted.starts(smooth_likelihood(model, measured), settings.seed)
     elif not measured.beyond_surrogates:
         surrogate = find_surrogate(study, model.building)
     if surrogate is not None:
-        latent = LatentLikelihood(surrogate[0], model.system, measured.base, device=settings.device)
+        latent = LatentLikelihood(surrogate[0], model.system, measured.base)
         starts, origin = latent.solutions(), FROM_LATENT
     found = settled_likelihood(
         model, measured, settings, starts, settings.seed if measured.has_base else seed
@@ -271,11 +271,11 @@ def _missed_by_best(sampled: Sampled) -> float:
     likelihood = sampled.likelihood
     base = likelihood.base
     assert base is not None
-    density = np.concatenate([run.log_likelihood.cpu().numpy() for run in sampled.runs])
+    density = np.concatenate([run.log_likelihood.numpy() for run in sampled.runs])
     best = torch.cat([run.theta for run in sampled.runs])[int(density.argmax())]
     values = likelihood.prior.split(best[None])
     answer = base.predicted(likelihood.system, values.theta, values.zeta, values.sizes)[0]
-    return float((base.log_frf - answer.cpu())[base.valid].square().mean().sqrt())
+    return float((base.log_frf - answer)[base.valid].square().mean().sqrt())
 
 
 def sample_latent(

@@ -132,6 +132,7 @@ def train_study(
     fresh: bool = False,
     start: Path | None = None,
     progress: Progress = SILENT,
+    device: str = "cpu",
 ) -> TrainReport:
     """Make the data set and train; skipped when a fitting surrogate is there.
 
@@ -164,7 +165,8 @@ def train_study(
     dataset = compute_dataset(model.system, model.prior, plan, folder, progress)
     between = time.monotonic()
     checkpoint = study.path(_CHECKPOINT)
-    result = train_mvae(training_task(model, dataset), settings, checkpoint, progress, initial)
+    task = training_task(model, dataset, device)
+    result = train_mvae(task, settings, checkpoint, progress, initial)
     how = {
         "samples": samples,
         "modes": _MODES_KEPT,
@@ -211,7 +213,7 @@ def network_sizes(model: StudyModel) -> NetworkSizes:
     )
 
 
-def training_task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
+def training_task(model: StudyModel, dataset: ModalDataset, device: str = "cpu") -> TrainingTask:
     """What a building's MVAE learns from a data set."""
     return TrainingTask(
         dataset,
@@ -220,4 +222,5 @@ def training_task(model: StudyModel, dataset: ModalDataset) -> TrainingTask:
         (model.damping.lower, model.damping.upper),
         model.prior,
         network_sizes(model),
+        device,
     )

@@ -108,6 +108,7 @@ BAD_REQUESTS = {
     "band": (["--band", "13,14"], ["fewer than ten frequencies", "--band"]),
     "unit of the file": (["--unit", "g"], ["m/s2", "the unit option says g"]),
     "device": (["--device", "abacus"], ["the device abacus cannot be used"]),
+    "device of no use": (["--device", "cpu:0"], ["on the processor, not on cpu:0"]),
     "building": (["--building", "shear_3dog"], ["shear_3dog", "did you mean 'shear_3dof'"]),
 }
 
