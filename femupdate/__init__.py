@@ -42,8 +42,7 @@ if _TYPE_CHECKING:
     from femupdate.dynamics.system import System
     from femupdate.effects.effect import Effect
     from femupdate.effects.structure import Structure
-    from femupdate.inference.joint_error import ModelError
-    from femupdate.inference.likelihood import Likelihood
+    from femupdate.inference.likelihood import Likelihood, ModelError
     from femupdate.inference.parameters import Parameters
     from femupdate.inference.posterior import Posterior
     from femupdate.measurement.observation import Observation

@@ -52,16 +52,9 @@ def test_it_draws_the_posterior_with_its_evidence(page):
     assert result.log_evidence == pytest.approx(evidence, abs=0.2)
 
 
-def test_a_run_that_was_stopped_goes_on_to_the_same_draws(page):
-    """The tuned step is part of the sampler's state."""
-    moves = ((page[0]["CrankNicolson"](), 5),)
+def test_a_run_tunes_a_copy_of_the_move(page):
+    move = page[0]["CrankNicolson"]()
     settings = SmcSettings(unmoved=0.0)
-
-    def sampler():
-        return TemperedSmc(PRIOR, log_likelihood, settings=settings, moves=moves)
-
-    whole = sampler().run(200, 3)
-    state = sampler().step(sampler().step(sampler().init(200, 3)))
-    assert state.tuning[0] != page[0]["CrankNicolson"]().first_step
-    end = sampler().reach(state)
-    assert torch.equal(PRIOR.from_normal(end.points.xi), whole.theta)
+    sampler = TemperedSmc(PRIOR, log_likelihood, settings=settings, moves=((move, 5),))
+    assert torch.equal(sampler.run(200, 3).theta, sampler.run(200, 3).theta)
+    assert move.size == 0.5

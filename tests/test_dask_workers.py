@@ -14,12 +14,12 @@ from femupdate.building import load_building
 from femupdate.dynamics import System
 from femupdate.errors import WorkersError
 from femupdate.inference import theta_prior
-from femupdate.surrogate import DatasetPlan, compute_dataset
+from femupdate.surrogate import compute_dataset
 from femupdate.surrogate import dataset as room
 from femupdate.workers import completed, dask_executor, everywhere, working_on
 from femupdate.workflow import reduce_building
 
-PLAN = DatasetPlan(samples=90, modes=3, top_frequency_hz=12.8, seed=3)
+PLAN = {"samples": 90, "modes": 3, "top_hz": 12.8, "seed": 3}
 
 
 @pytest.fixture(scope="module")
@@ -77,9 +77,9 @@ def test_a_data_set_is_the_same_when_a_worker_is_killed(
 ):
     monkeypatch.setattr(room, "SHARD", 6)
     system, prior = System(reduce_building(tower).model), theta_prior(tower)
-    serial = compute_dataset(system, prior, PLAN, tmp_path / "here")
+    serial = compute_dataset(system, prior, tmp_path / "here", **PLAN)
     with working_on(processes):
-        shared = compute_dataset(system, prior, PLAN, tmp_path / "there", killer)
+        shared = compute_dataset(system, prior, tmp_path / "there", **PLAN, progress=killer)
     assert killer.killed
     assert torch.equal(shared.theta, serial.theta)
     for name in ("omega", "effect", "residual"):

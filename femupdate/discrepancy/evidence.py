@@ -31,8 +31,7 @@ from femupdate.discrepancy.fit import (
     settle,
 )
 from femupdate.inference.event_scatter import DEFAULT
-from femupdate.inference.joint_error import summed
-from femupdate.inference.likelihood import Likelihood
+from femupdate.inference.likelihood import Likelihood, summed
 
 
 def laplace(problem: Likelihood, fitted: Fit) -> float:

@@ -19,9 +19,8 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
-from femupdate.inference.data import Cell, Remains
-from femupdate.inference.joint_error import Row, summed
-from femupdate.inference.likelihood import Likelihood
+from femupdate.inference.likelihood import Likelihood, Row, summed
+from femupdate.inference.model_error import Cell, Remains
 from femupdate.inference.parameters import LogSteps, effect_parameters, own_errors
 from femupdate.maximise import Search, maximise
 from femupdate.seeds import Seed, spawn, torch_generator
@@ -302,7 +301,7 @@ def narrowed(fitted: Fit) -> Fit:
     What explains more leaves errors no larger, or such as count already.
     """
     error, row = fitted.likelihood.error, fitted.likelihood.row
-    counting = error.counting([kind[None] for kind in fitted.densities])
+    counting = error.counting_beside(row, [kind[None] for kind in fitted.densities])
     rows = tuple(
         tuple(sorted({*count, *smaller, 0}))
         for count, smaller in zip(counting, error.no_larger(row), strict=True)

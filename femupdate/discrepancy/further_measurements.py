@@ -15,9 +15,9 @@ from torch import Tensor
 
 from femupdate.arrays import Flags
 from femupdate.discrepancy.fit import DIFFERENCE, Fit
-from femupdate.inference.data import WILD, Data
 from femupdate.inference.frf_data import FrfData
-from femupdate.inference.likelihood import Likelihood
+from femupdate.inference.likelihood import Data, Likelihood
+from femupdate.inference.model_error import WILD
 from femupdate.linear import least_squares
 
 PHASE = "the phase of the floors measured"

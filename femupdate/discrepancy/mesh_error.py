@@ -34,8 +34,8 @@ from femupdate.effects.effect import UNSCALED, Placed, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import Structure
 from femupdate.errors import StructureError
-from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
+from femupdate.inference.likelihood import Data
 from femupdate.inference.parameters import Values
 from femupdate.workers import in_threads
 

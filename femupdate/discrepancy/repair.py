@@ -25,9 +25,8 @@ from femupdate.discrepancy.search import FinderModel, problem_of, refined, with_
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.dynamics.history import transformed_sensors
 from femupdate.errors import MeasurementError
-from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
-from femupdate.inference.likelihood import Likelihood
+from femupdate.inference.likelihood import Data, Likelihood
 from femupdate.measurement.histories import Histories, rotation_of
 from femupdate.measurement.names import BASE
 from femupdate.progress import SILENT, Progress

@@ -37,10 +37,8 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import building_effects, check_places
 from femupdate.effects.structure import Structure, require_story_factors, structure_of
 from femupdate.errors import BuildingError
-from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
-from femupdate.inference.joint_error import joint_error
-from femupdate.inference.likelihood import Likelihood, likelihood_of
+from femupdate.inference.likelihood import Data, Likelihood, joint_error, likelihood_of
 from femupdate.inference.parameters import (
     Parameters,
     damping_parameter,

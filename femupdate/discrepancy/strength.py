@@ -26,8 +26,9 @@ from femupdate.dynamics.level import PERIODS, strongest_hz
 from femupdate.effects.catalogue.softening import AmplitudeSoftening
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
-from femupdate.inference.frf_data import COMPARING, FrfData, frf_data, that_says, together
-from femupdate.inference.joint_error import joint_error
+from femupdate.inference.frf_data import FrfData, frf_data, that_says, together
+from femupdate.inference.likelihood import joint_error
+from femupdate.inference.model_error import COARSE_ERROR
 from femupdate.measurement.frf import by_strength
 from femupdate.measurement.observation import Observation
 from femupdate.units import percent
@@ -65,7 +66,7 @@ def judged_by_strength(
     if run is None or run.histories is None:
         return found
     parts = [
-        frf_data(that_says(part), found.base.system.floors, use_phase=use_phase, believed=COMPARING)
+        frf_data(that_says(part), found.base.system.floors, use_phase=use_phase, table=COARSE_ERROR)
         for part in by_strength(run, direction)
     ]
     changed = _told_by_thirds(found, reduce(together, parts), settings) if parts else found

@@ -7,11 +7,12 @@ __all__, __getattr__ = public(
     {
         "diagnostics": "identifiability predictive_check PredictiveCheck r_hat",
         "event_scatter": "EventScatter learned_scatter",
-        "frf_data": "base_logs COMPARING forced_data",
+        "frf_data": "base_logs forced_data frf_data",
         "latent_likelihood": "LatentLikelihood",
         "likelihood": "likelihood_of",
         "maxima": "best_of_prior draws_about found_from settled",
         "mode_data": "ModalErrors",
+        "model_error": "COARSE_ERROR STATED",
         "next_event": "EventErrors",
         "parameters": "damping_parameter Parameter Parameters reduction_target theta_prior Values",
         "posterior": "DrawnBy load_posterior Posterior save_posterior",

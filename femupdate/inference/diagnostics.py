@@ -12,7 +12,7 @@ from scipy.special import chdtrc, ndtri
 from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
-from femupdate.inference.importance import GaussianMixture, fit_mixture
+from femupdate.inference.importance import Mixture, fit_mixture
 from femupdate.seeds import torch_generator
 from femupdate.units import percent
 
@@ -44,7 +44,7 @@ def separate_modes(x: Tensor) -> Tensor:
     return _numbered(x, _seen_apart(x, member))
 
 
-def _joined(mixture: GaussianMixture) -> list[int]:
+def _joined(mixture: Mixture) -> list[int]:
     """The group of every component."""
     count = len(mixture.mean)
     peak = mixture.log_density(mixture.mean).tolist()
@@ -383,6 +383,3 @@ def _combinations(covariance: Floats, chosen: Integers) -> tuple[Combination, ..
         weight[chosen] = part * np.sign(part[np.abs(part).argmax()])
         found.append(Combination(weight, float(np.sqrt(max(variance, 0.0)))))
     return tuple(found)
-
-
-__all__ = ["PredictiveCheck", "predictive_check"]

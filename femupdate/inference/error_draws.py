@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.inference.frf_data import LEARNING, frf_data
+from femupdate.inference.frf_data import frf_data
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.model_error import LearnedError
 from femupdate.measurement.observation import Observation
@@ -147,7 +147,7 @@ def draw_errors(
     phase = phases[0] if phases else None
     if phase is None and observation.phase is not None:
         # Phases that are not judged: rows that count, of a finer table where there is an error.
-        both = frf_data(observation, likelihood.system.floors, believed=LEARNING)
+        both = frf_data(observation, likelihood.system.floors)
         turns = replace(likelihood, data=(both,)).raw(flat)[:, both.sd.numel() :]
         whole = replace(both, phase=None).error(None)
         finer = whole.finer(int(whole.log_densities(turns).logsumexp(0).argmax()))

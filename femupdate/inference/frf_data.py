@@ -14,14 +14,13 @@ from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.dynamics.system import Responses, System
 from femupdate.effects.effect import Effect, Placed, observed
-from femupdate.inference.data import Cell, Remains
 from femupdate.inference.model_error import (
-    COARSE_ERROR,
     MODEL_ERROR,
     NOISE_ALONE,
-    STATED,
+    Cell,
     ErrorTable,
     LearnedError,
+    Remains,
 )
 from femupdate.measurement.estimated import Estimator
 from femupdate.measurement.observation import (
@@ -37,25 +36,6 @@ MODES_KEPT = 100
 
 _LEAST = 1e-30  # of |H|, and of |A| (1/kg), whose logarithm is taken
 _PARTED = 20  # points of a table under a force, from which every other one is a half of its own
-
-
-@dataclass(frozen=True, kw_only=True)
-class Believed:
-    """What is believed of FRFs and of the model beside them.
-
-    No residual is too large to count: beyond a limit nothing would tell a search the way.
-
-    Attributes:
-        table: what the model may err by.
-    """
-
-    table: ErrorTable = MODEL_ERROR
-
-
-# A model that may err; the same by a coarser table, which a hundred fits share, for only their
-# differences count; and a model that may not err.
-LEARNING, COMPARING = Believed(), Believed(table=COARSE_ERROR)
-AT_ITS_WORD = Believed(table=STATED)
 
 
 @dataclass(frozen=True)
@@ -89,7 +69,7 @@ class FrfData:
         sd: (f, k) of ln|H| and phase; infinite where not valid.
         rest: static displacement under a force that the reduced model lacks; None of a stick.
         halves: the data in two parts that err independently; none where they cannot be parted.
-        believed: of the data and of the model beside them.
+        table: what the model may err by.
         logs: how ln|H| of one record is made, of the observed floors alone and far faster than
             complex FRFs; None where FRFs are compared.
         stand_in: gives these in place of the model, of its parameters and damping ratios, as a
@@ -106,7 +86,7 @@ class FrfData:
     excitation: Excitation = BASE_MOTION
     rest: RestFlexibility | None = None
     halves: "tuple[FrfData, ...]" = ()
-    believed: Believed = LEARNING
+    table: ErrorTable = MODEL_ERROR
     logs: Responses | None = None
     stand_in: Callable[[Tensor, Tensor], Tensor] | None = None
 
@@ -190,7 +170,6 @@ class FrfData:
 
     def error(self, known: Tensor | None) -> LearnedError:
         """What the model may err by, beside errors (c, n) that are known beforehand."""
-        table = self.believed.table
         # A load case has no neighbours that could err alike.
         several = len(self.frequency_hz) > len(self.blocks)
         return LearnedError(
@@ -198,7 +177,7 @@ class FrfData:
             self.frequency_hz,
             self.effective,
             known,
-            table=table if several or not table.sizes else NOISE_ALONE,
+            table=self.table if several or not self.table.sizes else NOISE_ALONE,
             parts=self._parts,
         )
 
@@ -482,7 +461,7 @@ def frf_data(
     rest: RestFlexibility | None = None,
     use_phase: bool = True,
     halves: Sequence[FrfData] = (),
-    believed: Believed = LEARNING,
+    table: ErrorTable = MODEL_ERROR,
 ) -> FrfData:
     """An observation that a model is judged by.
 
@@ -490,7 +469,7 @@ def frf_data(
         rest: static displacement under a force that the reduced model lacks.
         use_phase: compare phases where they were measured.
         halves: of the observation, where it can be parted.
-        believed: of it and of the model.
+        table: what the model may err by.
     """
     valid = torch.from_numpy(observation.valid)
     noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
@@ -513,7 +492,7 @@ def frf_data(
         excitation=observation.excitation,
         rest=rest,
         halves=tuple(halves),
-        believed=believed,
+        table=table,
     )
 
 
@@ -539,13 +518,13 @@ def base_logs(
     observation: Observation,
     system: System,
     *,
-    believed: Believed = LEARNING,
+    table: ErrorTable = MODEL_ERROR,
     precision: torch.dtype = torch.float64,
     modes: int | None = MODES_KEPT,
     batch: int | None = None,
 ) -> FrfData:
     """ln|H| under base motion, at all frequencies of an observation (see `FrfData.as_logs`)."""
-    data = frf_data(observation, system.floors, use_phase=False, believed=believed)
+    data = frf_data(observation, system.floors, use_phase=False, table=table)
     return data.as_logs(system, precision=precision, modes=modes, batch=batch)
 
 
@@ -555,14 +534,14 @@ def forced_data(
     rest: RestFlexibility | None = None,
     *,
     use_phase: bool = False,
-    believed: Believed = LEARNING,
+    table: ErrorTable = MODEL_ERROR,
 ) -> FrfData:
     """Responses to a force at the frequencies that say something.
 
     Args:
         rest: static displacement that the reduced model lacks.
         use_phase: compare phases where they were measured.
-        believed: of the data and of the model.
+        table: what the model may err by.
     """
 
     def read(source: Observation, parts: Sequence[Observation]) -> FrfData:
@@ -573,13 +552,13 @@ def forced_data(
             rest=rest,
             use_phase=use_phase,
             halves=tuple(read(part, ()) for part in parts),
-            believed=believed,
+            table=table,
         )
 
     whole = read(forced, forced.halves)
     # Points of a table err independently, so every other one is a half.
-    table = forced.coherence is None
-    return in_alternate_points(whole) if table and whole.points >= _PARTED else whole
+    parted = forced.coherence is None and whole.points >= _PARTED
+    return in_alternate_points(whole) if parted else whole
 
 
 def log_responses(data: FrfData, system: System, parameters: Tensor, zeta: Tensor) -> Tensor:
@@ -627,20 +606,3 @@ def _on_rows(
     wide = values.new_full((len(rows), values.shape[1]), missing)
     wide[[rows.index(row) for row in seen]] = values
     return wide
-
-
-__all__ = [
-    "AT_ITS_WORD",
-    "COMPARING",
-    "LEARNING",
-    "Believed",
-    "Block",
-    "FrfData",
-    "base_logs",
-    "forced_data",
-    "frf_data",
-    "in_alternate_points",
-    "log_responses",
-    "that_says",
-    "together",
-]

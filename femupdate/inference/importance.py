@@ -33,44 +33,54 @@ ones."""
 
 
 @dataclass(frozen=True)
-class GaussianMixture:
-    """A mixture of k Gaussians in p dimensions.
+class Mixture:
+    """A mixture of k Gaussians in p dimensions, or of multivariate Students.
+
+    The tails of Students reach beyond the points that they were fitted to: as a proposal they do
+    not lag behind a distribution that moves, and importance weights stay bounded wherever the
+    target is lighter.
 
     Attributes:
         log_weight: (k,).
         mean: (k, p).
-        cholesky: (k, p, p) lower factors of the covariances.
+        cholesky: (k, p, p) lower factors of the covariances, or of the Students' scale matrices.
+        freedom: degrees of freedom of Students; zero for Gaussians.
     """
 
     log_weight: Tensor
     mean: Tensor
     cholesky: Tensor
+    freedom: int = 0
 
-    def scaled(self, x: Tensor) -> Tensor:
-        """Offsets of x (n, p) from every mean in units of its covariance, (k, p, n)."""
-        difference = (x[None] - self.mean[:, None]).transpose(1, 2)
-        return torch.linalg.solve_triangular(self.cholesky, difference, upper=False)
-
-    def joined(self, other: "GaussianMixture", share: float) -> "GaussianMixture":
+    def joined(self, other: "Mixture", share: float) -> "Mixture":
         """Both mixtures as one, of which another has a share."""
         weights = self.log_weight + math.log1p(-share), other.log_weight + math.log(share)
-        return GaussianMixture(
+        return Mixture(
             torch.cat(weights),
             torch.cat([self.mean, other.mean]),
             torch.cat([self.cholesky, other.cholesky]),
+            self.freedom,
         )
 
-    def widened(self, factor: float) -> "GaussianMixture":
-        """The same with all covariances multiplied."""
-        return GaussianMixture(self.log_weight, self.mean, math.sqrt(factor) * self.cholesky)
+    def widened(self, factor: float, freedom: int) -> "Mixture":
+        """Students with all covariances multiplied."""
+        return Mixture(self.log_weight, self.mean, math.sqrt(factor) * self.cholesky, freedom)
 
     def component_log_density(self, x: Tensor) -> Tensor:
-        """Log of weight times density, (n, k), for x (n, p)."""
-        scaled = self.scaled(x)
-        log_determinant = self.cholesky.diagonal(dim1=1, dim2=2).log().sum(-1)
-        constant = -0.5 * x.shape[1] * math.log(2.0 * math.pi)
-        log_density = constant - log_determinant[:, None] - 0.5 * (scaled**2).sum(1)
-        return (self.log_weight[:, None] + log_density).T
+        """Log of weight times density, (n, k), for x (n, p) (Kotz & Nadarajah 2004, eq. 1.1)."""
+        size, freedom = x.shape[1], self.freedom
+        difference = (x[None] - self.mean[:, None]).transpose(1, 2)
+        scaled = torch.linalg.solve_triangular(self.cholesky, difference, upper=False)
+        squares = scaled.square().sum(1)
+        constant = self.log_weight - self.cholesky.diagonal(dim1=1, dim2=2).log().sum(-1)
+        if freedom:
+            constant = constant + math.lgamma(0.5 * (freedom + size)) - math.lgamma(0.5 * freedom)
+            constant = constant - 0.5 * size * math.log(freedom * math.pi)
+            tail = -0.5 * (freedom + size) * torch.log1p(squares / freedom)
+        else:
+            constant = constant - 0.5 * size * math.log(2.0 * math.pi)
+            tail = -0.5 * squares
+        return (constant[:, None] + tail).T
 
     def log_density(self, x: Tensor) -> Tensor:
         """Log density (n,) of x (n, p)."""
@@ -81,67 +91,24 @@ class GaussianMixture:
         component = torch.multinomial(
             self.log_weight.exp(), count, replacement=True, generator=generator
         )
-        noise = torch.randn(
-            count,
-            self.mean.shape[1],
-            1,
-            generator=generator,
-            dtype=self.mean.dtype,
-            device=self.mean.device,
-        )
-        return self.mean[component] + (self.cholesky[component] @ noise)[..., 0]
-
-
-@dataclass(frozen=True)
-class StudentMixture:
-    """A Gaussian mixture with each Gaussian made a multivariate Student's t.
-
-    Its tails reach beyond the points that it was fitted to: as a proposal it does not lag behind a
-    distribution that moves, and importance weights stay bounded wherever the target is lighter.
-
-    Attributes:
-        gaussian: the mixture; its covariances are the scale matrices.
-    """
-
-    gaussian: GaussianMixture
-    freedom: int = 8
-
-    def sample(self, count: int, generator: torch.Generator) -> Tensor:
-        """Draw (count, p)."""
-        mixture = self.gaussian
-        component = torch.multinomial(
-            mixture.log_weight.exp(), count, replacement=True, generator=generator
-        )
-        size = mixture.mean.shape[1]
+        size = self.mean.shape[1]
         normal = torch.randn(
             count,
             size + self.freedom,
             generator=generator,
-            dtype=mixture.mean.dtype,
-            device=mixture.mean.device,
+            dtype=self.mean.dtype,
+            device=self.mean.device,
         )
-        stretch = (self.freedom / normal[:, size:].square().sum(1)).sqrt()
-        offset = (mixture.cholesky[component] @ normal[:, :size, None])[..., 0]
-        return mixture.mean[component] + offset * stretch[:, None]
-
-    def log_density(self, x: Tensor) -> Tensor:
-        """Log density (n,) of x (n, p) (Kotz & Nadarajah 2004, eq. 1.1)."""
-        mixture, freedom, size = self.gaussian, self.freedom, x.shape[1]
-        log_determinant = mixture.cholesky.diagonal(dim1=1, dim2=2).log().sum(-1)
-        constant = (
-            math.lgamma(0.5 * (freedom + size))
-            - math.lgamma(0.5 * freedom)
-            - 0.5 * size * math.log(freedom * math.pi)
-        )
-        squares = (mixture.scaled(x) ** 2).sum(1)
-        tail = -0.5 * (freedom + size) * torch.log1p(squares / freedom)
-        joint = (mixture.log_weight + constant - log_determinant)[:, None] + tail
-        return torch.logsumexp(joint, dim=0)
+        offset = (self.cholesky[component] @ normal[:, :size, None])[..., 0]
+        if self.freedom:
+            stretch = (self.freedom / normal[:, size:].square().sum(1)).sqrt()
+            offset = offset * stretch[:, None]
+        return self.mean[component] + offset
 
 
 def fit_mixture(
     x: Tensor, components: int, generator: torch.Generator, iterations: int = 40
-) -> GaussianMixture:
+) -> Mixture:
     """Fit a mixture to x (n, p) by expectation-maximisation (Dempster, Laird & Rubin 1977).
 
     Starts from k-means++ seeds (Arthur & Vassilvitskii 2007). Covariances get a ridge of 1e-6 of
@@ -162,7 +129,7 @@ def fit_mixture(
         previous = float(total.mean())
         if abs(gain) < 1e-3:
             break
-    return GaussianMixture(
+    return Mixture(
         mixture.log_weight, centre + scale * mixture.mean, scale[:, None] * mixture.cholesky
     )
 
@@ -181,7 +148,7 @@ class _Moments:
         products = x[:, self._lower[0]] * x[:, self._lower[1]]
         self._features = torch.cat([torch.ones_like(x[:, :1]), x, products], dim=1)
 
-    def maximise(self, responsibility: Tensor) -> GaussianMixture:
+    def maximise(self, responsibility: Tensor) -> Mixture:
         """Weights, means and covariances from responsibilities (n, k)."""
         sums = responsibility.T @ self._features  # (k, 1 + p + p (p + 1) / 2)
         mass = sums[:, 0].clamp_min(1e-9)  # of a component that has lost all particles
@@ -190,9 +157,9 @@ class _Moments:
         covariance = square - mean[:, :, None] * mean[:, None]
         ridge = 1e-6 * torch.eye(self.size, dtype=mean.dtype, device=mean.device)
         factor = torch.linalg.cholesky(covariance + ridge)
-        return GaussianMixture((mass / mass.sum()).log(), mean, factor)
+        return Mixture((mass / mass.sum()).log(), mean, factor)
 
-    def joint_log_density(self, mixture: GaussianMixture) -> Tensor:
+    def joint_log_density(self, mixture: Mixture) -> Tensor:
         """Log of weight times density of every point, (n, k)."""
         precision = torch.cholesky_inverse(mixture.cholesky)
         linear = (precision @ mixture.mean[:, :, None])[..., 0]
@@ -230,7 +197,7 @@ def _spread_seeds(x: Tensor, count: int, generator: torch.Generator) -> Tensor:
 
 def students(
     mean: Tensor, covariance: Tensor, log_mass: Tensor, *, widen: float = 1.2, freedom: int = 8
-) -> StudentMixture:
+) -> Mixture:
     """Students about k points (k, p), of these covariances (k, p, p) and log masses (k,).
 
     Every one has a hundredth of the weight at least: a curvature may understate its mass.
@@ -242,13 +209,13 @@ def students(
     root, failed = torch.linalg.cholesky_ex(widen * covariance)
     if bool((failed > 0).any()) or not bool(root.isfinite().all()):
         raise InferenceError("the curvature at a maximum has no inverse; use particles")
-    return StudentMixture(GaussianMixture((weight / weight.sum()).log(), mean, root), freedom)
+    return Mixture((weight / weight.sum()).log(), mean, root, freedom)
 
 
-def students_of(points: Tensor, generator: torch.Generator) -> StudentMixture:
+def students_of(points: Tensor, generator: torch.Generator) -> Mixture:
     """Students fitted to points (n, d), fewer where few of them are distinct."""
     fitted = fit_mixture(points, min(12, max(1, _fitting(points))), generator, iterations=100)
-    return StudentMixture(fitted.widened(1.2), 8)
+    return fitted.widened(1.2, freedom=8)
 
 
 def _fitting(points: Tensor) -> int:
@@ -256,26 +223,21 @@ def _fitting(points: Tensor) -> int:
     return len(torch.unique(points[:, 0])) // (DISTINCT * (points.shape[1] + 1))
 
 
-def _refitted(first: StudentMixture, points: Tensor, generator: torch.Generator) -> StudentMixture:
+def _refitted(first: Mixture, points: Tensor, generator: torch.Generator) -> Mixture:
     """Students fitted to points (n, d) about each solution alone, so that none is lost."""
-    member = first.gaussian.component_log_density(points).argmax(dim=1)
-    parts: list[GaussianMixture] = []
-    for k in range(len(first.gaussian.mean)):
-        inside, alone = points[member == k], slice(k, k + 1)
+    member = replace(first, freedom=0).component_log_density(points).argmax(dim=1)
+    weight, mean, root = [], [], []
+    for k in range(len(first.mean)):
+        inside = points[member == k]
         share = max(0.01, len(inside) / len(points))
-        fitted = GaussianMixture(
-            torch.zeros_like(first.gaussian.log_weight[alone]),
-            first.gaussian.mean[alone],
-            first.gaussian.cholesky[alone],
-        )
+        fitted = Mixture(first.log_weight.new_zeros(1), first.mean[[k]], first.cholesky[[k]])
         if _fitting(inside):
-            fitted = students_of(inside, generator).gaussian
-        parts.append(replace(fitted, log_weight=fitted.log_weight + math.log(share)))
-    weight, mean, root = (
-        torch.cat([getattr(part, name) for part in parts])
-        for name in ("log_weight", "mean", "cholesky")
-    )
-    return StudentMixture(GaussianMixture(weight.log_softmax(0), mean, root), first.freedom)
+            fitted = students_of(inside, generator)
+        weight.append(fitted.log_weight + math.log(share))
+        mean.append(fitted.mean)
+        root.append(fitted.cholesky)
+    weights = torch.cat(weight).log_softmax(0)
+    return Mixture(weights, torch.cat(mean), torch.cat(root), first.freedom)
 
 
 @dataclass(frozen=True)
@@ -360,7 +322,7 @@ class Counted:
 
 
 def weighted_draws(
-    target: LogTarget, proposal: StudentMixture, count: int, generator: torch.Generator
+    target: LogTarget, proposal: Mixture, count: int, generator: torch.Generator
 ) -> WeightedDraws:
     """`count` draws of a proposal, weighted to the target; none of them need be possible."""
     points = proposal.sample(count, generator)
@@ -373,7 +335,7 @@ def weighted_draws(
 def importance_sample(
     prior: Parameters,
     log_likelihood: LogLikelihood,
-    proposal: StudentMixture,
+    proposal: Mixture,
     count: int,
     seed: Seed,
     *,
@@ -394,8 +356,8 @@ def importance_sample(
     Raises:
         InferenceError: no draw has a finite likelihood.
     """
-    generator = torch_generator(seed, proposal.gaussian.mean.device)
-    first, solutions = proposal, len(proposal.gaussian.mean) if apart else 1
+    generator = torch_generator(seed, proposal.mean.device)
+    first, solutions = proposal, len(proposal.mean) if apart else 1
     size, spent = max(least_round, 100 * prior.size * min(4, solutions)), 0
     constant = 0.5 * prior.size * math.log(2.0 * math.pi)
 
@@ -409,7 +371,7 @@ def importance_sample(
             )
         return draws
 
-    def refitted(tried: WeightedDraws, turn: int) -> StudentMixture:
+    def refitted(tried: WeightedDraws, turn: int) -> Mixture:
         power = next_increment(tried.log_weight, 1.0, 0.4)
         weight = torch.softmax(power * tried.log_weight, 0)
         points = tried.points[systematic_rows(weight, generator)]
@@ -419,7 +381,7 @@ def importance_sample(
         if solutions == 1:
             return whole
         # What was taken for several solutions may be one, or bent; but none may be lost.
-        return StudentMixture(whole.gaussian.joined(first.gaussian, 0.1), first.freedom)
+        return whole.joined(first, 0.1)
 
     best = 0.0, proposal
     for turn in range(8):

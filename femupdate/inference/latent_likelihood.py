@@ -13,13 +13,14 @@ from torch.nn.functional import pad
 from femupdate.arrays import Flags, Floats
 from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError, SurrogateError
-from femupdate.inference.frf_data import AT_ITS_WORD, base_logs, frf_data, log_responses
-from femupdate.inference.latent_search import Control, LatentQuadratics, find_latent
+from femupdate.inference.frf_data import base_logs, frf_data, log_responses
+from femupdate.inference.latent_search import LatentQuadratics, find_latent
 from femupdate.inference.maxima import Settled
+from femupdate.inference.model_error import STATED
 from femupdate.maximise import LatentData
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.seeds import torch_generator
-from femupdate.surrogate.network import EARLIEST_END, LATEST_START, Mvae, Visibility
+from femupdate.surrogate.network import EARLIEST_END, LATEST_START, Visibility
 from femupdate.surrogate.storage import Surrogate
 from femupdate.units import percent
 
@@ -203,19 +204,22 @@ class LatentLikelihood:
             likelihood = self.settled.likelihood
             return likelihood.prior.from_normal(self.settled.found.z), likelihood.residuals
 
-        control = Control(
-            clean,
-            floor_responses(system, observation, clean.log_frf),
-            None if learning is None else settle,
-        )
+        # In single precision, where the decoder, which errs as well, responds.
+        weight = clean.weight.to(mvae.lower)
+        weight = weight / (1.0 + weight * mvae.decoder.excess_variance())
         self.found = find_latent(
-            mvae, _with_decoder_error(clean, mvae), self.proposal, control, generator
+            mvae,
+            LatentData(clean.log_frf.to(weight), weight),
+            self.proposal,
+            (clean, floor_responses(system, observation, clean.log_frf)),
+            generator,
+            None if learning is None else settle,
         )
         self.usual_misfit = usual_misfit(observation)
         # theta says where z is, but for the coordinate of the damping.
         sizes = mvae.sizes
         spread = torch.diag(torch.arange(sizes.coordinates) >= sizes.parameters)
-        self._quadratics = LatentQuadratics(self.found.posterior, spread, device)
+        self._quadratics = LatentQuadratics(self.found, spread, device)
         self._mvae = mvae.to(device)
 
     def __call__(self, theta: Tensor) -> Tensor:
@@ -235,7 +239,7 @@ class LatentLikelihood:
         The damping ratio comes last. Two solutions that a smaller noise would
         tell apart may be one here: the draws about it lead to both.
         """
-        found, generator = self.found.posterior, torch_generator(_SEARCH_SEED)
+        found, generator = self.found, torch_generator(_SEARCH_SEED)
         heavy = found.log_weight.topk(min(most, len(found.log_weight))).indices
         chosen = torch.multinomial(found.log_weight.exp(), drawn, True, generator=generator)
         noise = torch.randn(drawn, found.mean.shape[1], 1, generator=generator).to(found.mean)
@@ -256,7 +260,7 @@ def latent_data(
 
     Points that repeat one another (see `independent_share`) count as if they were noisier.
     """
-    data = frf_data(observation, floors, use_phase=False, believed=AT_ITS_WORD)
+    data = frf_data(observation, floors, use_phase=False, table=STATED)
     rows = list(data.rows)
     log_values = torch.zeros(len(floors), observation.frequency_hz.size, dtype=torch.float64)
     log_values[rows] = data.log_frf
@@ -269,14 +273,6 @@ def usual_misfit(observation: Observation) -> float:
     """What 199 in 200 observations stay below: the chi-square's quantile, a valid point."""
     free = max(1.0, int(observation.valid.sum()) * independent_share(observation))
     return float(chdtri(free, 1.0 - 0.995) / free)
-
-
-def _with_decoder_error(data: LatentData, mvae: Mvae) -> LatentData:
-    """The same in single precision, where the decoder, which errs as well, responds."""
-    weight = data.weight.to(mvae.lower)
-    return LatentData(
-        data.log_frf.to(mvae.lower), weight / (1.0 + weight * mvae.decoder.excess_variance())
-    )
 
 
 def floor_responses(

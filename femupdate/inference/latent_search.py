@@ -15,7 +15,7 @@ Gaussians side by side, as heavy as the ridge is high, then stand for it.
 """
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +41,7 @@ _CHANGE = 1.2  # nats, above which a step is halved; below a quarter of it steps
 
 
 @dataclass(frozen=True)
-class ObservedLatent:
+class FoundLatent:
     """q(z|x) of one observation: a mixture of c Gaussians around the z that explain it.
 
     Attributes:
@@ -49,11 +49,15 @@ class ObservedLatent:
         mean: (c, z).
         information: (c, z, z) information of the data. The precision of each Gaussian is this
             plus the prior's, which is the identity.
+        misfit: mean squared misfit, whitened, at the likeliest point: about one.
+        responses: of the building that it took to find it.
     """
 
     log_weight: Tensor
     mean: Tensor
     information: Tensor
+    misfit: float = float("nan")
+    responses: int = 0
 
     @property
     def precision(self) -> Tensor:
@@ -75,7 +79,7 @@ class LatentQuadratics:
     """
 
     def __init__(
-        self, observed: ObservedLatent, covariance: Tensor, device: torch.device | str = "cpu"
+        self, observed: FoundLatent, covariance: Tensor, device: torch.device | str = "cpu"
     ) -> None:
         mean, information = observed.mean.double(), observed.information.double()
         size = mean.shape[1]
@@ -107,52 +111,25 @@ class LatentQuadratics:
         return torch.logsumexp(self._level[:, None] + slope - 0.5 * squares, dim=0)
 
 
-@dataclass(frozen=True)
-class Control:
-    """The building's own responses.
-
-    Attributes:
-        data: the observation with the variance of its noise alone.
-        respond: theta (n, p) and damping ratios (n,) to ln|H| (n, f, k) of the decoder's floors;
-            what it gives for floors that are not observed does not matter.
-        settle: parameters (s, p) with the damping ratio last, from the decoder, to those of the
-            building's own maxima and to residuals that allow for its errors; None where the noise
-            of `data` is all there is.
-    """
-
-    data: LatentData
-    respond: Callable[[Tensor, Tensor], Tensor]
-    settle: Callable[[Tensor], tuple[Tensor, Callable[[Tensor], Tensor]]] | None = None
-
-
-@dataclass(frozen=True)
-class FoundLatent:
-    """What the search has led to.
-
-    Attributes:
-        posterior: q(z|x).
-        misfit: mean squared misfit, whitened, at the likeliest point: about one.
-        responses: of the building that it took.
-    """
-
-    posterior: ObservedLatent
-    misfit: float
-    responses: int
-
-
 @torch.no_grad()
 def find_latent(
     mvae: Mvae,
     data: LatentData,
     proposal: LatentMixture,
-    control: Control,
+    own: tuple[LatentData, Callable[[Tensor, Tensor], Tensor]],
     generator: torch.Generator,
+    settle: Callable[[Tensor], tuple[Tensor, Callable[[Tensor], Tensor]]] | None = None,
 ) -> FoundLatent:
     """q(z|x) of an observation, from the proposal of one row.
 
     Args:
         data: the observation with the variance of noise and decoder.
-        control: the building's own responses.
+        own: the observation with the variance of its noise alone, and the building's own responses:
+            theta (n, p) and damping ratios (n,) to ln|H| (n, f, k) of the decoder's floors. What
+            they give for floors that are not observed does not matter.
+        settle: parameters (s, p) with the damping ratio last, from the decoder, to those of the
+            building's own maxima and to residuals that allow for its errors; None where the noise
+            is all there is.
     """
     starts = _starts(mvae, data, proposal, generator)
     points = (data.weight > 0).any(0).nonzero()[:, 0]
@@ -163,7 +140,7 @@ def find_latent(
     # In double precision: differences of responses are taken.
     precise = copy.deepcopy(mvae).double()
 
-    misfit, starts = _own_misfit(precise, control, near.z.double())
+    misfit, starts = _own_misfit(precise, own, near.z.double(), settle)
     ended = descend(misfit, starts, Search(iterations=8, small_nats=0.02, most_damping=100.0))
     # Points from which much is still to be gained are at the edge of what can be asked: what they
     # say of the inside is not to be trusted where something better is at hand.
@@ -183,13 +160,20 @@ def find_latent(
     best = int(log_weight.argmax())
     squares = 2.0 * float(found.nats[best]) - float(found.z[best].square().sum())
     return FoundLatent(
-        ObservedLatent(log_weight.log_softmax(0), found.z.double(), found.information.double()),
-        squares / int((control.data.weight > 0).sum()),
+        log_weight.log_softmax(0),
+        found.z.double(),
+        found.information.double(),
+        squares / int((own[0].weight > 0).sum()),
         misfit.responses,
     )
 
 
-def _own_misfit(mvae: Mvae, control: Control, near: Tensor) -> tuple[Residuals, Tensor]:
+def _own_misfit(
+    mvae: Mvae,
+    own: tuple[LatentData, Callable[[Tensor, Tensor], Tensor]],
+    near: Tensor,
+    settle: Callable[[Tensor], tuple[Tensor, Callable[[Tensor], Tensor]]] | None,
+) -> tuple[Residuals, Tensor]:
     """The misfit of the building's own responses, and where (s, z) to minimise it from."""
     # Not every z has a theta in the prior's box: those that come nearest.
     known = mvae.encode_parameters(mvae.parameters_at(near))
@@ -198,16 +182,15 @@ def _own_misfit(mvae: Mvae, control: Control, near: Tensor) -> tuple[Residuals, 
     def parameters(z: Tensor) -> tuple[Tensor, Tensor]:
         return mvae.parameters_at(z), mvae.decoder.damping(z)
 
-    if control.settle is None:
-        return Misfit(
-            lambda z: control.respond(*parameters(z)), control.data, _RESPONSE_STEP
-        ), reached
+    if settle is None:
+        data, respond = own
+        return Misfit(lambda z: respond(*parameters(z)), data, _RESPONSE_STEP), reached
 
     def joined(z: Tensor) -> Tensor:
         theta, zeta = parameters(z)
         return torch.cat([theta, zeta[:, None]], dim=1)
 
-    maxima, residuals = control.settle(joined(reached))
+    maxima, residuals = settle(joined(reached))
     places = mvae.encode_parameters(maxima[:, :-1])
     turned = mvae.decoder.damping_coordinate(maxima[:, -1])
     starts = torch.cat([places, turned], dim=1)
@@ -259,21 +242,6 @@ def _distinct(mvae: Mvae, descent: Descent, *, nats: float, count: int) -> Desce
     return distinct(descent, descent.log_mass + 0.5 * squares, nats=nats, count=count)
 
 
-@dataclass(frozen=True, eq=False)
-class _Ridge:
-    """Points on a ridge, in order.
-
-    Attributes:
-        z: (n, z).
-        nats: (n,).
-        information: (n, z, z).
-    """
-
-    z: Tensor
-    nats: Tensor
-    information: Tensor
-
-
 def bent(misfit: Residuals, points: Descent, reach: Tensor) -> Tensor:
     """Which solutions (s,) a Gaussian of the curvature there does not describe.
 
@@ -309,12 +277,18 @@ def along_ridges(misfit: Residuals, points: Descent, solutions: Descent, reach: 
         if not _belongs(kept, points.z[row : row + 1])[0]:
             ridge = _followed(misfit, points[[row]], kept, reach)
             short = len(ridge.z) < 3
-            kept = _joined(kept, points[[row]] if short else _kernels(ridge))
+            more = points[[row]] if short else _kernels(ridge)
+            kept = Descent(
+                torch.cat([kept.z, more.z]),
+                torch.cat([kept.nats, more.nats]),
+                torch.cat([kept.information, more.information]),
+                torch.cat([kept.pull, more.pull]),
+            )
     return kept
 
 
-def _followed(misfit: Residuals, point: Descent, solutions: Descent, reach: Tensor) -> _Ridge:
-    """The ridge to both sides of a point."""
+def _followed(misfit: Residuals, point: Descent, solutions: Descent, reach: Tensor) -> Descent:
+    """The ridge to both sides of a point, in order."""
     axis, sd = _widest(point)
     best = min([float(point.nats[0]), *solutions.nats.tolist()])
     step = min(0.5 * sd, _LONGEST)
@@ -323,7 +297,8 @@ def _followed(misfit: Residuals, point: Descent, solutions: Descent, reach: Tens
     ]
     back = [side.flip(0) for side in sides[0]]
     start = (point.z, point.nats, point.information)
-    return _Ridge(*(torch.cat(parts) for parts in zip(back, start, sides[1], strict=True)))
+    z, nats, information = (torch.cat(parts) for parts in zip(back, start, sides[1], strict=True))
+    return Descent(z, nats, information, z)
 
 
 def _side(
@@ -386,7 +361,7 @@ def _widest(point: Descent) -> tuple[Tensor, float]:
     return vectors[:, 0], float(values[0]) ** -0.5
 
 
-def _kernels(ridge: _Ridge) -> Descent:
+def _kernels(ridge: Descent) -> Descent:
     """Gaussians side by side along a ridge, from splines through its points."""
     from scipy.interpolate import CubicSpline
 
@@ -401,18 +376,14 @@ def _kernels(ridge: _Ridge) -> Descent:
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     nearest = np.abs(place[:, None] - middles).argmin(axis=0)
     sd = min(0.7 * spacing, 1.0)
-    information = _with_tangent(ridge.information[nearest], torch.from_numpy(tangent), sd)
+    # Of the information the part along the tangent gives that standard deviation.
+    along = torch.from_numpy(tangent[:, :, None] * tangent[:, None])
+    across = torch.eye(tangent.shape[1]).to(along) - along
+    information = across @ ridge.information[nearest] @ across + (sd**-2 - 1.0) * along
     # The mass of a Gaussian is that of its stretch of the ridge.
     nats = torch.from_numpy(height(middles)) + np.log(np.sqrt(2.0 * np.pi) * sd / spacing)
     z = torch.from_numpy(curve(middles))
     return Descent(z, nats, information, z.clone())
-
-
-def _with_tangent(information: Tensor, tangent: Tensor, sd: float) -> Tensor:
-    """Information (n, z, z) of which the part along tangents (n, z) gives a standard deviation."""
-    along = tangent[:, :, None] * tangent[:, None]
-    across = torch.eye(tangent.shape[1]).to(tangent) - along
-    return across @ information @ across + (sd**-2 - 1.0) * along
 
 
 def _belongs(solutions: Descent, z: Tensor) -> Tensor:
@@ -423,11 +394,3 @@ def _belongs(solutions: Descent, z: Tensor) -> Tensor:
     offset = z[:, None] - solutions.z
     squares = torch.einsum("nci,cij,ncj->nc", offset, solutions.information + identity, offset)
     return (squares < 4.0**2).any(dim=1)
-
-
-def _joined(*parts: Descent) -> Descent:
-    fields: Sequence[Tensor] = [
-        torch.cat(values)
-        for values in zip(*((p.z, p.nats, p.information, p.pull) for p in parts), strict=True)
-    ]
-    return Descent(*fields)

@@ -15,8 +15,7 @@ from torch.quasirandom import SobolEngine
 
 from femupdate.errors import InferenceError
 from femupdate.inference.importance import WeightedDraws, importance_sample, students
-from femupdate.inference.joint_error import Row
-from femupdate.inference.likelihood import Likelihood
+from femupdate.inference.likelihood import Likelihood, Row
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.tempering import EDGE, LogLikelihood
 from femupdate.maximise import (

@@ -14,17 +14,25 @@ import torch
 from scipy.special import chdtrc
 from torch import Tensor
 
-from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Effect, Placed, observed, split_sizes
 from femupdate.errors import InferenceError
-from femupdate.inference.data import WILD, Cell, Remains
-from femupdate.inference.model_error import NOISE_ALONE, ErrorTable, LearnedError
+from femupdate.inference.model_error import (
+    NOISE_ALONE,
+    WILD,
+    Cell,
+    ErrorTable,
+    LearnedError,
+    Remains,
+)
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.units import percent
 
 _TINY = 1e-30
 _MASSLESS = 1e-14  # of the largest 1 / omega^2
+_FREQUENCY, _DAMPING = "frequency", "damping ratio"
+_GROUPS = ("frequencies", "damping ratios", "shapes")
+_MATRICES = 2**21  # numbers in the matrices of a batch of eigenproblems
 
 
 @dataclass(frozen=True)
@@ -48,171 +56,6 @@ class ModalErrors:
     damping: float = 0.25
 
 
-@dataclass(frozen=True)
-class ModalTerms:
-    """Identified modes with their weights, which are zero where nothing is known.
-
-    Attributes:
-        rows: which of the model's floors have a sensor.
-        log_frequency: (m,) ln of rad/s.
-        frequency_root: (m,) 1 / sd.
-        damping: (m,).
-        damping_root: (m,) 1 / sd.
-        shape: (m, f).
-        shape_root: (m, f) 1 / sd.
-    """
-
-    rows: tuple[int, ...]
-    log_frequency: Tensor
-    frequency_root: Tensor
-    damping: Tensor
-    damping_root: Tensor
-    shape: Tensor
-    shape_root: Tensor
-
-    @property
-    def freedom(self) -> tuple[int, int, int]:
-        """Independent figures: frequencies, damping ratios, components beyond the scales."""
-        free = (self.shape_root > 0.0).sum(dim=1) - 1
-        return (
-            len(self.log_frequency),
-            int((self.damping_root > 0.0).sum()),
-            int(free.clamp_min(0).sum()),
-        )
-
-    def residuals(self, modelled: "Paired") -> tuple[Tensor, Tensor, Tensor]:
-        """Whitened residuals, predicted less identified: (n, m), (n, m) and (n, m f)."""
-        return (
-            self.frequency_root * (modelled.log_frequency - self.log_frequency),
-            self.damping_root * (modelled.damping - self.damping),
-            (self.shape_root * (modelled.shape - self.shape)).flatten(1),
-        )
-
-
-def modal_terms(
-    modes: IdentifiedModes, floors: tuple[str, ...], errors: ModalErrors, damping: bool
-) -> ModalTerms:
-    """Weights of identified modes.
-
-    Args:
-        modes: on floors of the model.
-        damping: whether damping ratios count.
-    """
-    relative = np.where(
-        np.isnan(modes.frequency_sd_hz),
-        errors.frequency,
-        modes.frequency_sd_hz / modes.frequency_hz,
-    )
-    seen = ~np.isnan(modes.damping) & damping
-    ratio = np.where(seen, modes.damping, 0.0)
-    ratio_sd = np.where(np.isnan(modes.damping_sd), errors.damping * ratio, modes.damping_sd)
-    ratio_sd = np.where(seen, np.hypot(ratio_sd, errors.model_damping * ratio), np.inf)
-    there = ~np.isnan(modes.shape)
-    shape = np.where(there, modes.shape, 0.0)
-    # One component alone has no scale to be compared with.
-    there &= there.sum(axis=1, keepdims=True) > 1
-    largest = np.abs(shape).max(axis=1, keepdims=True, initial=0.0)
-    stated = np.where(np.isnan(modes.shape_sd), errors.shape * largest, modes.shape_sd)
-    shape_sd = np.where(there, np.hypot(stated, errors.model_shape * largest), np.inf)
-    return ModalTerms(
-        rows=tuple(floors.index(name) for name in modes.floors),
-        log_frequency=torch.from_numpy(np.log(2.0 * np.pi * modes.frequency_hz)),
-        frequency_root=torch.from_numpy(1.0 / np.hypot(relative, errors.model_frequency)),
-        damping=torch.from_numpy(ratio),
-        damping_root=torch.from_numpy(1.0 / ratio_sd),
-        shape=torch.from_numpy(shape),
-        shape_root=torch.from_numpy(1.0 / shape_sd),
-    )
-
-
-@dataclass(frozen=True)
-class Paired:
-    """The modes of the model that belong to m identified ones.
-
-    Attributes:
-        column: (n, m) which modes, from the lowest on.
-        log_frequency: (n, m) ln of rad/s.
-        damping: (n, m) ratios.
-        shape: (n, m, f) in the scale of the identified shapes, with their sign.
-    """
-
-    column: Tensor
-    log_frequency: Tensor
-    damping: Tensor
-    shape: Tensor
-
-
-@dataclass(frozen=True)
-class ShownModes:
-    """All modes of a model, r of them, as g floors with sensors show them.
-
-    Attributes:
-        log_frequency: (n, r) ln of rad/s.
-        damping: (n, r) ratios.
-        shape: (n, g, r) of unit modal mass.
-    """
-
-    log_frequency: Tensor
-    damping: Tensor
-    shape: Tensor
-
-
-def shown_modes(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> ShownModes:
-    """Modes of a system on all its floors, at theta (n, p), zeta (n,) and sizes (n, q)."""
-    modes, count = system.modes(theta, sizes, released=True), len(system.floors)
-    shape = modes.rows[:, :count] * modes.omega[:, None, :]
-    # What has no mass moves without end in its mode, and is no mode that anybody identifies.
-    real = modes.inverse > _MASSLESS * modes.inverse.amax(dim=1, keepdim=True)
-    return ShownModes(
-        modes.omega.log(),
-        system.ratio(modes.omega, zeta, sizes),
-        torch.where(real[:, None, :], shape, 0.0),
-    )
-
-
-def paired(terms: ModalTerms, shown: ShownModes) -> Paired:
-    """Every identified mode with one of the model's, which are shown on all floors."""
-    from scipy.optimize import linear_sum_assignment
-
-    shape = shown.shape[:, list(terms.rows)]
-    cost = _cost(terms, shown, shape)
-    cost = np.where(np.isfinite(cost), cost, np.finfo(np.float64).max / 1e9)
-    column = torch.tensor(np.array([linear_sum_assignment(each)[1] for each in cost]))
-    chosen = shape.gather(2, column[:, None, :].expand(-1, shape.shape[1], -1)).mT
-    weight = terms.shape_root.square()
-    scale = (weight * terms.shape * chosen).sum(2) / (weight * chosen.square()).sum(2).clamp_min(
-        _TINY
-    )
-    return Paired(
-        column,
-        shown.log_frequency.gather(1, column),
-        shown.damping.gather(1, column),
-        chosen * scale[:, :, None],
-    )
-
-
-@torch.no_grad()
-def _cost(terms: ModalTerms, shown: ShownModes, shape: Tensor) -> Floats:
-    """Misfit (n, m, r) of every identified mode with each of the model's."""
-    away = terms.log_frequency[:, None] - shown.log_frequency[:, None, :]
-    cost = (terms.frequency_root[:, None] * away).square()
-    more = terms.damping[:, None] - shown.damping[:, None, :]
-    cost = cost + (terms.damping_root[:, None] * more).square()
-    weight = terms.shape_root.square()
-    product = torch.einsum("mf,nfr->nmr", weight * terms.shape, shape)
-    length = torch.einsum("mf,nfr->nmr", weight, shape.square()).clamp_min(_TINY)
-    whole = (weight * terms.shape.square()).sum(1)
-    cost = cost + whole[:, None] - product.square() / length
-    felt = shape.square().sum(1)
-    share = felt / felt.amax(dim=1, keepdim=True)
-    return (cost - 2.0 * share.clamp_min(_TINY).log()[:, None, :]).numpy()
-
-
-_FREQUENCY, _DAMPING = "frequency", "damping ratio"
-_GROUPS = ("frequencies", "damping ratios", "shapes")
-_MATRICES = 2**21  # numbers in the matrices of a batch of eigenproblems
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ModeData:
     """Identified modes of one file, with the errors that the model's own modes have.
@@ -220,11 +63,17 @@ class ModeData:
     Predictions (N, 2 + f, r) hold ln of the frequency (rad/s), the damping ratio and the shape on
     all floors of every mode of the model; residuals are frequencies (m), damping ratios (m) and
     shapes (m g) on the floors with a sensor. Modes cannot be parted: no half of them would leave
-    the stiffness factors known.
+    the stiffness factors known. Roots are 1 / sd, and zero where nothing is known.
 
     Attributes:
         names: (m,) of the modes.
-        terms: the modes with their weights.
+        rows: which of the model's floors have a sensor.
+        log_frequency: (m,) ln of rad/s.
+        frequency_root: (m,).
+        damping: (m,).
+        damping_root: (m,).
+        shape: (m, g).
+        shape_root: (m, g).
         source: the file, where there are several.
         table: what the model may err by beside their errors.
         wild: standard deviations beyond which a figure counts as that many.
@@ -232,30 +81,28 @@ class ModeData:
 
     floors: tuple[str, ...]
     names: tuple[str, ...]
-    terms: ModalTerms
+    rows: tuple[int, ...]
+    log_frequency: Tensor
+    frequency_root: Tensor
+    damping: Tensor
+    damping_root: Tensor
+    shape: Tensor
+    shape_root: Tensor
     source: str = ""
     table: ErrorTable = NOISE_ALONE
     wild: float = WILD
 
-    @property
-    def at_once(self) -> int:
-        """Points at a time."""
-        return 64
-
-    @property
-    def name(self) -> str:
-        """What they are."""
-        return "modes"
+    at_once = 64
+    """Points at a time."""
+    name = "modes"
+    """What they are."""
+    levels = (0.0,)
+    """Of motion: one."""
 
     @property
     def halves(self) -> "tuple[ModeData, ...]":
         """None."""
         return ()
-
-    @property
-    def rows(self) -> tuple[int, ...]:
-        """Which floors have a sensor."""
-        return self.terms.rows
 
     @property
     def residuals(self) -> int:
@@ -268,17 +115,29 @@ class ModeData:
         return int((self._root > 0.0).sum())
 
     @property
+    def freedom(self) -> tuple[int, int, int]:
+        """Independent figures: frequencies, damping ratios, components beyond the scales."""
+        free = (self.shape_root > 0.0).sum(dim=1) - 1
+        ratios = int((self.damping_root > 0.0).sum())
+        return len(self.names), ratios, int(free.clamp_min(0).sum())
+
+    @property
     def effective(self) -> float:
         """Of frequencies, damping ratios and components of shapes beyond their scales."""
-        return float(sum(self.terms.freedom)) if self.points else 0.0
+        return float(sum(self.freedom)) if self.points else 0.0
 
     def checked(self, squares: Tensor, wild: Tensor) -> list[tuple[str, Tensor, Tensor]]:
-        """The same of frequencies, damping ratios and shapes."""
-        count = len(self.terms.log_frequency)
+        """Name, squares (n,), and independent numbers (n,), of each group that is checked apart.
+
+        Args:
+            squares: (n, f) of `LearnedError.floor_squares`.
+            wild: (n, m) residuals that are not in them, likewise.
+        """
+        count = len(self.names)
         sizes = [count, count, squares.shape[1] - 2 * count]
         parts = squares.split(sizes, dim=1), wild.split(sizes, dim=1)
         several = f" of {self.source}" if self.source else ""
-        groups = zip(_GROUPS, *parts, self.terms.freedom, strict=True)
+        groups = zip(_GROUPS, *parts, self.freedom, strict=True)
         return [
             (f"{name}{several}", part.sum(1), float(free) - out.sum(1))
             for name, part, out, free in groups
@@ -288,7 +147,7 @@ class ModeData:
     @property
     def frequency_hz(self) -> Tensor:
         """(m,)."""
-        return self.terms.log_frequency.exp() / (2.0 * torch.pi)
+        return self.log_frequency.exp() / (2.0 * torch.pi)
 
     @property
     def top_hz(self) -> float:
@@ -296,15 +155,9 @@ class ModeData:
         return float(self.frequency_hz.max())
 
     @property
-    def levels(self) -> tuple[float, ...]:
-        """Of motion: one."""
-        return (0.0,)
-
-    @property
     def _root(self) -> Tensor:
-        """(n,) 1 / sd of the residuals."""
-        terms = self.terms
-        return torch.cat([terms.frequency_root, terms.damping_root, terms.shape_root.flatten()])
+        """(n,) of the residuals."""
+        return torch.cat([self.frequency_root, self.damping_root, self.shape_root.flatten()])
 
     def shows(self, effect: Effect) -> bool:
         """Whether an effect can show in it at all."""
@@ -319,12 +172,8 @@ class ModeData:
     def predicted(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """All modes of the model (N, 2 + f, r), as their sensors give them."""
         count = max(16, _MATRICES // system.model.size**2)
-        parts = []
-        for some in zip(theta.split(count), zeta.split(count), sizes.split(count), strict=True):
-            shown = modes_as_read(system, *some)
-            columns = [shown.log_frequency[:, None], shown.damping[:, None], shown.shape]
-            parts.append(torch.cat(columns, dim=1))
-        return torch.cat(parts)
+        parts = zip(theta.split(count), zeta.split(count), sizes.split(count), strict=True)
+        return torch.cat([modes_as_read(system, *some) for some in parts])
 
     def read_with(self, predicted: Tensor, placed: Placed) -> Tensor:
         """Modes with channels exchanged or reversed."""
@@ -334,12 +183,47 @@ class ModeData:
 
     def compared(self, predicted: Tensor) -> Tensor:
         """Residuals (N, n), identified less predicted, each mode beside its own."""
-        return -torch.cat(self.terms.residuals(self.paired(predicted)), dim=1)
+        beside = self.paired(predicted)
+        parts = (
+            self.frequency_root * (self.log_frequency - beside[:, :, 0]),
+            self.damping_root * (self.damping - beside[:, :, 1]),
+            (self.shape_root * (self.shape - beside[:, :, 2:])).flatten(1),
+        )
+        return torch.cat(parts, dim=1)
 
-    def paired(self, predicted: Tensor) -> Paired:
-        """The modes of predictions that belong to the identified ones."""
-        shown = ShownModes(predicted[:, 0], predicted[:, 1], predicted[:, 2:])
-        return paired(self.terms, shown)
+    def paired(self, predicted: Tensor) -> Tensor:
+        """The modes of predictions that belong to the identified ones, (N, m, 2 + g).
+
+        ln of the frequency, the damping ratio, and the shape in the identified scale and sign.
+        """
+        seen = predicted[:, [0, 1, *(row + 2 for row in self.rows)]]
+        column = self.columns(predicted)
+        chosen = seen.gather(2, column[:, None, :].expand(-1, seen.shape[1], -1)).mT
+        shape, weight = chosen[:, :, 2:], self.shape_root.square()
+        length = (weight * shape.square()).sum(2).clamp_min(_TINY)
+        scale = (weight * self.shape * shape).sum(2) / length
+        return torch.cat([chosen[:, :, :2], shape * scale[:, :, None]], dim=2)
+
+    @torch.no_grad()
+    def columns(self, predicted: Tensor) -> Tensor:
+        """Which mode of the model each identified one is, (N, m): those of the smallest misfit."""
+        from scipy.optimize import linear_sum_assignment
+
+        shape = predicted[:, [row + 2 for row in self.rows]]
+        away = self.log_frequency[:, None] - predicted[:, :1]
+        cost = (self.frequency_root[:, None] * away).square()
+        more = self.damping[:, None] - predicted[:, 1:2]
+        cost = cost + (self.damping_root[:, None] * more).square()
+        weight = self.shape_root.square()
+        product = torch.einsum("mf,nfr->nmr", weight * self.shape, shape)
+        length = torch.einsum("mf,nfr->nmr", weight, shape.square()).clamp_min(_TINY)
+        whole = (weight * self.shape.square()).sum(1)
+        cost = cost + whole[:, None] - product.square() / length
+        felt = shape.square().sum(1)
+        share = felt / felt.amax(dim=1, keepdim=True)
+        cost = cost - 2.0 * share.clamp_min(_TINY).log()[:, None, :]
+        finite = torch.where(cost.isfinite(), cost, np.finfo(np.float64).max / 1e9).numpy()
+        return torch.tensor(np.array([linear_sum_assignment(each)[1] for each in finite]))
 
     def moved(self, from_: Tensor, to: Tensor) -> Tensor:
         """Change (N, n) from one prediction to others, in the unit of the residuals."""
@@ -351,35 +235,30 @@ class ModeData:
 
     def coarse(self, noise: float) -> "ModeData":
         """The same with so much more noise, as a share of frequency, damping and largest part."""
-        terms = self.terms
-        largest = terms.shape.abs().amax(dim=1, keepdim=True) if self.rows else terms.shape
+
+        def wider(root: Tensor, noise: Tensor | float) -> Tensor:
+            return torch.where(root > 0.0, (root.clamp_min(1e-30) ** -2 + noise**2) ** -0.5, 0.0)
+
+        largest = self.shape.abs().amax(dim=1, keepdim=True) if self.rows else self.shape
         return replace(
             self,
-            terms=replace(
-                terms,
-                frequency_root=_wider(terms.frequency_root, noise),
-                damping_root=_wider(terms.damping_root, noise * terms.damping),
-                shape_root=_wider(terms.shape_root, noise * largest),
-            ),
+            frequency_root=wider(self.frequency_root, noise),
+            damping_root=wider(self.damping_root, noise * self.damping),
+            shape_root=wider(self.shape_root, noise * largest),
         )
 
     def emptied(self) -> "ModeData":
         """The same as if nothing had been observed."""
-        terms = self.terms
-        nothing = replace(
-            terms,
-            frequency_root=torch.zeros_like(terms.frequency_root),
-            damping_root=torch.zeros_like(terms.damping_root),
-            shape_root=torch.zeros_like(terms.shape_root),
-        )
-        return replace(self, terms=nothing)
+        roots = (self.frequency_root, self.damping_root, self.shape_root)
+        frequency, damping, shape = (torch.zeros_like(root) for root in roots)
+        return replace(self, frequency_root=frequency, damping_root=damping, shape_root=shape)
 
     def cells(self, left: Tensor) -> tuple[Cell, ...]:
         """Every frequency, damping ratio and component of a shape."""
         count = len(self.names)
         squared = (left**2).split([count, count, count * len(self.rows)])
         parts = [squared[0], squared[1], *squared[2].reshape(count, -1).T]
-        roots = [self.terms.frequency_root, self.terms.damping_root, *self.terms.shape_root.T]
+        roots = [self.frequency_root, self.damping_root, *self.shape_root.T]
         what = (_FREQUENCY, _DAMPING, *(self.floors[row] for row in self.rows))
         cells = []
         for name, values, root in zip(what, parts, roots, strict=True):
@@ -410,36 +289,37 @@ class ModeData:
 
     def changed(self, from_: Tensor, to: Tensor, instrument: bool) -> float:
         """Largest change of a component of a shape (rms over the modes), over the largest one."""
-        before, after = (self.paired(side).shape[0] for side in (from_, to))  # (m, g)
-        there = (self.terms.shape_root > 0.0).to(before)
+        before, after = (self.paired(side)[0, :, 2:] for side in (from_, to))  # (m, g)
+        there = (self.shape_root > 0.0).to(before)
         if not there.any():
             return 0.0
-        largest = self.terms.shape.abs().amax(dim=1, keepdim=True).clamp_min(1e-300)
+        largest = self.shape.abs().amax(dim=1, keepdim=True).clamp_min(1e-300)
         change = there * ((after - before) / largest) ** 2
         return float((change.sum(0) / there.sum(0).clamp_min(1.0)).sqrt().max())
-
-
-def _wider(root: Tensor, noise: Tensor | float) -> Tensor:
-    """1 / sd with so much more noise; zero where nothing is known."""
-    return torch.where(root > 0.0, (root.clamp_min(1e-30) ** -2 + noise**2) ** -0.5, 0.0)
 
 
 def _shows(effect: Effect) -> bool:
     return not (effect.tables_only or effect.needs_levels)
 
 
-def modes_as_read(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> ShownModes:
-    """Modes of a system on all its floors, as their sensors give them.
+def modes_as_read(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
+    """Modes of a system on all its floors (N, 2 + f, r), as their sensors give them.
+
+    ln of the frequency (rad/s), damping ratio, and shape of unit modal mass.
 
     Args:
         theta: (N, p); zeta: (N,); sizes: (N, q) of the effects.
     """
-    shown = shown_modes(system, theta, zeta, sizes)
-    shape = shown.shape
+    modes = system.modes(theta, sizes, released=True)
+    shape = modes.rows[:, : len(system.floors)] * modes.omega[:, None, :]
+    # What has no mass moves without end in its mode, and is no mode that anybody identifies.
+    real = modes.inverse > _MASSLESS * modes.inverse.amax(dim=1, keepdim=True)
+    shape = torch.where(real[:, None, :], shape, 0.0)
     for listed, size in zip(system.placed, split_sizes(system.placed, sizes), strict=True):
         if listed.effect.instrument and _shows(listed.effect):
             shape = _read(shape, system.floors, listed, size)
-    return replace(shown, shape=shape)
+    ratio = system.ratio(modes.omega, zeta, sizes)
+    return torch.cat([modes.omega.log()[:, None], ratio[:, None], shape], dim=1)
 
 
 def _read(shape: Tensor, floors: tuple[str, ...], placed: Placed, size: Tensor) -> Tensor:
@@ -479,12 +359,31 @@ def mode_data(
             f"{modes.source} holds {len(modes.names)} modes but the model has {size} in all; leave"
             " out those that are doubtful, or the highest by --band"
         )
+    relative = np.where(
+        np.isnan(modes.frequency_sd_hz),
+        errors.frequency,
+        modes.frequency_sd_hz / modes.frequency_hz,
+    )
+    seen = ~np.isnan(modes.damping) & damping
+    ratio = np.where(seen, modes.damping, 0.0)
+    ratio_sd = np.where(np.isnan(modes.damping_sd), errors.damping * ratio, modes.damping_sd)
+    ratio_sd = np.where(seen, np.hypot(ratio_sd, errors.model_damping * ratio), np.inf)
+    there = ~np.isnan(modes.shape)
+    shape = np.where(there, modes.shape, 0.0)
+    # One component alone has no scale to be compared with.
+    there &= there.sum(axis=1, keepdims=True) > 1
+    largest = np.abs(shape).max(axis=1, keepdims=True, initial=0.0)
+    stated = np.where(np.isnan(modes.shape_sd), errors.shape * largest, modes.shape_sd)
+    shape_sd = np.where(there, np.hypot(stated, errors.model_shape * largest), np.inf)
     return ModeData(
         floors=system.floors,
         names=modes.names,
-        terms=modal_terms(modes, system.floors, errors, damping),
+        rows=tuple(system.floors.index(name) for name in modes.floors),
+        log_frequency=torch.from_numpy(np.log(2.0 * np.pi * modes.frequency_hz)),
+        frequency_root=torch.from_numpy(1.0 / np.hypot(relative, errors.model_frequency)),
+        damping=torch.from_numpy(ratio),
+        damping_root=torch.from_numpy(1.0 / ratio_sd),
+        shape=torch.from_numpy(shape),
+        shape_root=torch.from_numpy(1.0 / shape_sd),
         source=source,
     )
-
-
-__all__ = ["ModeData", "mode_data", "modes_as_read"]

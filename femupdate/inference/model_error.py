@@ -18,6 +18,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -572,3 +573,59 @@ class LearnedError:
         of_floors = alone[0].unflatten(0, (self._parts, -1)) + common  # (p, f, j, n)
         back = (self._wide @ of_floors).permute(3, 0, 1, 2).flatten(1)
         return back + shared[0, :count].T @ self._known
+
+
+WILD = 8.0  # sd of error and noise beyond which a residual counts no more
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A part of the data whose residuals are told together.
+
+    Attributes:
+        floor: its name, or what else was compared.
+        excess: mean squared whitened residual less one; zero when only noise is left, and where
+            there are too few points to tell.
+        p_value: of noise alone leaving as much.
+        data: the kind of observation; empty for FRFs under base motion.
+    """
+
+    floor: str
+    band_hz: tuple[float, float]
+    excess: float
+    p_value: float
+    data: str = ""
+
+
+@dataclass(frozen=True)
+class Remains:
+    """The error of a model beside noise, as its likeliest values have it.
+
+    Attributes:
+        size: rms over all points, in ln|H|, or of what else was compared; zero where none is
+            likely.
+        turn: the same of the phase, rad; zero where none was compared.
+        floor, band_hz: where it is largest.
+        there: rms there, like the size.
+        noise: of the data, over the stated one.
+        sentence: how much and where, for an engineer.
+    """
+
+    size: float = 0.0
+    turn: float = 0.0
+    floor: str = ""
+    band_hz: tuple[float, float] = (0.0, 0.0)
+    there: float = 0.0
+    noise: float = 1.0
+    sentence: str = ""
+
+    def as_dict(self) -> dict[str, float | str | list[float]]:
+        """For files: the share of the response, and where most of it is."""
+        return {
+            "share": float(np.expm1(self.size)),
+            "phase_rad": self.turn,
+            "floor": self.floor,
+            "band_hz": list(self.band_hz),
+            "share_there": float(np.expm1(self.there)),
+            "noise_over_stated": self.noise,
+        }

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.inference.data import Cell
+from femupdate.inference.model_error import Cell
 from femupdate.report.figure import add_head, frequency_ticks, new_figure
 from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, styled
 from femupdate.result import Picture

@@ -5,16 +5,13 @@ from femupdate.lazy import public
 __all__, __getattr__ = public(
     __name__,
     {
-        "dataset": "compute_dataset DatasetPlan",
+        "dataset": "compute_dataset",
         "network": "LatentMixture ModalDecoder Mvae NetworkSizes Visibility",
         "soap": "Soap",
         "storage": (
             "find_surrogate load_surrogate require_surrogate save_surrogate Surrogate "
             "SurrogateInfo TRAINED"
         ),
-        "training": (
-            "loss_terms LossSettings proposal reconstruction train_mvae TrainingSettings "
-            "TrainingTask"
-        ),
+        "training": ("proposal reconstruction train_mvae TrainingSettings TrainingTask"),
     },
 )

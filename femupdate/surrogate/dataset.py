@@ -43,55 +43,49 @@ class ModalDataset:
         return len(self.theta)
 
 
-@dataclass(frozen=True)
-class DatasetPlan:
-    """What to compute.
-
-    Attributes:
-        samples: number of parameter samples, a Sobol sequence over the box.
-        modes: modes kept for each sample.
-        top_frequency_hz: top of the frequency grid.
-    """
-
-    samples: int
-    modes: int
-    top_frequency_hz: float
-    seed: Seed
-
-
 def compute_dataset(
-    system: System, box: Box, plan: DatasetPlan, folder: Path, progress: Progress = SILENT
+    system: System,
+    box: Box,
+    folder: Path,
+    *,
+    samples: int,
+    modes: int,
+    top_hz: float,
+    seed: Seed,
+    progress: Progress = SILENT,
 ) -> ModalDataset:
     """Solve the modes of all samples in shards; valid shards in `folder` are kept.
 
     Shards are solved wherever work is done, one thread each: small eigenproblems gain nothing
     from threads of their own. Killed half-way, the next call goes on where this one stopped.
-    The caller chooses a folder that belongs to this system, box and plan alone.
+    The caller chooses a folder that belongs to this system, box and samples alone.
 
     Args:
         box: of the parameters, filled evenly.
         folder: of the shards; made where it is missing.
+        samples: how many, a Sobol sequence over the box.
+        modes: kept for each sample, at most.
+        top_hz: top of the frequency grid.
         progress: advances by one for each sample.
 
     Raises:
         StudyError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    scramble = torch_generator(plan.seed).initial_seed()
-    unit = torch.quasirandom.SobolEngine(len(box.lower), scramble=True, seed=scramble).draw(
-        plan.samples, dtype=torch.float64
-    )
+    scramble = torch_generator(seed).initial_seed()
+    engine = torch.quasirandom.SobolEngine(len(box.lower), scramble=True, seed=scramble)
+    unit = engine.draw(samples, dtype=torch.float64)
     theta = box.lower + (box.upper - box.lower) * unit
     rows = theta.split(SHARD)
     paths = [folder / f"{k:04d}.npz" for k in range(len(rows))]
-    kept = modes_kept(system, plan.modes)
+    kept = modes_kept(system, modes)
     shards: dict[int, ModalDataset] = {}
     for k, (path, factors) in enumerate(zip(paths, rows, strict=True)):
         if (shard := kept_shard(path, factors, kept)) is not None:
             shards[k] = shard
             progress.advance(len(factors))
     missing = [k for k in range(len(rows)) if k not in shards]
-    solve = partial(_solve_shard, system, plan=plan)
+    solve = partial(_solve_shard, system, modes=kept, top_hz=top_hz)
     for number, modal in completed(solve, [rows[k] for k in missing]):
         k = missing[number]
         _write_shard(paths[k], rows[k], modal)
@@ -115,34 +109,13 @@ def kept_shard(path: Path, theta: Tensor, modes: int) -> ModalDataset | None:
     return shard if fits else None
 
 
-def sample_zeta(count: int, bounds: tuple[float, float], generator: torch.Generator) -> Tensor:
-    """Uniform damping ratios (count,), float32."""
-    low, high = bounds
-    return low + (high - low) * torch.rand(count, generator=generator)
-
-
-def log_frf_pool(
-    dataset: ModalDataset, frequency_hz: Tensor, system: System, zeta: Tensor
-) -> Tensor:
-    """ln|H| of all samples, (N, f, k), as float16: its rounding, .002, is far below the noise."""
-    modal = dataset.modal
-    shape = len(dataset), modal.effect.shape[1], len(frequency_hz)
-    pool = torch.empty(shape, dtype=torch.float16, device=modal.effect.device)
-    start = 0
-    for part in system.log_frf_batches(modal, dataset.theta, zeta, frequency_hz):
-        pool[start : start + len(part)] = part.to(torch.float16)
-        start += len(part)
-    return pool
-
-
 def modes_kept(system: System, most: int) -> int:
     """Modes kept a sample: `most`, or as many as the structure on a rigid base has."""
     return min(most, system.model.size)
 
 
-def _solve_shard(system: System, theta: Tensor, plan: DatasetPlan) -> ModalData:
-    count = modes_kept(system, plan.modes)
-    solved = system.modal_data(theta, modes=count, top_frequency_hz=plan.top_frequency_hz)
+def _solve_shard(system: System, theta: Tensor, modes: int, top_hz: float) -> ModalData:
+    solved = system.modal_data(theta, modes=modes, top_frequency_hz=top_hz)
     return solved.to("cpu", torch.float32)
 
 

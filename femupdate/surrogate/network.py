@@ -1,7 +1,7 @@
 """The multimodal variational autoencoder: parameters and FRFs in one latent space, and back."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Protocol
 
 import torch
@@ -57,10 +57,6 @@ class NetworkSizes:
         modes = self.decoder_width * self.modes * (2 + self.floors)
         mixture = 2 * self.width * self.components * self.parameters
         return blocks + floors + modes + mixture + 2 * self.parameters**2
-
-    def as_dict(self) -> dict[str, int]:
-        """Plain numbers, for the header of a weights file."""
-        return asdict(self)
 
 
 # Bands of the training start in the lowest tenth of the grid and end above its lower 3/10.
@@ -167,23 +163,6 @@ class FloorLinear(nn.Module):
 _SERIES = 3
 
 
-@dataclass(frozen=True)
-class DecodedModes:
-    """Modes of the decoder; frequencies in units of the top of the grid.
-
-    Attributes:
-        omega: (B, m).
-        ratio: (B, m) damping ratios.
-        effect: (B, f, m) shape times participation of each mode at each floor.
-        series: (B, f, 3) coefficients of w^2, w^4, w^6.
-    """
-
-    omega: Tensor
-    ratio: Tensor
-    effect: Tensor
-    series: Tensor
-
-
 class ModalDecoder(nn.Module):
     """Mean of ln|H| at every floor, and the variance that it leaves unexplained.
 
@@ -218,33 +197,23 @@ class ModalDecoder(nn.Module):
 
     def forward(self, z: Tensor, points: Tensor | slice = slice(None)) -> Tensor:
         """Mean of ln|H| (B, f, k) at z (B, z); `points` chooses some of the k frequencies."""
-        real, imaginary = self.frf_parts(z, points)
+        count, floors = self.sizes.modes, self.sizes.floors
+        raw = self.straight(z) + self.modes(self.norm(self.blocks(self.join(z))))
+        widths = [count, count, floors * count, floors * _SERIES]
+        # Of the modes: frequencies over the top of the grid, damping ratios over that of all, shape
+        # times participation at each floor, and coefficients of w^2, w^4, w^6.
+        omega, ratio, effect, series = (self.centre + self.spread * raw).split(widths, dim=1)
+        modes = ModalData(
+            omega.exp(), effect.view(-1, floors, count), series.view(-1, floors, _SERIES)
+        )
+        damping = ratio.exp() * self.damping(z)[:, None]
+        real, imaginary = modes.response(self.frequency[points], damping)
         # |H|^2 below this is rounding; its logarithm would dominate the loss.
         return 0.5 * torch.log(real**2 + imaginary**2 + 1e-8)
-
-    def frf_parts(self, z: Tensor, points: Tensor | slice = slice(None)) -> tuple[Tensor, Tensor]:
-        """Real and imaginary part of H (B, f, k)."""
-        modes = self.decode_modes(z)
-        data = ModalData(modes.omega, modes.effect, modes.series)
-        return data.response(self.frequency[points], modes.ratio)
 
     def excess_variance(self, points: Tensor | slice = slice(None)) -> Tensor:
         """Variance of ln|H| (f, k) that the decoder leaves unexplained, without the noise."""
         return self.log_excess[:, points].exp()
-
-    def decode_modes(self, z: Tensor) -> DecodedModes:
-        """Modes at z (B, z)."""
-        count, floors = self.sizes.modes, self.sizes.floors
-        raw = self.straight(z) + self.modes(self.norm(self.blocks(self.join(z))))
-        parts = (self.centre + self.spread * raw).split(
-            [count, count, floors * count, floors * _SERIES], dim=1
-        )
-        return DecodedModes(
-            parts[0].exp(),
-            parts[1].exp() * self.damping(z)[:, None],
-            parts[2].view(-1, floors, count),
-            parts[3].view(-1, floors, _SERIES),
-        )
 
     def damping(self, z: Tensor) -> Tensor:
         """Damping ratio (B,) from the last coordinate; uniform between its bounds under p(z)."""

@@ -6,7 +6,7 @@ A study keeps its own; some buildings come with one.
 import json
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
@@ -87,19 +87,9 @@ class Surrogate:
 def save_surrogate(surrogate: Surrogate, path: Path) -> None:
     """Write a surrogate, atomically."""
     tensors = {name: _packed(name, tensor) for name, tensor in surrogate.mvae.state_dict().items()}
-    info = surrogate.info
-    header = {
-        "sizes": surrogate.mvae.sizes.as_dict(),
-        "building": info.building,
-        "mechanics_hash": info.mechanics_hash,
-        "floors": list(info.floors),
-        "noise_sd": info.noise_sd,
-        "version": info.version,
-        "settings": dict(info.settings),
-        "metrics": dict(info.metrics),
-    }
-    if info.calibration:
-        header |= {"likelihood_power": info.likelihood_power, "calibration": dict(info.calibration)}
+    header = {"sizes": asdict(surrogate.mvae.sizes), **asdict(surrogate.info)}
+    if not surrogate.info.calibration:
+        del header["calibration"], header["likelihood_power"]
     write_bytes(path, save(tensors, metadata={"femupdate": json.dumps(header)}))
 
 

@@ -6,7 +6,7 @@ import logging
 import math
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import torch
@@ -19,7 +19,7 @@ from femupdate.errors import SurrogateError
 from femupdate.progress import SILENT, Percent, Progress
 from femupdate.seeds import TRAINING, stream, torch_generator
 from femupdate.storage import write_bytes
-from femupdate.surrogate.dataset import ModalDataset, log_frf_pool, sample_zeta
+from femupdate.surrogate.dataset import ModalDataset
 from femupdate.surrogate.network import (
     EARLIEST_END,
     LATEST_START,
@@ -36,7 +36,7 @@ class TrainingRun:
     """The state of a training, which a checkpoint holds completely.
 
     Attributes:
-        average: running average of their weights.
+        average: running average of their weights; the best one, once the training is over.
         best: state of the average at the lowest validation loss.
         best_epoch: epoch after which it was found.
         seconds: spent so far, all runs together.
@@ -51,6 +51,16 @@ class TrainingRun:
     best_loss: float = float("inf")
     best_epoch: int = 0
     seconds: float = 0.0
+
+    @property
+    def metrics(self) -> dict[str, float]:
+        """Losses and times, for records."""
+        return {
+            "validation_loss": self.best_loss,
+            "best_epoch": float(self.best_epoch),
+            "epochs": float(self.epoch),
+            "seconds": self.seconds,
+        }
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -139,83 +149,42 @@ def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
 _ROWS = 64
 
 
-@dataclass(frozen=True)
-class LossSettings:
-    """Weights of the terms.
-
-    Attributes:
-        noise_sd: standard deviation of the noise on ln|H|.
-        noise_octaves: the observation encoder is trained with noise from this many octaves below
-            to as many above `noise_sd`.
-        points: number of frequencies, drawn anew at every step, for the reconstruction.
-        proposal_rows: rows of a batch for the observation encoder. Few are enough: its proposals
-            are refined later, and new noise and gaps make every row a new one.
-    """
-
-    noise_sd: float = 0.2
-    noise_octaves: float = 1.0
-    points: int = 128
-    proposal_rows: int = 160
-
-
-@dataclass(frozen=True)
-class LossTerms:
-    """Mean of each term over the batch, nats per sample.
-
-    Attributes:
-        reconstruction: -ln p(x'|z) for z of the parameters, x' a noisy draw.
-        proposal: -ln q(z|x) at that z, x another noisy draw that is partly observed.
-    """
-
-    reconstruction: Tensor
-    proposal: Tensor
-
-    def total(self) -> Tensor:
-        """The loss. The proposal shares no weights with the reconstruction."""
-        return self.reconstruction + self.proposal
-
-
-def loss_terms(
-    mvae: Mvae,
-    log_frf: Tensor,
-    theta: Tensor,
-    zeta: Tensor,
-    visibility: Visibility,
-    settings: LossSettings,
-    generator: torch.Generator,
-) -> LossTerms:
-    """Compute the terms for noise-free ln|H| (B, f, k), theta (B, p) and damping ratios (B,).
-
-    The observation encoder learns which z belongs to an observation, by the forward divergence.
-    That covers every solution that an observation admits.
-    """
-    known = mvae.encode_parameters(theta)
-    z = torch.cat([known, mvae.decoder.damping_coordinate(zeta)], dim=1)
-    return LossTerms(
-        reconstruction(mvae, z, log_frf, settings, generator),
-        proposal(mvae, z, log_frf, visibility, settings, generator),
-    )
-
-
 def proposal(
     mvae: Mvae,
     z: Tensor,
     log_frf: Tensor,
     visibility: Visibility,
-    settings: LossSettings,
+    settings: "TrainingSettings",
     generator: torch.Generator,
 ) -> Tensor:
-    """-ln q(z|x) for noisy, partly observed x; mean over the first rows of the batch."""
+    """-ln q(z|x) for noisy, partly observed x (B, f, k); mean over the first rows of the batch.
+
+    The observation encoder learns which z belongs to an observation, by the forward divergence.
+    That covers every solution that an observation admits.
+    """
     count = min(settings.proposal_rows, len(log_frf))
-    x = noisy_input(mvae, log_frf[:count], visibility[:count], settings, generator)
-    # Products in half precision are good enough for a proposal, and several times faster.
-    with torch.autocast(x.device.type, torch.bfloat16, enabled=has_fast_half(x.device)):
+    floors, points = log_frf.shape[1:]
+    device = mvae.x_mean.device
+    exponent = 2.0 * torch.rand(count, 1, 1, generator=generator, device=device) - 1.0
+    noise_sd = settings.noise_sd * 2.0 ** (settings.noise_octaves * exponent)
+    x = torch.empty(count, floors, points, device=device)
+    for start in range(0, count, _ROWS):
+        rows = slice(start, min(start + _ROWS, count))
+        part = x[rows].normal_(generator=generator)
+        part.mul_(noise_sd[rows]).add_(log_frf[rows]).sub_(mvae.x_mean).div_(mvae.x_scale)
+        part.mul_(visibility[rows].weights(points))
+    # Products in half precision are good enough for a proposal, and several times faster, where the
+    # device has instructions for them.
+    fast = device.type == "cuda" and torch.cuda.is_bf16_supported()
+    if device.type == "cpu":
+        fast = torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported()
+    with torch.autocast(device.type, torch.bfloat16, enabled=fast):
         q_x = mvae.observation_encoder(x, visibility[:count])
     return -q_x.log_density(z[:count]).mean()
 
 
 def reconstruction(
-    mvae: Mvae, z: Tensor, log_frf: Tensor, settings: LossSettings, generator: torch.Generator
+    mvae: Mvae, z: Tensor, log_frf: Tensor, settings: "TrainingSettings", generator: torch.Generator
 ) -> Tensor:
     """-ln p(x'|z) summed over floors and frequencies, mean over the batch.
 
@@ -231,38 +200,6 @@ def reconstruction(
     misfit = (target - mvae.decode(z, chosen)) ** 2 + settings.noise_sd**2
     nats = 0.5 * (misfit / variance + torch.log(2.0 * math.pi * variance))
     return nats.sum() * (total / points) / len(log_frf)
-
-
-def noisy_input(
-    mvae: Mvae,
-    log_frf: Tensor,
-    visibility: Visibility,
-    settings: LossSettings,
-    generator: torch.Generator,
-) -> Tensor:
-    """Input of the observation encoder: standardised, noisy, zero where nothing is observed.
-
-    Args:
-        log_frf: (B, f, k).
-    """
-    count, floors, points = log_frf.shape
-    device = mvae.x_mean.device
-    exponent = 2.0 * torch.rand(count, 1, 1, generator=generator, device=device) - 1.0
-    noise_sd = settings.noise_sd * 2.0 ** (settings.noise_octaves * exponent)
-    x = torch.empty(count, floors, points, device=device)
-    for start in range(0, count, _ROWS):
-        rows = slice(start, min(start + _ROWS, count))
-        part = x[rows].normal_(generator=generator)
-        part.mul_(noise_sd[rows]).add_(log_frf[rows]).sub_(mvae.x_mean).div_(mvae.x_scale)
-        part.mul_(visibility[rows].weights(points))
-    return x
-
-
-def has_fast_half(device: torch.device) -> bool:
-    """Whether a device has instructions for products of bfloat16 matrices."""
-    if device.type != "cpu":
-        return device.type == "cuda" and torch.cuda.is_bf16_supported()
-    return torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported()
 
 
 logger = logging.getLogger(__name__)
@@ -282,6 +219,12 @@ class TrainingSettings:
         full_share: share of rows in which all floors are observed; the rest see a random subset.
         full_band_share: share of rows observed over the whole grid; the rest lose up to its lowest
             tenth and its upper seven tenths.
+        noise_sd: standard deviation of the noise on ln|H|.
+        noise_octaves: the observation encoder is trained with noise from this many octaves below
+            to as many above `noise_sd`.
+        points: number of frequencies, drawn anew at every step, for the reconstruction.
+        proposal_rows: rows of a batch for the observation encoder. Few are enough: its proposals
+            are refined later, and new noise and gaps make every row a new one.
     """
 
     epochs: int = 45
@@ -295,11 +238,10 @@ class TrainingSettings:
     full_share: float = 0.3
     full_band_share: float = 0.75
     seed: int = 0
-    loss: LossSettings = field(default_factory=LossSettings)
-
-    def as_dict(self) -> dict[str, object]:
-        """Plain numbers, for headers and records."""
-        return asdict(self)
+    noise_sd: float = 0.2
+    noise_octaves: float = 1.0
+    points: int = 128
+    proposal_rows: int = 160
 
 
 @dataclass(frozen=True)
@@ -321,14 +263,6 @@ class TrainingTask:
 
 
 @dataclass(frozen=True)
-class TrainingResult:
-    """The trained networks and the course of the training."""
-
-    mvae: Mvae
-    metrics: dict[str, float]
-
-
-@dataclass(frozen=True)
 class _Samples:
     """Parameters (n, p) and damping ratios (n,), float32, and ln|H| (n, f, k), float16."""
 
@@ -346,7 +280,7 @@ def train_mvae(
     checkpoint: Path | None = None,
     progress: Progress = SILENT,
     initial: Mvae | None = None,
-) -> TrainingResult:
+) -> TrainingRun:
     """Train from scratch or from `initial` weights; resume from a checkpoint.
 
     Every epoch's random numbers come from the seed and the epoch's number, so a resumed training
@@ -364,7 +298,7 @@ def train_mvae(
         )
     run = _start(task, settings, initial)
     fingerprint = json.dumps(
-        [settings.as_dict(), task.sizes.as_dict(), len(task.dataset)], sort_keys=True
+        [asdict(settings), asdict(task.sizes), len(task.dataset)], sort_keys=True
     )
     if checkpoint is not None and checkpoint.exists():
         load_checkpoint(run, checkpoint, fingerprint)
@@ -373,13 +307,7 @@ def train_mvae(
             save_checkpoint(run, checkpoint, fingerprint)
     run.average.load_state_dict(run.best)
     run.average.to("cpu").eval()
-    metrics = {
-        "validation_loss": run.best_loss,
-        "best_epoch": float(run.best_epoch),
-        "epochs": float(run.epoch),
-        "seconds": run.seconds,
-    }
-    return TrainingResult(run.average, metrics)
+    return run
 
 
 def _held_out(settings: TrainingSettings, count: int) -> int:
@@ -415,8 +343,8 @@ def _epochs(
         generator, total = _generator(settings.seed, 2_000_000, task.device), 0.0
         with torch.no_grad():
             for rows in torch.arange(held_out, device=task.device).split(settings.batch):
-                terms = _terms(run.average, settings, validation, rows, generator)
-                total += float(terms.total()) * len(rows)
+                loss = _loss(run.average, settings, validation, rows, generator)
+                total += float(loss) * len(rows)
         validation_loss = total / held_out
         run.seconds += time.monotonic() - started
         if not math.isfinite(validation_loss):
@@ -462,7 +390,7 @@ def _start(
     first = torch.arange(min(4000, len(task.dataset)))
     pool = _draw_samples(task, settings, 0, first).log_frf.float().cpu()
     mvae.x_mean.copy_(pool.mean(0))
-    mvae.x_scale.copy_(pool.std(0).clamp_min(settings.loss.noise_sd))
+    mvae.x_scale.copy_(pool.std(0).clamp_min(settings.noise_sd))
     mvae.lower.copy_(task.box.lower)
     mvae.upper.copy_(task.box.upper)
     # Frequencies and bounds of the damping; the decoder starts from modes of some samples.
@@ -521,14 +449,17 @@ def _optimizer(mvae: Mvae, settings: TrainingSettings) -> Soap:
 def _draw_samples(
     task: TrainingTask, settings: TrainingSettings, draw: int, rows: Tensor
 ) -> _Samples:
-    """Return some of the samples, with damping drawn for the `draw`-th time."""
-    generator = _generator(settings.seed, 1_000_000 + draw)
-    zeta = sample_zeta(len(task.dataset), task.zeta_bounds, generator)[rows]
-    theta, modal = task.dataset.theta[rows], task.dataset.modal[rows].to(task.device)
-    zeta = zeta.to(task.device, torch.float32)
-    some = ModalDataset(theta.to(task.device, torch.float32), modal)
-    pool = log_frf_pool(some, task.frequency_hz, task.system, zeta)
-    return _Samples(some.theta, zeta, pool)
+    """Some of the samples, with damping drawn for the `draw`-th time.
+
+    ln|H| is kept in half precision: its rounding, .002, is far below the noise.
+    """
+    generator, (low, high) = _generator(settings.seed, 1_000_000 + draw), task.zeta_bounds
+    zeta = (low + (high - low) * torch.rand(len(task.dataset), generator=generator))[rows]
+    theta = task.dataset.theta[rows].to(task.device, torch.float32)
+    modal, zeta = task.dataset.modal[rows].to(task.device), zeta.to(task.device, torch.float32)
+    parts = task.system.log_frf_batches(modal, theta, zeta, task.frequency_hz)
+    pool = torch.cat([part.to(torch.float16) for part in parts])
+    return _Samples(theta, zeta, pool)
 
 
 def _epoch(
@@ -549,9 +480,9 @@ def _epoch(
             share = 0.5 * (1.0 + math.cos(math.pi * (progress - warm) / (1.0 - warm))) + 1e-4
         for group in run.optimizer.param_groups:
             group["lr"] = settings.learning_rate * share * group["faster"]
-        terms = _terms(run.mvae, settings, samples, rows, generator)
+        loss = _loss(run.mvae, settings, samples, rows, generator)
         run.optimizer.zero_grad()
-        terms.total().backward()
+        loss.backward()
         # The first misfits can be thousands of sigma. The observation encoder, whose
         # gradients are a thousandth of the others', is not scaled down with them.
         for part in (model, proposal):
@@ -566,17 +497,20 @@ def _epoch(
         yield (step + 1) / steps
 
 
-def _terms(
+def _loss(
     mvae: Mvae,
     settings: TrainingSettings,
     samples: _Samples,
     rows: Tensor,
     generator: torch.Generator,
-) -> LossTerms:
+) -> Tensor:
+    """Nats a sample; the proposal shares no weights with the reconstruction."""
     log_frf = samples.log_frf[rows]
     seen = draw_visibility(len(rows), log_frf.shape[1], settings, generator)
-    theta, zeta = samples.theta[rows], samples.zeta[rows]
-    return loss_terms(mvae, log_frf, theta, zeta, seen, settings.loss, generator)
+    known = mvae.encode_parameters(samples.theta[rows])
+    z = torch.cat([known, mvae.decoder.damping_coordinate(samples.zeta[rows])], dim=1)
+    model = reconstruction(mvae, z, log_frf, settings, generator)
+    return model + proposal(mvae, z, log_frf, seen, settings, generator)
 
 
 def _generator(seed: int, number: int, device: str = "cpu") -> torch.Generator:

@@ -144,10 +144,9 @@ def draw_zeta(model: StudyModel, likelihood: Likelihood, theta: Floats, seed: Se
 def latent_zeta(latent: FoundLatent, damping: Parameter, count: int, seed: Seed) -> Floats:
     """Damping ratios (n,) by the last coordinate of q(z|x)."""
     rng = np.random.default_rng(seed)
-    found = latent.posterior
-    which = rng.choice(len(found.log_weight), count, p=found.log_weight.exp().numpy())
-    variance = torch.linalg.inv(found.precision)[:, -1, -1].numpy()
-    z = found.mean[:, -1].numpy()[which] + np.sqrt(variance)[which] * rng.standard_normal(count)
+    which = rng.choice(len(latent.log_weight), count, p=latent.log_weight.exp().numpy())
+    variance = torch.linalg.inv(latent.precision)[:, -1, -1].numpy()
+    z = latent.mean[:, -1].numpy()[which] + np.sqrt(variance)[which] * rng.standard_normal(count)
     return damping.lower + (damping.upper - damping.lower) * ndtr(z)
 
 
@@ -224,9 +223,9 @@ def against_modes(
     told = []
     for modes, data in zip(measured.modes, data_of_modes(measured, model.system), strict=True):
         found = data.paired(data.predicted(model.system, drawn.theta, drawn.zeta, drawn.sizes))
-        frequency, terms = found.log_frequency.exp().numpy() / (2.0 * np.pi), data.terms
-        product = (terms.shape_root**2 * terms.shape * found.shape).sum(2)
-        mac = (product / (terms.shape_root * terms.shape).square().sum(1)).mean(0).numpy()
+        frequency = found[:, :, 0].exp().numpy() / (2.0 * np.pi)
+        product = (data.shape_root**2 * data.shape * found[:, :, 2:]).sum(2)
+        mac = (product / (data.shape_root * data.shape).square().sum(1)).mean(0).numpy()
         for k, name in enumerate(modes.names):
             draws = frequency[:, k]
             shape = "" if np.isnan(mac[k]) else f", MAC {mac[k]:.3f}"

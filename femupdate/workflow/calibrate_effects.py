@@ -9,10 +9,9 @@ from femupdate.discrepancy.fit import COARSE_NOISE, Fit, parameters_at
 from femupdate.discrepancy.mesh_error import MeshError, left_open
 from femupdate.discrepancy.search import prepared, refined
 from femupdate.effects.registry import building_effects
-from femupdate.inference.data import Data
-from femupdate.inference.frf_data import COMPARING
-from femupdate.inference.likelihood import Likelihood
+from femupdate.inference.likelihood import Data, Likelihood
 from femupdate.inference.maxima import best_of_prior, found_from
+from femupdate.inference.model_error import COARSE_ERROR
 from femupdate.inference.parameters import effect_parameters
 from femupdate.progress import Progress
 from femupdate.seeds import Seed
@@ -68,8 +67,8 @@ def fitted_effects(
     phase = any(place.effect.needs_phase for place in building_effects(model.building).placed)
     data: list[Data] = []
     if measured.has_base:
-        data.append(base_data(measured.runs_at_levels, model.system, phase, believed=COMPARING))
-    data += data_of_forces(measured, model.system, use_phase=phase, believed=COMPARING)
+        data.append(base_data(measured.runs_at_levels, model.system, phase, table=COARSE_ERROR))
+    data += data_of_forces(measured, model.system, use_phase=phase, table=COARSE_ERROR)
     data += data_of_modes(measured, model.system)
     problem, fitted = prepared(finder, data, progress=progress)
     problem, fitted = refined(finder, problem, fitted, progress, alone=True)

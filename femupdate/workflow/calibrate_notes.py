@@ -3,9 +3,9 @@
 import numpy as np
 
 from femupdate.effects.tolerances import TOLERANCES, key_of
-from femupdate.inference.data import WILD
 from femupdate.inference.diagnostics import r_hat
 from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
+from femupdate.inference.model_error import WILD
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import Observation, independent_share
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
@@ -84,7 +84,7 @@ def noise_notes(model: StudyModel, observation: Observation, least: float) -> tu
 def latent_notes(likelihood: LatentLikelihood) -> tuple[str, ...]:
     """How the latent likelihood was found."""
     found = likelihood.found
-    count = len(found.posterior.log_weight)
+    count = len(found.log_weight)
     return (
         f"{found.responses:,} responses of the reduced model refined the surrogate's proposal to "
         + ("one Gaussian." if count == 1 else f"a mixture of {count} Gaussians."),

@@ -34,9 +34,8 @@ from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.effects.effect import EffectParameter
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.tolerances import TOLERANCES
-from femupdate.inference.data import Data
 from femupdate.inference.frf_data import FrfData
-from femupdate.inference.likelihood import Likelihood
+from femupdate.inference.likelihood import Data, Likelihood
 from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import with_unit
@@ -45,7 +44,8 @@ from femupdate.study import Study, typed, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
 from femupdate.workflow.effects import finder_basis
-from femupdate.workflow.finder_data import Given, read_given
+from femupdate.workflow.kinds import Measured, read_both
+from femupdate.workflow.likelihoods import data_of
 from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, direction_of
@@ -261,9 +261,9 @@ def diagnose_study(
     started = time.monotonic()
     chosen = settings or DiagnosisSettings()
     source, second = source.opened(), None if second is None else second.opened()
-    given = read_given(study, model, source, second, progress)
+    given = read_both(study, model, source, second, progress)
     finder = finder_model(study, model, progress)
-    data = given.data(model.system, use_phase)
+    data = data_of(given, model.system, use_phase)
     problem, found = search(finder, data, chosen, progress, given.run)
     report = DiagnosisReport(
         diagnosis=found,
@@ -318,9 +318,9 @@ def keep_found(
     study.record(path.stem, path.name, command, {**made_from, **hashes}, files)
 
 
-def _notes(given: Given, data: Sequence[Data], found: Diagnosis) -> Iterator[str]:
+def _notes(given: Measured, data: Sequence[Data], found: Diagnosis) -> Iterator[str]:
     """What else is to be said of the data and their channels."""
-    yield from given.notes
+    yield from given.notes_of_levels
     if len(data) == 1 and not data[0].halves and data[0].name == "modes":
         yield (
             "One table of modes cannot be parted in two, so that a name rests on its evidence"
@@ -329,9 +329,9 @@ def _notes(given: Given, data: Sequence[Data], found: Diagnosis) -> Iterator[str
     if any(isinstance(kind, FrfData) and kind.turns for kind in data):
         names = " and ".join(effect.name for effect in CATALOGUE.values() if effect.turns_base)
         yield f"The base's rotation was measured and is an input, so {names} are not looked for."
-    if given.measured.has_base:
+    if given.has_base:
         base = found.base
-        yield from screen_channels(given.measured.base, base.system, base.theta()[0])
+        yield from screen_channels(given.base, base.system, base.theta()[0])
     yield from _of_tolerances(found)
     yield from _of_gravity(found.base)
     if found.verdict == PARTLY and not found.pair:

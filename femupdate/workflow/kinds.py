@@ -30,6 +30,7 @@ from femupdate.progress import Progress
 from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
 from femupdate.units import STANDARD_GRAVITY, percent
+from femupdate.workflow.amplitude import level_between
 from femupdate.workflow.model import FINER, REDUCED, StudyModel
 from femupdate.workflow.observed import ObservationSource, as_one, direction_of, runs_of
 
@@ -50,6 +51,8 @@ class Measured:
         moving_base: what the base does under forces and in modes; empty where it is held.
         nominal_masses: whether the building says that its masses are.
         left_out: sentences on identified modes that fit none of the model's.
+        second: what was measured at another level, to be explained together with the first.
+        level: of that above the first, in doublings; zero where they are alike.
     """
 
     base: Observation
@@ -64,6 +67,8 @@ class Measured:
     moving_base: str = ""
     nominal_masses: bool = False
     left_out: tuple[str, ...] = ()
+    second: "Measured | None" = None
+    level: float = 0.0
 
     @property
     def assumes_noise(self) -> bool:
@@ -102,9 +107,29 @@ class Measured:
         )
 
     @property
+    def run(self) -> Observation | None:
+        """The run under base motion, where there is but one."""
+        return self.runs[0] if self.second is None and len(self.runs) == 1 else None
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on how everything was read, and what was assumed."""
         return (*self.base.notes, *self.notes_of_others)
+
+    @property
+    def notes_of_levels(self) -> tuple[str, ...]:
+        """Sentences on the levels of two records, and on all that is no FRF under base motion."""
+        if self.second is None:
+            return self.notes_of_others
+        level = ["Both records have the same level: they are explained by one stiffness."]
+        if self.level != 0.0:
+            times = f"{2.0**self.level:.2g}"
+            level = [f"The second record has {times} times the level of the first."]
+            if self.modes:
+                level.append(
+                    "The identified modes are taken to be those at the level of the first record."
+                )
+        return (*level, *self.notes_of_others, *self.second.notes_of_others)
 
     @property
     def notes_of_others(self) -> tuple[str, ...]:
@@ -255,6 +280,28 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
         doubts=tuple(doubts),
         base_paths=shaken.paths,
     )
+
+
+def read_both(
+    study: Study,
+    model: StudyModel,
+    source: ObservationSource,
+    second: ObservationSource | None,
+    progress: Progress,
+) -> Measured:
+    """Read what is to be explained, of any kind, with its halves, which test names.
+
+    Raises:
+        MeasurementError: a file cannot be used, or that at another level says no level.
+    """
+    measured = measured_of(model.building, source, halves=True)
+    if second is None:
+        return with_rest(study, model, measured, progress)
+    other = measured_of(model.building, second, halves=True)
+    level = level_between(model, source, second)
+    first, further = (with_rest(study, model, seen, progress) for seen in (measured, other))
+    level = 0.0 if abs(level) < 0.25 else level
+    return replace(first, rest=first.rest or further.rest, second=further, level=level)
 
 
 def _doubts(path: Path, read: Histories, direction: str) -> list[str]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from itertools import chain
 
 import numpy as np
 import torch
@@ -13,11 +14,8 @@ from femupdate.building.document import Building
 from femupdate.dynamics.system import System
 from femupdate.effects.tolerances import tolerances_of
 from femupdate.errors import MeasurementError
-from femupdate.inference.data import WILD, Data
 from femupdate.inference.frf_data import (
-    LEARNING,
     MODES_KEPT,
-    Believed,
     FrfData,
     forced_data,
     frf_data,
@@ -25,9 +23,10 @@ from femupdate.inference.frf_data import (
     together,
 )
 from femupdate.inference.latent_search import FoundLatent
-from femupdate.inference.likelihood import Likelihood, cost_of_scatter, likelihood_of
+from femupdate.inference.likelihood import Data, Likelihood, cost_of_scatter, likelihood_of
 from femupdate.inference.maxima import Settled, settled
 from femupdate.inference.mode_data import ModeData, mode_data
+from femupdate.inference.model_error import COARSE_ERROR, MODEL_ERROR, WILD, ErrorTable
 from femupdate.inference.parameters import Parameters, damping_parameter, theta_prior
 from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.smc import SmcSettings
@@ -185,20 +184,20 @@ def base_data(
     records: Iterable[Observation],
     system: System,
     use_phase: bool,
-    believed: Believed = LEARNING,
+    table: ErrorTable = MODEL_ERROR,
 ) -> FrfData:
     """FRFs under base motion of one record or several, each at its level and with its halves.
 
     Args:
         system: whose floors they are of.
         use_phase: compare phases where they were measured.
-        believed: of the data and of the model.
+        table: what the model may err by.
     """
 
     def read(one: Observation) -> FrfData:
         halves = tuple(read(replace(half, level=one.level, halves=())) for half in one.halves)
         seen, floors = that_says(one), system.floors
-        return frf_data(seen, floors, use_phase=use_phase, halves=halves, believed=believed)
+        return frf_data(seen, floors, use_phase=use_phase, halves=halves, table=table)
 
     return reduce(together, map(read, records))
 
@@ -219,12 +218,12 @@ def data_of_forces(
     *,
     use_phase: bool = False,
     level: float = 0.0,
-    believed: Believed = LEARNING,
+    table: ErrorTable = MODEL_ERROR,
 ) -> tuple[FrfData, ...]:
     """Responses to forces, at a level in doublings above the first record's."""
     floors, rest = system.floors, measured.rest
     return tuple(
-        forced_data(response, floors, rest, use_phase=use_phase, believed=believed).at_level(level)
+        forced_data(response, floors, rest, use_phase=use_phase, table=table).at_level(level)
         for response in measured.forced
     )
 
@@ -240,6 +239,24 @@ def data_of_modes(
         )
         for table in measured.modes
     )
+
+
+def data_of(measured: Measured, system: System, use_phase: bool = True) -> tuple[Data, ...]:
+    """What is to be explained, one entry a kind: records under base motion as one, forces, modes.
+
+    Raises:
+        InferenceError: more modes are identified than the model has.
+    """
+    seen = [(measured, 0.0)]
+    if measured.second is not None:
+        seen.append((measured.second, measured.level))
+    based = [replace(each.base, level=level) for each, level in seen if each.has_base]
+    base = [base_data(based, system, use_phase, COARSE_ERROR)] if based else []
+    forces = [
+        data_of_forces(each, system, use_phase=use_phase, level=level, table=COARSE_ERROR)
+        for each, level in seen
+    ]
+    return (*base, *chain(*forces), *data_of_modes(measured, system))
 
 
 def without_foreign_modes(model: StudyModel, measured: Measured) -> Measured:
@@ -271,7 +288,7 @@ def without_foreign_modes(model: StudyModel, measured: Measured) -> Measured:
             residual = data.compared(data.predicted(*known))[0]
             shape = residual[2 * count :].view(count, -1)[number]
             away = float(torch.cat([residual[number::count][:2], shape]).abs().max())
-            enough = others.effective - others.terms.freedom[1] > model.prior.size
+            enough = others.effective - others.freedom[1] > model.prior.size
             if enough and stated == 1.0 and away > WILD:
                 foreign.append((rest, number, away))
         if len(foreign) == 1:

@@ -32,8 +32,8 @@ from femupdate.tables import Column, Table
 from femupdate.workflow.amplitude import level_between
 from femupdate.workflow.calibrate_effects import with_fitted
 from femupdate.workflow.diagnose import finder_model, keep_found, search
-from femupdate.workflow.finder_data import Given, read_given, read_held
-from femupdate.workflow.likelihoods import Sampled
+from femupdate.workflow.kinds import Measured, measured_of, read_both, with_rest
+from femupdate.workflow.likelihoods import Sampled, data_of
 from femupdate.workflow.model import StudyModel, on_kept_finer, open_study
 from femupdate.workflow.observed import ObservationSource, direction_of
 from femupdate.workflow.repaired import keep_repaired, keep_repaired_posterior, repaired_building
@@ -239,10 +239,11 @@ def repair_study(
         MeasurementError: an observation cannot be used.
     """
     started, settings = time.monotonic(), settings or DiagnosisSettings()
-    given = read_given(study, model, source, second, progress)
-    other = None if holdout is None else read_held(study, model, holdout, progress)
+    given, other = read_both(study, model, source, second, progress), None
+    if holdout is not None:
+        other = with_rest(study, model, measured_of(model.building, holdout), progress)
     finder, model = finder_model(study, model, progress), on_kept_finer(study, model)
-    data = given.data(model.system, use_phase)
+    data = data_of(given, model.system, use_phase)
     problem, found = search(finder, data, settings, progress, given.run)
     kept_out, elsewhere = None, None
     if holdout is not None and other is not None:
@@ -264,7 +265,7 @@ def repair_study(
         building = repaired_building(building, done)
         kept = keep_repaired(study, model, building, mended.reduced, finder.mesh)
         repaired = with_fitted(open_study(kept), mended, done.after, finder.mesh)
-        known = given.measured, source, after, settings.seed, problem.levels
+        known = given, source, after, settings.seed, problem.levels
         keep_repaired_posterior(kept, repaired, *known)
     theta = [draws.parameters.split(draws.runs[0].theta).theta.numpy() for draws in (before, after)]
     report = RepairReport(
@@ -299,19 +300,19 @@ def _kept_out(
     model: StudyModel,
     finder: FinderModel,
     source: ObservationSource,
-    held: Given,
+    held: Measured,
     use_phase: bool,
     first: ObservationSource | None,
 ) -> KeptOut:
     """Data kept out, at their level where there are two records, the first of which is given."""
     # The level of modes is taken to be the first's.
-    level = 0.0 if first is None or held.measured.modes else level_between(model, first, source)
-    read = source.read_base_motion() if held.measured.has_base else None
+    level = 0.0 if first is None or held.modes else level_between(model, first, source)
+    read = source.read_base_motion() if held.has_base else None
     return KeptOut(
         name=source.path.name,
         model=finder,
-        data=held.data(model.system, use_phase),
-        floors=held.measured.as_observation.floors,
+        data=data_of(held, model.system, use_phase),
+        floors=held.as_observation.floors,
         level=level,
         histories=read if isinstance(read, Histories) else None,
         direction=direction_of(model.building),

@@ -14,7 +14,7 @@ from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import TRUSTED, draws_about
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.smc import TRAJECTORIES, SmcSettings, SmcState, TemperedSmc
+from femupdate.inference.smc import Hamiltonian, SmcSettings, TemperedSmc
 from femupdate.inference.tempering import SamplerRun
 from femupdate.maximise import Descent
 from femupdate.progress import SILENT, Percent, Progress
@@ -173,13 +173,19 @@ def sampled_by_trajectories(
     """Many parameters: groups of particles from the prior, by Hamiltonian moves."""
     groups = settings.chains
     particles = groups * max(_POPULATION // groups, _LEAST_GROUP)
-    sampler = TemperedSmc(target.prior, target.likelihood, _TRAJECTORIES, TRAJECTORIES)
+    sampler = TemperedSmc(target.prior, target.likelihood, _TRAJECTORIES, ((Hamiltonian(), 3),))
     show.start(_LABEL, 200)
     bar = Percent(show)
-    reached = sampler.reach(sampler.init(particles, seed, groups), _by_power(bar))
-    runs = sampler.draws(reached, settings.particles, lambda share: bar.reached(1.0 + share))
+    runs = sampler.draws(
+        particles,
+        settings.particles,
+        seed,
+        groups,
+        _by_power(bar),
+        lambda share: bar.reached(1.0 + share),
+    )
     note = (
-        f"{particles} particles in {groups} groups, tempered over {len(reached.levels)} powers of "
+        f"{particles} particles in {groups} groups, tempered over {runs[0].levels} powers of "
         "the likelihood with Hamiltonian moves, drew the data-space posterior from the prior, with "
         f"{sum(run.evaluations for run in runs):,} gradients of responses "
         f"({percent(runs[0].acceptance)} of the moves accepted)."
@@ -188,11 +194,11 @@ def sampled_by_trajectories(
     return Sampled(runs, target.prior, drawn, (note,), target.likelihood)
 
 
-def _by_power(bar: Percent) -> Callable[[SmcState], None]:
+def _by_power(bar: Percent) -> Callable[[float], None]:
     """Moves a bar evenly in the logarithm of beta, which runs from about 1e-5 to 1."""
 
-    def tell(state: SmcState) -> None:
-        bar.reached(1.0 + max(math.log10(state.beta) / 5.0, -1.0), f"power {state.beta:.2g}")
+    def tell(beta: float) -> None:
+        bar.reached(1.0 + max(math.log10(beta) / 5.0, -1.0), f"power {beta:.2g}")
 
     return tell
 

@@ -3,7 +3,7 @@
 import shutil
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from femupdate.progress import SILENT, Progress
 from femupdate.result import Item, Note, Result, first_lines
 from femupdate.seeds import DATA_SET, stream
 from femupdate.study import BUILDING_FILE, Study, file_hash, typed
-from femupdate.surrogate.dataset import DatasetPlan, ModalDataset, compute_dataset, modes_kept
+from femupdate.surrogate.dataset import ModalDataset, compute_dataset, modes_kept
 from femupdate.surrogate.network import NetworkSizes
 from femupdate.surrogate.storage import (
     TRAINED,
@@ -23,7 +23,6 @@ from femupdate.surrogate.storage import (
     load_surrogate,
 )
 from femupdate.surrogate.training import (
-    LossSettings,
     TrainingSettings,
     TrainingTask,
     train_mvae,
@@ -152,17 +151,20 @@ def train_study(
     initial = None if start is None else load_surrogate(start).mvae
     model = with_finer_mesh(study, model, progress)
     started = time.monotonic()
-    plan = DatasetPlan(
-        samples,
-        modes_kept(model.system, _MODES_KEPT),
-        float(model.frequency_hz[-1]),
-        stream(settings.seed, DATA_SET),
-    )
     # Shards of another building, plan or reduction are never mixed in: the folder's name says.
     name = f"{model.hash[:12]}-{samples}-{model.system.model.size}-{settings.seed}"
     folder = study.path("dataset", name)
     progress.start("Solving modes of parameter samples", samples)
-    dataset = compute_dataset(model.system, model.prior, plan, folder, progress)
+    dataset = compute_dataset(
+        model.system,
+        model.prior,
+        folder,
+        samples=samples,
+        modes=_MODES_KEPT,
+        top_hz=float(model.frequency_hz[-1]),
+        seed=stream(settings.seed, DATA_SET),
+        progress=progress,
+    )
     between = time.monotonic()
     checkpoint = study.path(_CHECKPOINT)
     task = training_task(model, dataset, device)
@@ -170,19 +172,19 @@ def train_study(
     how = {
         "samples": samples,
         "modes": _MODES_KEPT,
-        "training": settings.as_dict(),
+        "training": asdict(settings),
         "started_from": None if start is None else file_hash(start),
     }
     info = SurrogateInfo(
         model.building.name,
         model.hash,
         model.reduced.floors,
-        settings.loss.noise_sd,
+        settings.noise_sd,
         __version__,
         how,
         result.metrics,
     )
-    surrogate = Surrogate(result.mvae, info)
+    surrogate = Surrogate(result.average, info)
     study.keep(TRAINED, model.made_from(), surrogate)
     checkpoint.unlink(missing_ok=True)
     # What other trainings left here, killed and then abandoned, goes as well.
@@ -194,8 +196,7 @@ def train_study(
 
 def default_settings(model: StudyModel, **changes: Any) -> TrainingSettings:
     """Settings for a building: its own noise, everything else as shipped but for the changes."""
-    loss = LossSettings(noise_sd=model.building.observation.noise_sd)
-    settings = replace(TrainingSettings(loss=loss), **changes)
+    settings = TrainingSettings(noise_sd=model.building.observation.noise_sd, **changes)
     # Samples seen with the roof alone leave fewer to be seen with all floors.
     return replace(settings, full_share=min(settings.full_share, 1.0 - settings.roof_share))
 

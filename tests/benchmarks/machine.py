@@ -15,16 +15,25 @@ _PACKAGES = ("numpy", "scipy", "torch")
 
 @dataclass(frozen=True, kw_only=True)
 class Machine:
-    """Where and when a benchmark ran."""
+    """Where and when a benchmark ran.
 
-    processor: str  # its name
-    cores: int  # that this process may use
-    system: str  # operating system
-    python: str  # version
-    # Versions of packages that do the work, None for one that is not installed
+    Attributes:
+        processor: its name.
+        cores: that this process may use.
+        system: operating system.
+        python: version.
+        packages: versions of packages that do the work, None for one that is not installed.
+        femupdate: version.
+        date: UTC, ISO 8601.
+    """
+
+    processor: str
+    cores: int
+    system: str
+    python: str
     packages: dict[str, str | None]
-    femupdate: str  # version
-    date: str  # UTC, ISO 8601
+    femupdate: str
+    date: str
 
     def sentence(self) -> str:
         """All of it on one line."""

@@ -92,11 +92,15 @@ def record(tmp_path_factory, tower_observation, write_record):
 
 @dataclass(frozen=True)
 class Walk:
-    """The whole work on the tower, from its file to its repair."""
+    """The whole work on the tower, from its file to its repair.
 
-    # Of every command with --json; "calibrate --name=latent" has options of its own
+    Attributes:
+        answers: of every command with --json; "calibrate --name=latent" has options of its own.
+        folder: that all lies in.
+    """
+
     answers: dict[str, dict[str, Any]]
-    folder: Path  # that all lies in
+    folder: Path
 
     @property
     def study(self) -> Path:

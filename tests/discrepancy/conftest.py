@@ -7,7 +7,7 @@ from femupdate.building import from_document
 from femupdate.discrepancy.search import problem_of
 from femupdate.dynamics import lumped
 from femupdate.effects import CATALOGUE, Placed, structure_of
-from femupdate.inference import COMPARING
+from femupdate.inference import COARSE_ERROR
 from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import Observation
 from tests.discrepancy import chain
@@ -81,7 +81,7 @@ def pose(reduced_of):
     """A function: a building and an observation as a problem."""
 
     def make(building, observation):
-        data = frf_data(observation, building.floors, believed=COMPARING)
+        data = frf_data(observation, building.floors, table=COARSE_ERROR)
         return problem_of(reduced_of(building), building, (data,))
 
     return make

@@ -13,7 +13,7 @@ from femupdate.discrepancy import likelihood_about, parameters_at
 from femupdate.discrepancy.evidence import laplace
 from femupdate.discrepancy.fit import fit
 from femupdate.inference import found_from
-from femupdate.inference.joint_error import joint_error
+from femupdate.inference.likelihood import joint_error
 from femupdate.workflow.sampling import FROM_FIT, Target, sampled_about_maxima
 
 MASS, SPRING, ZETA = 2.0, 3000.0, 0.05

@@ -14,7 +14,7 @@ from femupdate.dynamics import ConstantDamping, System, reduced_on
 from femupdate.effects import structure_of
 from femupdate.errors import StructureError
 from femupdate.fe import driven_shapes, factorize
-from femupdate.inference import COMPARING, Parameters, likelihood_of
+from femupdate.inference import COARSE_ERROR, Parameters, likelihood_of
 from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import Observation
 
@@ -87,7 +87,7 @@ def amplitudes_at_one(coarse, learned):
     measured = np.abs(frf(reduced, theta))
     noise = np.full(measured.shape, 0.1)
     seen = Observation(GRID, reduced.model.floors, np.log(measured), noise, noise > 0)
-    data = frf_data(seen, reduced.model.floors, believed=COMPARING)
+    data = frf_data(seen, reduced.model.floors, table=COARSE_ERROR)
     problem = posed(reduced, data)
     base = fit_baseline(problem)[0]
     return reduced, theta, problem, base
@@ -164,7 +164,7 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
         "made",
         (),
     )
-    data = frf_data(seen, reduced.model.floors, believed=COMPARING)
+    data = frf_data(seen, reduced.model.floors, table=COARSE_ERROR)
     problem = posed(reduced, data)
     base = fit_baseline(problem)[0]
     left = replace(problem, known=left_open(learned, reduced, by_modes=True))

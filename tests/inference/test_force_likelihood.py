@@ -9,6 +9,7 @@ from femupdate.building import load_building
 from femupdate.dynamics import ConstantDamping, Excitation, System, lumped
 from femupdate.effects import structure_of
 from femupdate.inference import (
+    STATED,
     Parameter,
     Parameters,
     TemperedSmc,
@@ -19,7 +20,6 @@ from femupdate.inference import (
     likelihood_of,
     settled,
 )
-from femupdate.inference.frf_data import AT_ITS_WORD
 from femupdate.measurement import Observation
 
 TRUTH = torch.tensor([[1.3, 0.8, 1.1, 0.7, 0.02]], dtype=torch.float64)
@@ -51,7 +51,7 @@ def likelihood_by(system, forced, low=0.01, high=0.1):
     """Of responses to a force that are taken at their word."""
     zeta = Parameters((Parameter(name="zeta", kind="damping", lower=low, upper=high),))
     return likelihood_of(
-        (forced_data(forced, system.floors, believed=AT_ITS_WORD),), system, FACTORS + zeta
+        (forced_data(forced, system.floors, table=STATED),), system, FACTORS + zeta
     )
 
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from femupdate.inference import SmcSettings, TemperedSmc
-from femupdate.inference.smc import TRAJECTORIES
+from femupdate.inference.smc import Hamiltonian
 
 LINEAR = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
@@ -17,13 +17,12 @@ LINEAR = (
 
 
 def sampler(prior, target):
-    return TemperedSmc(prior, target, SmcSettings(unmoved=0.0), TRAJECTORIES)
+    return TemperedSmc(prior, target, SmcSettings(unmoved=0.0), ((Hamiltonian(), 3),))
 
 
 def drawn(prior, target, draws, seed=0, particles=128, groups=4):
     """Draws (groups, n, p) of a population, and what each group's run says."""
-    walk = sampler(prior, target)
-    runs = walk.draws(walk.reach(walk.init(particles, seed, groups)), draws)
+    runs = sampler(prior, target).draws(particles, draws, seed, groups)
     return torch.stack([run.theta for run in runs]), runs
 
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.optimize import least_squares
 
-from femupdate.inference.latent_search import Control, LatentQuadratics, find_latent
+from femupdate.inference.latent_search import LatentQuadratics, find_latent
 from femupdate.maximise import LatentData
 from femupdate.surrogate import LatentMixture, Mvae, NetworkSizes
 
@@ -82,16 +82,15 @@ def find(mvae, seen, proposed):
         return BUILDING(3.0**0.5 * (2.0 * root - 1.0))
 
     rough = LatentData(seen.log_frf.float(), seen.weight.float())
-    found = find_latent(
-        mvae, rough, proposed, Control(seen, respond), torch.Generator().manual_seed(1)
-    )
+    generator = torch.Generator().manual_seed(1)
+    found = find_latent(mvae, rough, proposed, (seen, respond), generator)
     assert found.responses == sum(asked)
     return found
 
 
 def test_both_solutions_are_found_from_a_poor_proposal(mvae):
     found = find(mvae, data(TRUTH, 0.05), proposal((-0.4, 0.2)))
-    posterior = found.posterior
+    posterior = found
     assert len(posterior.log_weight) == 2
     # The prior of z is the same at both: so are the weights.
     np.testing.assert_allclose(posterior.log_weight.exp(), 0.5, atol=0.02)
@@ -116,7 +115,7 @@ def test_it_is_the_minimum_and_its_curvature_for_the_building_itself(mvae):
         return least_squares(residual, TRUTH, jac="3-point", kwargs={"springs": springs}, **ends)
 
     best = least(BUILDING)
-    posterior = find(mvae, seen, proposal(TRUTH)).posterior
+    posterior = find(mvae, seen, proposal(TRUTH))
     row = int(np.argmin(np.linalg.norm(posterior.mean.numpy() - best.x, axis=1)))
     covariance = np.linalg.inv(best.jac.T @ best.jac)
     sd = np.sqrt(np.diag(covariance))
@@ -129,7 +128,7 @@ def test_it_is_the_minimum_and_its_curvature_for_the_building_itself(mvae):
 def test_noise_and_gaps_make_it_wider(mvae):
     sds = []
     for noise, kept in ((0.05, slice(None)), (0.1, slice(None)), (0.1, slice(0, 60))):
-        found = find(mvae, data(TRUTH, noise, kept=kept), proposal(TRUTH, TRUTH[::-1])).posterior
+        found = find(mvae, data(TRUTH, noise, kept=kept), proposal(TRUTH, TRUTH[::-1]))
         row = int(found.log_weight.argmax())
         sds.append(np.linalg.inv(found.precision[row].numpy()).trace() ** 0.5)
     assert sds[1] == pytest.approx(2.0 * sds[0], rel=0.1)
@@ -149,7 +148,7 @@ def test_what_lies_beyond_the_box_is_expanded_from_its_edge(mvae):
     """Frequencies that only a z outside the prior's box has: inside, the likelihood still falls
     away from that corner as fast as the building's own does."""
     seen = data((2.1, 2.0), 0.05)
-    posterior = find(mvae, seen, proposal((2.1, 2.0))).posterior
+    posterior = find(mvae, seen, proposal((2.1, 2.0)))
     likelihood = LatentQuadratics(posterior, 1e-9 * torch.eye(2))
     edge = 3.0**0.5
     z = torch.tensor([[edge, edge], [edge, edge - 0.02], [edge - 0.03, edge - 0.03]]).double()

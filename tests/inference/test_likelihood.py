@@ -7,8 +7,15 @@ from scipy.stats import chi2, kstest
 
 from femupdate.dynamics import System, reduce_lumped
 from femupdate.errors import SurrogateError
-from femupdate.inference import LatentLikelihood, Parameter, Parameters, base_logs, likelihood_of
-from femupdate.inference.frf_data import AT_ITS_WORD, log_responses
+from femupdate.inference import (
+    STATED,
+    LatentLikelihood,
+    Parameter,
+    Parameters,
+    base_logs,
+    likelihood_of,
+)
+from femupdate.inference.frf_data import log_responses
 from femupdate.measurement import Observation, select_floors
 from femupdate.surrogate import Mvae, NetworkSizes, Surrogate, SurrogateInfo
 
@@ -61,7 +68,7 @@ def likelihood_by(system, measured, **options):
     """Of FRFs that are taken at their word."""
     factors = Parameters.uniform(("a", "b", "c"), [0.33] * 3, [3.0] * 3)
     prior = factors + Parameters((Parameter(name="zeta", kind="damping", lower=0.01, upper=0.1),))
-    data = base_logs(measured, system, believed=AT_ITS_WORD, **options)
+    data = base_logs(measured, system, table=STATED, **options)
     return likelihood_of((data,), system, prior)
 
 
@@ -142,7 +149,7 @@ def test_latent_likelihood_is_the_integral_of_its_gaussians(model, surrogate):
     with torch.no_grad():
         assert likelihood.input.visibility.floors.tolist() == [[0.0, 1.0, 1.0]]
         z = surrogate.mvae.encode_parameters(theta.float()).double().numpy()
-    x = likelihood.found.posterior
+    x = likelihood.found
     assert x.mean.shape[1] == 4  # three stiffness factors and the damping ratio
     means = np.pad(z, ((0, 0), (0, 1)))
     # A theta is a point of z; a width of a thousandth of the narrowest posterior stands for it.

@@ -5,7 +5,7 @@ import torch
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from femupdate.inference.importance import GaussianMixture, fit_mixture
+from femupdate.inference.importance import Mixture, fit_mixture
 
 WEIGHT = np.array([0.5, 0.2, 0.3])
 MEAN = np.array([[0.0, 1.0], [4.0, -3.0], [-5.0, 0.5]])
@@ -15,7 +15,7 @@ COVARIANCE = np.array(
 
 
 def mixture(weight=WEIGHT, mean=MEAN, covariance=COVARIANCE):
-    return GaussianMixture(
+    return Mixture(
         torch.from_numpy(weight).log(),
         torch.from_numpy(mean),
         torch.linalg.cholesky(torch.from_numpy(covariance)),

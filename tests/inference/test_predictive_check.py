@@ -8,8 +8,8 @@ import torch
 from scipy.stats import chi2
 
 from femupdate.dynamics import Responses
-from femupdate.inference import predictive_check
-from femupdate.inference.frf_data import AT_ITS_WORD, frf_data
+from femupdate.inference import STATED, predictive_check
+from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import Observation
 
 POINTS, PARAMETERS, SD = 40, 5, 0.3
@@ -24,7 +24,7 @@ def observation(values, sd=SD, **others):
 
 def check_predictions(observation, predicted):
     """Of ln|H| (n, f, k) at posterior draws, as a likelihood checks them."""
-    data = frf_data(observation, observation.floors, believed=AT_ITS_WORD)
+    data = frf_data(observation, observation.floors, table=STATED)
     data = replace(data, logs=Responses())
     left, rows = data.compared(torch.from_numpy(predicted)), torch.zeros(len(predicted)).long()
     names, squares, counts = zip(

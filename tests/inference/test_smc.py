@@ -1,7 +1,6 @@
 """The sampler against posteriors and evidences in closed form, none of them symmetric."""
 
-import copy
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ import torch
 from scipy.stats import kstest
 
 from femupdate.inference import SmcSettings, TemperedSmc
-from femupdate.inference.tempering import Points
 
 THOROUGH = SmcSettings(ess_target=0.8, unmoved=0.0)
 WALK = replace(THOROUGH, independence_moves=0, walk_scale=0.5, moves=15)
@@ -19,17 +17,6 @@ PROBLEM = (
     np.array([1.3, -0.8, 2.1, 0.4]),
     0.3,
 )
-
-
-def same(one, other):
-    for field in fields(one):
-        a, b = getattr(one, field.name), getattr(other, field.name)
-        if isinstance(a, Points):
-            same(a, b)
-        elif isinstance(a, torch.Tensor):
-            assert torch.equal(a, b), field.name
-        else:
-            assert str(a) == str(b), field.name  # no number equals itself there
 
 
 @pytest.mark.parametrize(
@@ -50,7 +37,7 @@ def test_linear_gaussian_posterior_and_evidence(box, linear_gaussian, settings):
     assert result.log_evidence == pytest.approx(exact.log_evidence, abs=0.18)
     # The proposals' tails reach where a draw is the box's very bound, and this likelihood infinite.
     assert result.invalid < 1e-3 * result.evaluations
-    most = 2000 * (1 + settings.moves * len(result.levels))
+    most = 2000 * (1 + settings.moves * result.levels)
     if settings.unmoved == 0.0:
         assert result.evaluations == most
     else:
@@ -106,28 +93,6 @@ def test_points_without_a_number_are_counted_and_never_rewarded(box, wrong):
     # The integral of exp(-3 x) (.8 - x) over x from 0 to .8.
     exact = 0.8 / 3.0 + np.expm1(-2.4) / 9.0
     assert result.log_evidence == pytest.approx(np.log(exact), abs=0.2)
-
-
-@pytest.mark.parametrize("settings", [SmcSettings(), WALK], ids=["both", "walk"])
-@pytest.mark.parametrize("stop", [1, 3])
-def test_a_run_that_was_stopped_goes_on_bit_for_bit(box, linear_gaussian, settings, stop):
-    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*PROBLEM)
-    whole = TemperedSmc(prior, exact.on(prior), settings=settings).run(300, 7)
-    first = TemperedSmc(prior, exact.on(prior), settings=settings)
-    state = first.init(300, 7)
-    for _ in range(stop):
-        state = first.step(state)
-    torch.manual_seed(99)  # whatever else happens meanwhile
-    state = copy.deepcopy(state)
-    again = TemperedSmc(prior, exact.on(prior), settings=settings)
-    while not state.done:
-        state = again.step(state)
-    assert torch.equal(prior.from_normal(state.points.xi), whole.theta)
-    assert torch.equal(state.points.log_likelihood, whole.log_likelihood)
-    assert state.log_evidence == (whole.log_evidence,)
-    assert (state.evaluations, state.invalid) == (whole.evaluations, whole.invalid)
-    for one, other in zip(state.levels, whole.levels, strict=True):
-        same(one, other)
 
 
 def test_a_seed_gives_one_answer_and_leaves_the_global_generator_alone(box, linear_gaussian):

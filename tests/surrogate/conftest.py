@@ -9,8 +9,6 @@ import torch
 from femupdate.dynamics import System, reduce_lumped
 from femupdate.inference import Parameters
 from femupdate.surrogate import (
-    DatasetPlan,
-    LossSettings,
     NetworkSizes,
     TrainingSettings,
     TrainingTask,
@@ -56,7 +54,9 @@ def prior():
 def make_task(model, prior, tmp_path_factory):
     def make(samples=2000, seed=1):
         folder = tmp_path_factory.mktemp("shards")
-        dataset = compute_dataset(model, prior, DatasetPlan(samples, 2, 12.8, seed), folder)
+        dataset = compute_dataset(
+            model, prior, folder, samples=samples, modes=2, top_hz=12.8, seed=seed
+        )
         frequency = torch.from_numpy(FREQUENCY).float()
         return TrainingTask(dataset, frequency, model, (0.02, 0.05), prior, SIZES)
 
@@ -70,9 +70,14 @@ def task(make_task):
 
 @pytest.fixture(scope="session")
 def settings():
-    loss = LossSettings(points=32, proposal_rows=100)
     return TrainingSettings(
-        epochs=6, batch=100, learning_rate=3e-3, redraw_zeta_every=2, average=0.98, loss=loss
+        epochs=6,
+        batch=100,
+        learning_rate=3e-3,
+        redraw_zeta_every=2,
+        average=0.98,
+        points=32,
+        proposal_rows=100,
     )
 
 

@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
-from femupdate.inference.latent_search import LatentQuadratics, ObservedLatent
+from femupdate.inference.latent_search import FoundLatent, LatentQuadratics
 
 
 def tensor(values):
@@ -15,7 +15,7 @@ def tensor(values):
 
 
 def one_component(mean, information):
-    return ObservedLatent(tensor([0.0]), tensor([mean]), tensor([information]))
+    return FoundLatent(tensor([0.0]), tensor([mean]), tensor([information]))
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_a_mixture_in_two_dimensions_against_quadrature():
     z = np.stack(np.meshgrid(np.arange(-4.0, 4.0, step), np.arange(-4.5, 4.5, step)), axis=-1)
     seen = logsumexp([part.logpdf(z) for part in parts], b=weights[:, None, None], axis=0)
     value = np.exp(seen + said.logpdf(z) - norm.logpdf(z).sum(-1)).sum() * step**2
-    observed = ObservedLatent(tensor(np.log(weights)), tensor(means), tensor(information))
+    observed = FoundLatent(tensor(np.log(weights)), tensor(means), tensor(information))
     found = LatentQuadratics(observed, tensor(spread))(tensor(mean_theta)[None].float())
     assert float(found) == pytest.approx(np.log(value), abs=1e-5)
 

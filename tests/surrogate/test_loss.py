@@ -7,11 +7,10 @@ from torch import nn
 from torch.distributions import Normal
 
 from femupdate.surrogate import (
-    LossSettings,
     Mvae,
     NetworkSizes,
+    TrainingSettings,
     Visibility,
-    loss_terms,
     proposal,
     reconstruction,
 )
@@ -50,7 +49,7 @@ def batch():
 def test_expectation_over_the_noise_of_the_target_is_that_of_draws(mvae, batch):
     x, _ = batch
     z = torch.randn(6, 3, generator=generator(1))
-    settings = LossSettings(noise_sd=0.3, points=30)
+    settings = TrainingSettings(noise_sd=0.3, points=30)
     found = float(reconstruction(mvae, z, x, settings, generator()))
     spread = (0.09 + mvae.decoder.excess_variance()).sqrt()
     density = Normal(mvae.decode(z), spread)
@@ -68,16 +67,10 @@ def test_what_is_not_observed_does_not_reach_the_proposal(mvae, batch):
     z = torch.randn(6, 3, generator=generator(1))
     other = torch.where(visibility.weights(30) > 0, x, 50.0)
     one, two = (
-        float(proposal(mvae, z, values, visibility, LossSettings(), generator(3)))
+        float(proposal(mvae, z, values, visibility, TrainingSettings(), generator(3)))
         for values in (x, other)
     )
     assert one == pytest.approx(two, rel=1e-5)
-
-
-def terms(mvae, batch, settings, seed=3):
-    x, visibility = batch
-    theta, zeta = torch.full((6, 2), 1.2), torch.linspace(0.015, 0.045, 6)
-    return loss_terms(mvae, x, theta, zeta, visibility, settings, generator(seed))
 
 
 def test_the_proposal_teaches_the_observation_encoder_alone(batch):
@@ -86,7 +79,9 @@ def test_the_proposal_teaches_the_observation_encoder_alone(batch):
     networks.upper.fill_(3.0)
     networks.lower.fill_(0.5)
     networks.decoder.damping_bounds.copy_(torch.tensor([0.01, 0.05]))
-    terms(networks, batch, LossSettings()).proposal.backward()
+    x, visibility = batch
+    z = torch.randn(6, 3, generator=generator(1))
+    proposal(networks, z, x, visibility, TrainingSettings(), generator(3)).backward()
     others = [*networks.bend.parameters(), *networks.decoder.parameters()]
     assert all(value.grad is None for value in others)
     moved = [value.grad for value in networks.observation_encoder.parameters()]

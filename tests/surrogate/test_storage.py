@@ -11,7 +11,6 @@ from femupdate.errors import SurrogateError
 from femupdate.surrogate import (
     Surrogate,
     SurrogateInfo,
-    TrainingSettings,
     load_surrogate,
     save_surrogate,
 )
@@ -25,10 +24,10 @@ def surrogate(trained):
         floors=("2F", "RF"),
         noise_sd=0.2,
         version="0.1.0",
-        settings={"samples": 2000, "training": TrainingSettings().as_dict()},
+        settings={"samples": 2000, "training": {"epochs": 45}},
         metrics=trained[0].metrics,
     )
-    return Surrogate(trained[0].mvae, info)
+    return Surrogate(trained[0].average, info)
 
 
 @pytest.fixture

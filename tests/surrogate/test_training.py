@@ -50,7 +50,7 @@ def test_training_lowers_the_validation_loss(trained):
 
 def test_proposals_tell_theta_apart(trained, task):
     """q(z|x) of noise-free responses is higher where their theta is put than elsewhere."""
-    mvae = trained[0].mvae
+    mvae = trained[0].average
     rows = torch.arange(200)
     theta = task.dataset.theta[rows].float()
     pool = room._draw_samples(task, TrainingSettings(), 0, rows).log_frf.float()
@@ -75,12 +75,12 @@ def test_a_killed_training_goes_on_to_the_same_weights(task, quick, tmp_path, ep
     epochs = {note.split(",")[0] for note in told.notes}
     assert epochs == {f"epoch {k}" for k in range(epoch + 1, 5)}
     assert "nan" not in told.notes[0]
-    assert_equal(resumed.mvae.state_dict(), whole.mvae.state_dict())
+    assert_equal(resumed.average.state_dict(), whole.average.state_dict())
     for name in ("validation_loss", "best_epoch", "epochs"):
         assert resumed.metrics[name] == whole.metrics[name]
     # Once it is done, another call returns the same at once.
     done = train_mvae(task, quick, path, kill_in(0))
-    assert_equal(done.mvae.state_dict(), whole.mvae.state_dict())
+    assert_equal(done.average.state_dict(), whole.average.state_dict())
 
 
 def test_a_seed_gives_one_training_and_leaves_the_global_generator_alone(task, quick):
@@ -89,10 +89,10 @@ def test_a_seed_gives_one_training_and_leaves_the_global_generator_alone(task, q
     one = train_mvae(task, short)
     assert torch.equal(torch.random.get_rng_state(), before)
     torch.manual_seed(123)
-    assert_equal(train_mvae(task, short).mvae.state_dict(), one.mvae.state_dict())
-    other = train_mvae(task, replace(short, seed=1)).mvae.state_dict()
+    assert_equal(train_mvae(task, short).average.state_dict(), one.average.state_dict())
+    other = train_mvae(task, replace(short, seed=1)).average.state_dict()
     name = "decoder.join.weight"
-    assert not torch.equal(other[name], one.mvae.state_dict()[name])
+    assert not torch.equal(other[name], one.average.state_dict()[name])
 
 
 @pytest.fixture
@@ -129,7 +129,7 @@ def test_a_checkpoint_cut_short(task, quick, stopped, share):
 
 
 def test_weights_to_start_from_are_gone_on_from(task, quick, trained, tmp_path):
-    initial = trained[0].mvae
+    initial = trained[0].average
     before = {name: value.clone() for name, value in initial.state_dict().items()}
     one = replace(quick, epochs=1, learning_rate=1e-5)
     further = train_mvae(task, one, initial=initial)
@@ -142,4 +142,4 @@ def test_weights_to_start_from_are_gone_on_from(task, quick, trained, tmp_path):
         train_mvae(task, quick, path, kill_in(1), initial=initial)
     resumed = train_mvae(task, quick, path, initial=initial)
     whole = train_mvae(task, quick, initial=initial)
-    assert_equal(resumed.mvae.state_dict(), whole.mvae.state_dict())
+    assert_equal(resumed.average.state_dict(), whole.average.state_dict())

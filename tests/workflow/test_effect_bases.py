@@ -18,7 +18,7 @@ from femupdate.discrepancy.search import problem_of, structure_near
 from femupdate.dynamics import System, local_structure, reduced_on
 from femupdate.effects import CATALOGUE, Placed, with_effect
 from femupdate.errors import BuildingError
-from femupdate.inference import COMPARING, reduction_target
+from femupdate.inference import COARSE_ERROR, reduction_target
 from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import Observation
 from femupdate.study import Study
@@ -84,7 +84,7 @@ def finder_model(cabin, building=None):
 
 def posed(reduced, cabin, seen):
     return problem_of(
-        reduced, cabin.building, (frf_data(seen, cabin.building.floors, believed=COMPARING),)
+        reduced, cabin.building, (frf_data(seen, cabin.building.floors, table=COARSE_ERROR),)
     )
 
 
@@ -124,7 +124,7 @@ def test_listed_effects_that_leave_no_structure_are_refused(cabin, gone):
         building = with_effect(building, placed, np.array([-0.9]))
     model = finder_model(cabin, building)
     with pytest.raises(BuildingError, match="together they take away more stiffness"):
-        prepared(model, (frf_data(observed(cabin, 0.0, 3), building.floors, believed=COMPARING),))
+        prepared(model, (frf_data(observed(cabin, 0.0, 3), building.floors, table=COARSE_ERROR),))
 
 
 def test_a_trial_that_leaves_no_structure_counts_nothing(cabin, gone):

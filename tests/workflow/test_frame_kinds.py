@@ -14,7 +14,8 @@ from femupdate.dynamics import equations_at
 from femupdate.effects import CATALOGUE
 from femupdate.progress import SILENT
 from femupdate.workflow import ObservationSource, open_study
-from femupdate.workflow.finder_data import read_given
+from femupdate.workflow.kinds import read_both
+from femupdate.workflow.likelihoods import data_of
 
 THETA, ZETA, MASS = np.array([0.9, 1.2]), 0.03, 0.3
 GRID = np.arange(1.0, 20.0, 0.2)
@@ -61,8 +62,8 @@ def _hit(path, structure, hidden):
 
 
 def _found(cabin, path):
-    given = read_given(cabin.study, cabin.model, _source(path), None, SILENT)
-    posed = prepared(cabin.finder, given.data(cabin.model.system))
+    given = read_both(cabin.study, cabin.model, _source(path), None, SILENT)
+    posed = prepared(cabin.finder, data_of(given, cabin.model.system))
     return sought(cabin.finder, *posed)[1]
 
 

@@ -7,8 +7,9 @@ import torch
 
 from femupdate.arrays import Floats
 from femupdate.dynamics import Responses
+from femupdate.inference import STATED
 from femupdate.inference.diagnostics import PredictiveCheck, predictive_check
-from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
+from femupdate.inference.frf_data import base_logs
 from femupdate.inference.importance import draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Likelihood, cost_of_scatter, likelihood_of
@@ -30,56 +31,90 @@ _CHECKED = 100
 
 @dataclass(frozen=True)
 class SimulatedBuilding:
-    """A draw from the prior with its noisy response."""
+    """A draw from the prior with its noisy response.
 
-    theta: Floats  # (p,) stiffness factors
-    zeta: float  # damping ratio
-    observation: Observation  # of the chosen floors
+    Attributes:
+        theta: (p,) stiffness factors.
+        zeta: damping ratio.
+        observation: of the chosen floors.
+    """
+
+    theta: Floats
+    zeta: float
+    observation: Observation
 
 
 @dataclass(frozen=True)
 class Judged:
-    """Where the truth of one case lies in one posterior."""
+    """Where the truth of one case lies in one posterior.
 
-    density: float  # level of the highest-density region that just holds it
-    rank: Floats  # (p,) share of draws below it
-    tarp: float  # share of draws nearer to a random point
-    # Posterior predictive p-values; None where they were not asked for
+    Attributes:
+        density: level of the highest-density region that just holds it.
+        rank: (p,) share of draws below it.
+        tarp: share of draws nearer to a random point.
+        check: posterior predictive p-values; None where they were not asked for.
+    """
+
+    density: float
+    rank: Floats
+    tarp: float
     check: PredictiveCheck | None = None
 
 
 @dataclass(frozen=True)
 class Widths:
-    """The latent posterior against the data-space posterior of the same data."""
+    """The latent posterior against the data-space posterior of the same data.
 
-    ratio: Floats  # (p,) standard deviation over the exact one
-    shift: Floats  # (p,) of the mean, in exact standard deviations
+    Attributes:
+        ratio: (p,) standard deviation over the exact one.
+        shift: (p,) of the mean, in exact standard deviations.
+    """
+
+    ratio: Floats
+    shift: Floats
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationCase:
-    """One simulated building."""
+    """One simulated building.
 
-    # latent, exact: where its truth lies; `exact` is None where it was not asked for
+    Attributes:
+        latent, exact: where its truth lies; `exact` is None where it was not asked for.
+        likelihoods: of the latent draws and of the truth.
+        misfit: of the best response, see `FoundLatent`.
+        responses: of the building that the latent likelihood took.
+        effective_share: of the bridge's importance draws; NaN without it.
+        widths: the latent posterior against the data-space one; None without it.
+    """
+
     latent: Judged
     exact: Judged | None
-    likelihoods: SimulatedCase  # of the latent draws and of the truth
-    misfit: float  # of the best response, see `FoundLatent`
-    responses: int  # of the building that the latent likelihood took
-    effective_share: float  # of the bridge's importance draws; NaN without it
-    widths: Widths | None  # the latent posterior against the data-space one; None without it
+    likelihoods: SimulatedCase
+    misfit: float
+    responses: int
+    effective_share: float
+    widths: Widths | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaseSettings:
-    """What is made of every simulated building."""
+    """What is made of every simulated building.
 
-    floors: tuple[str, ...]  # observed; `ANY_FLOORS` alone for a set drawn at random in every case
-    particles: int = 1000  # of each posterior
-    beside: int = 0  # the first so many cases also get the data-space posterior
-    power: float | None = None  # of the latent likelihood; default the surrogate's own
-    seed: int = 0  # of everything random; every case has its own stream
-    noise_sd: float | None = None  # of ln|H|; default that of the surrogate's training
+    Attributes:
+        floors: observed; `ANY_FLOORS` alone for a set drawn at random in every case.
+        particles: of each posterior.
+        beside: the first so many cases also get the data-space posterior.
+        power: of the latent likelihood; default the surrogate's own.
+        seed: of everything random; every case has its own stream.
+        noise_sd: of ln|H|; default that of the surrogate's training.
+    """
+
+    floors: tuple[str, ...]
+    particles: int = 1000
+    beside: int = 0
+    power: float | None = None
+    seed: int = 0
+    noise_sd: float | None = None
 
 
 def simulate(
@@ -125,7 +160,11 @@ def calibration_case(
     building = simulate(model, floors, noise_sd, rng)
     reference, seed = rng.random(model.prior.size), 1009 * settings.seed + number
     latent = LatentLikelihood(
-        surrogate, model.system, building.observation, power=settings.power, least_noise=noise_sd
+        surrogate,
+        model.system,
+        building.observation,
+        power=settings.power,
+        least_noise=noise_sd,
     )
     start = TemperedSmc(model.prior, latent).run(settings.particles, seed)
     judge = _Judge(model, building, reference, seed)
@@ -155,7 +194,10 @@ def _random_floors(floors: tuple[str, ...], rng: np.random.Generator) -> tuple[s
 
 
 def _exact(
-    model: StudyModel, building: SimulatedBuilding, start: SamplerRun, seed: int
+    model: StudyModel,
+    building: SimulatedBuilding,
+    start: SamplerRun,
+    seed: int,
 ) -> tuple[torch.Tensor, SimulatedCase, float]:
     """Draws from the data-space posterior, its likelihoods and effective share.
 
@@ -175,7 +217,7 @@ def _exact(
 
 def stated_likelihood(model: StudyModel, observation: Observation) -> Likelihood:
     """That of FRFs under base motion as if the model were right and the noise as stated."""
-    data = base_logs(observation, model.system, believed=AT_ITS_WORD)
+    data = base_logs(observation, model.system, table=STATED)
     cost = cost_of_scatter(observation, data)
     return likelihood_of((data,), model.system, model.parameters, cost)
 
@@ -204,12 +246,19 @@ def _widths(latent: torch.Tensor, exact: torch.Tensor) -> Widths:
 
 @dataclass(frozen=True)
 class _Judge:
-    """Says where the truth of a building lies in a posterior."""
+    """Says where the truth of a building lies in a posterior.
 
-    model: StudyModel  # of the building
-    building: SimulatedBuilding  # with its truth and observation
-    reference: Floats  # (p,) point of the unit cube from which distances are measured
-    seed: int  # of the draws that the predictive check takes
+    Attributes:
+        model: of the building.
+        building: with its truth and observation.
+        reference: (p,) point of the unit cube from which distances are measured.
+        seed: of the draws that the predictive check takes.
+    """
+
+    model: StudyModel
+    building: SimulatedBuilding
+    reference: Floats
+    seed: int
 
     def __call__(
         self, theta: torch.Tensor, zeta: torch.Tensor, likelihoods: SimulatedCase

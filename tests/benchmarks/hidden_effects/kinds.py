@@ -10,7 +10,6 @@ from femupdate.effects import Effect
 from femupdate.inference.mode_data import ModalErrors, modes_as_read
 from femupdate.measurement import IdentifiedModes, Observation
 from femupdate.simulation.truth import Truth
-from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured, no_base_motion
 
 BASE, MODES, FORCE = "base", "modes", "force"
@@ -53,7 +52,7 @@ def shown(effect: Effect, data: str, use_phase: bool) -> bool:
 
 def given(
     data: str, truth: Truth, building: Building, zeta: float, rng: np.random.Generator
-) -> Given:
+) -> Measured:
     """What a table of modes, or a hammer test, shows of a stick."""
     known = (
         torch.from_numpy(truth.theta)[None],
@@ -63,18 +62,18 @@ def given(
     modes = (_modes(truth, known, rng),) if data == MODES else ()
     forced = (_hammer(truth, known, building, rng),) if data == FORCE else ()
     base = no_base_motion(building, modes, forced)
-    return Given(Measured(base=base, modes=modes, forced=forced, errors=_MODEL))
+    return Measured(base=base, modes=modes, forced=forced, errors=_MODEL)
 
 
 def _modes(
     truth: Truth, known: tuple[Tensor, Tensor, Tensor], rng: np.random.Generator
 ) -> IdentifiedModes:
-    found = modes_as_read(truth.system, *known)
+    found = modes_as_read(truth.system, *known)[0]
     count = len(truth.system.floors)
-    shape = found.shape[0, :, :count].T.numpy()
+    shape = found[2:, :count].T.numpy()
     shape = shape / np.abs(shape).max(axis=1, keepdims=True)
-    hertz = found.log_frequency[0, :count].exp().numpy() / (2.0 * np.pi)
-    ratio = found.damping[0, :count].numpy()
+    hertz = found[0, :count].exp().numpy() / (2.0 * np.pi)
+    ratio = found[1, :count].numpy()
     return IdentifiedModes(
         names=tuple(str(k + 1) for k in range(count)),
         frequency_hz=hertz * np.exp(_FREQUENCY * rng.standard_normal(count)),
@@ -89,7 +88,10 @@ def _modes(
 
 
 def _hammer(
-    truth: Truth, known: tuple[Tensor, Tensor, Tensor], building: Building, rng: np.random.Generator
+    truth: Truth,
+    known: tuple[Tensor, Tensor, Tensor],
+    building: Building,
+    rng: np.random.Generator,
 ) -> Observation:
     grid = np.arange(_FIRST_HZ, building.frequency_grid.stop, _SPACING_HZ)
     floors = truth.system.floors

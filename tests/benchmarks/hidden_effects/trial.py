@@ -24,8 +24,8 @@ from femupdate.simulation.truth import FineModel, Truth
 from femupdate.study import Study
 from femupdate.workflow import StudyModel
 from femupdate.workflow.diagnose import finder_model, search
-from femupdate.workflow.finder_data import Given
 from femupdate.workflow.kinds import Measured
+from femupdate.workflow.likelihoods import data_of
 
 from .by_opensees import MESH, made_by_opensees, opensees_truth, possible, shell_of
 from .draw import KINDS, TWO, draw_effects, draw_parameters
@@ -46,25 +46,35 @@ _TRUTH_MESH = 0.4
 
 @dataclass(frozen=True, eq=False)
 class TrialModels:
-    """What all trials of a building share."""
+    """What all trials of a building share.
 
-    model: StudyModel  # of the finder
-    finder: FinderModel  # of that model
-    fine: FineModel  # of the truth
-    settings: TrialSettings  # of the measurement
-    data: str = BASE  # what is measured, one of `kinds.DATA`
+    Attributes:
+        model: of the finder.
+        finder: of that model.
+        fine: of the truth.
+        settings: of the measurement.
+        data: what is measured, one of `kinds.DATA`.
+    """
+
+    model: StudyModel
+    finder: FinderModel
+    fine: FineModel
+    settings: TrialSettings
+    data: str = BASE
 
     def shows(self, effect: Effect) -> bool:
         """Whether the data show an effect, and what makes the truth can have it."""
         made = self.settings.truth == OURS or made_by_opensees(effect)
         return made and shown(effect, self.data, self.settings.use_phase)
 
-    def measure(self, measured: MeasuredBuilding, truth: Truth, rng: np.random.Generator) -> Given:
+    def measure(
+        self, measured: MeasuredBuilding, truth: Truth, rng: np.random.Generator
+    ) -> Measured:
         """What is measured of a building."""
         if self.data != BASE:
             return given(self.data, truth, measured.building, measured.zeta, rng)
         observation, halves = measured.observe(truth, rng)
-        return Given(Measured(base=replace(observation, halves=halves)))
+        return Measured(base=replace(observation, halves=halves))
 
 
 def trial_models(
@@ -97,51 +107,71 @@ def trial_models(
 
 @dataclass(frozen=True)
 class Trial:
-    """One building with what is hidden in it."""
+    """One building with what is hidden in it.
 
-    number: int  # seed of everything in it
-    kind: str  # "clean", "one", "two" or "outside"
+    Attributes:
+        number: seed of everything in it.
+        kind: "clean", "one", "two" or "outside".
+    """
+
+    number: int
+    kind: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What the finder made of one trial; NaN or empty where a figure has no meaning."""
+    """What the finder made of one trial; NaN or empty where a figure has no meaning.
 
-    # number, kind: of the trial
+    Attributes:
+        number, kind: of the trial.
+        shaking: of the base.
+        hidden: labels of the effects that were hidden.
+        strength: root of the chi2 that the first hidden effect explains beyond theta and zeta (D).
+        absorbed: share of it that theta and zeta absorb.
+        verdict, named: of the finder; `named` is its first label.
+        pair: labels of two that it tells together, the stronger first.
+        added: labels that a repair adds, of two hidden effects alone.
+        beside: D of each of two hidden effects beside the other.
+        ranking: labels of its findings, best first.
+        twins: labels that it cannot tell the first from.
+        log_evidence: of the first finding over the model without it.
+        p_value: of the model as it is.
+        size_true, size, size_sd: of the first hidden effect, when it was named.
+        excess_removed: share of the chi2 beyond noise that the named effect removes.
+        bias_before, bias_after: largest error of a stiffness factor in posterior sd.
+        bias_share_before, bias_share_after: largest relative error of a stiffness factor.
+        held_before, held_after, held_floor: error of histories in another motion; the last is
+            that of the truth itself with its sensor noise.
+        seconds: of the diagnosis, with the repair.
+    """
+
     number: int
     kind: str
-    shaking: str  # of the base
-    hidden: tuple[str, ...]  # labels of the effects that were hidden
-    # Root of the chi2 that the first hidden effect explains beyond theta and zeta (D)
+    shaking: str
+    hidden: tuple[str, ...]
     strength: float
-    absorbed: float  # share of it that theta and zeta absorb
-    # verdict, named: of the finder; `named` is its first label
+    absorbed: float
     verdict: str
     named: str
-    pair: tuple[str, ...]  # labels of two that it tells together, the stronger first
-    added: tuple[str, ...]  # labels that a repair adds, of two hidden effects alone
-    beside: tuple[float, ...]  # D of each of two hidden effects beside the other
-    ranking: tuple[str, ...]  # labels of its findings, best first
-    twins: tuple[str, ...]  # labels that it cannot tell the first from
-    log_evidence: float  # of the first finding over the model without it
-    p_value: float  # of the model as it is
-    # size_true, size, size_sd: of the first hidden effect, when it was named
+    pair: tuple[str, ...]
+    added: tuple[str, ...]
+    beside: tuple[float, ...]
+    ranking: tuple[str, ...]
+    twins: tuple[str, ...]
+    log_evidence: float
+    p_value: float
     size_true: float
     size: float
     size_sd: float
-    excess_removed: float  # share of the chi2 beyond noise that the named effect removes
-    # bias_before, bias_after: largest error of a stiffness factor in posterior sd
+    excess_removed: float
     bias_before: float
     bias_after: float
-    # bias_share_before, bias_share_after: largest relative error of a stiffness factor
     bias_share_before: float
     bias_share_after: float
-    # held_before, held_after, held_floor: error of histories in another motion; the last is that of
-    # the truth itself with its sensor noise
     held_before: float
     held_after: float
     held_floor: float
-    seconds: float  # of the diagnosis, with the repair
+    seconds: float
 
     @property
     def detected(self) -> bool:
@@ -229,12 +259,16 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     )
 
 
-def _find(trial: Trial, models: TrialModels, seen: Given) -> _Found:
+def _find(
+    trial: Trial,
+    models: TrialModels,
+    seen: Measured,
+) -> _Found:
     """Diagnose what was measured and add what is named."""
     model, finder = models.model, models.finder
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)
-    data = seen.data(model.system, models.settings.use_phase)
+    data = data_of(seen, model.system, models.settings.use_phase)
     problem, diagnosis = search(finder, data, chosen, SILENT)
     base = diagnosis.base
     if trial.kind == TWO:

@@ -13,7 +13,8 @@ from scipy.stats import norm
 
 from femupdate.arrays import Floats
 from femupdate.building import shear_operators
-from femupdate.inference.frf_data import AT_ITS_WORD, base_logs
+from femupdate.inference import STATED
+from femupdate.inference.frf_data import base_logs
 from femupdate.inference.importance import WeightedDraws, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import likelihood_of
@@ -44,21 +45,34 @@ PUBLISHED_SOLUTIONS = np.array(
 
 @dataclass(frozen=True)
 class Case:
-    """One observation, its truth and all stiffness factors with the same roof response."""
+    """One observation, its truth and all stiffness factors with the same roof response.
 
-    observation: Observation  # of the roof
-    theta: Floats  # (4,) truth
-    solutions: Floats  # (m, 4) within the prior's box, the truth among them
-    sd: Floats  # (m, 4) standard deviations at each solution, by the misfit's curvature
+    Attributes:
+        observation: of the roof.
+        theta: (4,) truth.
+        solutions: (m, 4) within the prior's box, the truth among them.
+        sd: (m, 4) standard deviations at each solution, by the misfit's curvature.
+    """
+
+    observation: Observation
+    theta: Floats
+    solutions: Floats
+    sd: Floats
 
 
 @dataclass(frozen=True)
 class ExactPosterior:
-    """The data-space posterior of a case by importance sampling."""
+    """The data-space posterior of a case by importance sampling.
 
-    weighted: WeightedDraws  # all draws with their weights
-    theta: Floats  # (n, 4) independent, equally weighted draws
-    modes: ModeSummary  # how they share among the case's solutions
+    Attributes:
+        weighted: all draws with their weights.
+        theta: (n, 4) independent, equally weighted draws.
+        modes: how they share among the case's solutions.
+    """
+
+    weighted: WeightedDraws
+    theta: Floats
+    modes: ModeSummary
 
 
 @dataclass(frozen=True)
@@ -144,7 +158,7 @@ def _curvature_sd(model: StudyModel, solutions: Floats) -> Floats:
 
 def data_likelihood(model: StudyModel, case: Case) -> LogLikelihood:
     """exp(-|r|^2 / 2 sigma^2) of the roof, in the factors; the damping ratio is known."""
-    data = base_logs(case.observation, model.system, believed=AT_ITS_WORD, precision=torch.float32)
+    data = base_logs(case.observation, model.system, table=STATED, precision=torch.float32)
     likelihood = likelihood_of((data,), model.system, model.parameters)
 
     def of_factors(theta: torch.Tensor) -> torch.Tensor:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 
 from femupdate.arrays import Floats
 from femupdate.inference.importance import draws_about_particles
@@ -44,29 +45,50 @@ class Spread:
 
 @dataclass(frozen=True, kw_only=True)
 class SamplerRow:
-    """Several runs of one sampler with one number of particles."""
+    """Several runs of one sampler with one number of particles.
 
-    likelihood: str  # "latent" or "data"
-    sampler: str  # its name; "independent draws" for the floor
-    particles: int  # a run
-    evaluations: float  # of the likelihood, mean
-    mmd_own: Spread  # to many draws of the same posterior
-    mmd_exact: Spread  # to the exact posterior
-    weight_distance: Spread  # total variation of the mode weights from those of the same posterior
-    log_evidence: Spread  # of the data likelihood; no number for the latent one, which has none
-    unique: float  # share of different particles at the end, mean
-    seconds: float  # mean
+    Attributes:
+        likelihood: "latent" or "data".
+        sampler: its name; "independent draws" for the floor.
+        particles: a run.
+        evaluations: of the likelihood, mean.
+        mmd_own: to many draws of the same posterior.
+        mmd_exact: to the exact posterior.
+        weight_distance: total variation of the mode weights from those of the same posterior.
+        log_evidence: of the data likelihood; no number for the latent one, which has none.
+        unique: share of different particles at the end, mean.
+        seconds: mean.
+    """
+
+    likelihood: str
+    sampler: str
+    particles: int
+    evaluations: float
+    mmd_own: Spread
+    mmd_exact: Spread
+    weight_distance: Spread
+    log_evidence: Spread
+    unique: float
+    seconds: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class SamplerTarget:
-    """A posterior that samplers are judged by."""
+    """A posterior that samplers are judged by.
 
-    label: str  # of its likelihood, "latent" or "data"
-    log_likelihood: LogLikelihood  # with gradients
-    own: MmdReference  # draws of it
-    weight: Floats  # (m,) share of each mode in them
-    exact: MmdReference  # draws of the exact posterior
+    Attributes:
+        label: of its likelihood, "latent" or "data".
+        log_likelihood: with gradients.
+        own: draws of it.
+        weight: (m,) share of each mode in them.
+        exact: draws of the exact posterior.
+    """
+
+    label: str
+    log_likelihood: LogLikelihood
+    own: MmdReference
+    weight: Floats
+    exact: MmdReference
 
     def figures(self, case: Case, theta: Floats) -> dict[str, float]:
         """How far draws (n, p) are from it."""
@@ -118,7 +140,7 @@ def sampler_row(
             "seconds": time.monotonic() - started,
             "evaluations": float(result.evaluations),
             "log_evidence": result.log_evidence if target.label == "data" else float("nan"),
-            "unique": result.levels[-1].unique,
+            "unique": len(torch.unique(result.theta[:, 0])) / len(result.theta),
         }
         found.append(figures | target.figures(problem.case, result.theta.numpy()))
     return row_of_runs(target.label, name, size, found)
