@@ -10,10 +10,7 @@ from femupdate.inference.event_scatter import DEFAULT
 from femupdate.inference.model_error import MODEL_ERROR
 from femupdate.measurement import thresholds as data
 
-SETTINGS = (
-    MODEL_ERROR,
-    DEFAULT,
-)
+SETTINGS = (MODEL_ERROR, DEFAULT)
 
 
 def tables(module) -> list:

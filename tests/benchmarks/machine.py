@@ -15,25 +15,16 @@ _PACKAGES = ("numpy", "scipy", "torch")
 
 @dataclass(frozen=True, kw_only=True)
 class Machine:
-    """Where and when a benchmark ran.
+    """Where and when a benchmark ran."""
 
-    Attributes:
-        processor: its name.
-        cores: that this process may use.
-        system: operating system.
-        python: version.
-        packages: versions of packages that do the work, None for one that is not installed.
-        femupdate: version.
-        date: UTC, ISO 8601.
-    """
-
-    processor: str
-    cores: int
-    system: str
-    python: str
+    processor: str  # its name
+    cores: int  # that this process may use
+    system: str  # operating system
+    python: str  # version
+    # Versions of packages that do the work, None for one that is not installed
     packages: dict[str, str | None]
-    femupdate: str
-    date: str
+    femupdate: str  # version
+    date: str  # UTC, ISO 8601
 
     def sentence(self) -> str:
         """All of it on one line."""

@@ -15,21 +15,13 @@ from .machine import Machine, this_machine
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """What a benchmark found.
+    """What a benchmark found."""
 
-    Attributes:
-        machine: it ran on.
-        text: tables, which the command prints.
-        json: file written.
-        pictures: drawn.
-        answer: main figures, for --json.
-    """
-
-    machine: Machine
-    text: str
-    json: Path
-    pictures: tuple[Path, ...] = ()
-    answer: Mapping[str, Any] = field(default_factory=dict)
+    machine: Machine  # it ran on
+    text: str  # tables, which the command prints
+    json: Path  # file written
+    pictures: tuple[Path, ...] = ()  # drawn
+    answer: Mapping[str, Any] = field(default_factory=dict)  # main figures, for --json
 
     def as_dict(self) -> dict[str, Any]:
         """What the command prints with --json."""
@@ -47,17 +39,11 @@ class Report:
 
 @dataclass(frozen=True)
 class Job:
-    """One run of a benchmark.
+    """One run of a benchmark."""
 
-    Attributes:
-        folder: of the results, made where missing.
-        seed: of everything random.
-        progress: told what is done.
-    """
-
-    folder: Path
-    seed: int = 0
-    progress: Progress = SILENT
+    folder: Path  # of the results, made where missing
+    seed: int = 0  # of everything random
+    progress: Progress = SILENT  # told what is done
 
     def write(
         self,

@@ -92,15 +92,11 @@ def record(tmp_path_factory, tower_observation, write_record):
 
 @dataclass(frozen=True)
 class Walk:
-    """The whole work on the tower, from its file to its repair.
+    """The whole work on the tower, from its file to its repair."""
 
-    Attributes:
-        answers: of every command with --json; "calibrate --name=latent" has options of its own.
-        folder: that all lies in.
-    """
-
+    # Of every command with --json; "calibrate --name=latent" has options of its own
     answers: dict[str, dict[str, Any]]
-    folder: Path
+    folder: Path  # that all lies in
 
     @property
     def study(self) -> Path:

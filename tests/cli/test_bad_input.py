@@ -70,10 +70,7 @@ def in_g(bench):
 BAD_OBSERVATIONS = {
     "missing": (lambda b: b.folder / "nowhere.csv", ["nowhere.csv", "no such file"]),
     "two rows": (lambda b: b.observation(*b.rows[:4]), ["2 rows are too short"]),
-    "other building": (
-        lambda b: b.changed(0, "2F,RF", "3F,RF"),
-        ["3F", "2F, RF"],
-    ),
+    "other building": (lambda b: b.changed(0, "2F,RF", "3F,RF"), ["3F", "2F, RF"]),
     "wrong unit": (in_g, ["base", "818 g", "is the unit wrong?"]),
     "noise alone": (
         # The floors do not follow the base.
@@ -173,16 +170,6 @@ def test_a_building_that_cannot_be_read(femupdate, bench, study, snapshot, comma
         assert word in done.complaint
     assert snapshot(study) == before
     assert study.exists() == bool(before)
-
-
-def test_a_frame_that_cannot_stand(femupdate, bench, tmp_path, cabin_file):
-    """Columns in the lower story only: the roof floats."""
-    text = cabin_file.read_text().replace(
-        '[[columns]]\nsection = "column"', '[[columns]]\nsection = "column"\nstories = ["low"]'
-    )
-    done = femupdate("build-model", bench.file("x.toml", text), "--study", tmp_path / "study")
-    assert done.complaint
-    assert not (tmp_path / "study").exists()
 
 
 def test_too_few_samples_are_told_before_any_is_drawn(femupdate, bench, tmp_path):
@@ -315,28 +302,6 @@ def test_a_study_whose_building_file_is_gone(femupdate, after, calibrated, snaps
     done = femupdate(*after(calibrated))
     assert "was made from another building" in done.complaint
     assert snapshot(calibrated) == before
-
-
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"artefacts": {"posterior": {"file": 1}}}'])
-def test_a_damaged_record_of_the_study(femupdate, after, calibrated, content):
-    (calibrated / "study.json").write_text(content)
-    done = femupdate(*after(calibrated))
-    assert "study.json cannot be read" in done.complaint
-    assert (calibrated / "study.json").read_text() == content
-
-
-def test_a_ratio_where_the_law_gives_every_mode_its_own(femupdate, bench, tmp_path):
-    """A Rayleigh building takes no --damping, rather than take no notice of it."""
-    law = 'law = "rayleigh"\nratio = 0.05\nanchors = ["3 Hz", "9 Hz"]'
-    text = bench.tower.read_text().replace('law = "constant"\nratio = 0.05', law)
-    text = text.replace("[prior.zeta]\nlower = 0.01\nupper = 0.1\n", "")
-    building, study = bench.file("rayleigh.toml", text), tmp_path / "study"
-    arguments = ("--building", building, "--exact", "--study", study, "--particles", 200)
-    assert femupdate("calibrate", bench.observation(), *arguments).code == 0
-    done = femupdate(*predict(bench, study), "--damping", "0.02")
-    assert "damping.law is rayleigh" in done.complaint
-    assert "--damping" in done.complaint
-    assert not (study / "prediction.nc").exists()
 
 
 def commands(bench, study):

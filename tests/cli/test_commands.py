@@ -9,14 +9,7 @@ import pytest
 
 from femupdate import __version__
 
-BUILD = {
-    "frequencies_hz",
-    "dof",
-    "elements",
-    "reduced_size",
-    "reduction_error",
-    "study",
-}
+BUILD = {"frequencies_hz", "dof", "elements", "reduced_size", "reduction_error", "study"}
 
 
 def not_blank(path):

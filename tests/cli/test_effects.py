@@ -5,12 +5,6 @@ import json
 import pytest
 
 
-@pytest.fixture(scope="module")
-def plain(tower_observation):
-    """A run in which nothing is missing."""
-    return tower_observation.path
-
-
 def test_the_truth_beside_the_file_tells_the_effect(walk):
     truth = json.loads(walk.heavy.with_suffix(".truth.json").read_text())
     assert truth["effects"] == walk.answers["simulate"]["truth"]["effects"]
@@ -50,57 +44,6 @@ def test_the_repaired_study_answers_to_the_other_commands(femupdate, walk, walke
         "calibrate", walk.kept, "--study", study, "--exact", "--particles", 200, "--json"
     )
     assert told.answer["parameters"][-1] == "story_damper@RF.size"
-
-
-def test_what_two_floors_cannot_tell_is_left_to_the_engineer(femupdate, tower_file, tmp_path):
-    """Only the ratio of two masses shows: more on 2F is less on RF with softer stories."""
-    file, study = tmp_path / "ratio.csv", tmp_path / "ratio"
-    done = femupdate(
-        *("simulate", "-o", file, "--building", tower_file, "--theta", "0.8,1.3"),
-        *("--zeta", "0.05", "--duration", 60, "--sampling", 50, "--band", "0.3,20"),
-        *("--effect", "added_mass@2F=0.2"),
-    )
-    assert done.code == 0
-    told = femupdate("diagnose", file, "--building", tower_file, "--study", study, "--json").answer
-    assert told["verdict"] == "indistinguishable"
-    assert {one["name"] for one in told["effects"][:2]} == {"added_mass"}
-    assert {one["place"] for one in told["effects"][:2]} == {"2F", "RF"}
-    # 1.2 m_1 with m_2 is m_1 with m_2 / 1.2.
-    sizes = {one["place"]: one["size"] for one in told["effects"][:2]}
-    assert sizes["2F"] == pytest.approx(0.2, abs=0.03)
-    assert sizes["RF"] == pytest.approx(1 / 1.2 - 1, abs=0.03)
-
-
-BAD = {
-    "missing": (lambda w, plain: w / "no.csv", "no such file"),
-    "empty": (lambda w, plain: _file(w, ""), "the file is empty"),
-    "other building": (
-        lambda w, plain: _file(w, plain.read_text().replace(",RF", ",9F", 1)),
-        "another building",
-    ),
-    "no base": (
-        lambda w, plain: _file(w, plain.read_text().replace("time_s,base", "time_s,3F", 1)),
-        "base",
-    ),
-}
-
-
-def _file(folder, text):
-    path = folder / "bad.csv"
-    path.write_text(text)
-    return path
-
-
-@pytest.mark.parametrize("command", ["diagnose", "repair"])
-@pytest.mark.parametrize("case", BAD)
-def test_an_observation_that_cannot_be_used(
-    femupdate, walk, plain, snapshot, tmp_path, case, command
-):
-    make, words = BAD[case]
-    before = snapshot(walk.study)
-    done = femupdate(command, make(tmp_path, plain), "--study", walk.study, "--json")
-    assert words in done.complaint
-    assert snapshot(walk.study) == before
 
 
 def test_held_out_data_that_cannot_be_used(femupdate, walk, snapshot, tmp_path):

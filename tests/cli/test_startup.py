@@ -216,12 +216,6 @@ def test_wrong_usage_exits_with_2_and_makes_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_wrong_usage_through_the_script(script, tmp_path):
-    done = script("calibrate", "--nonsense", cwd=tmp_path)
-    assert (done.code, done.out) == (2, "")
-    assert "No such option '--nonsense'" in done.err
-
-
 def test_an_interrupted_command_says_how_to_go_on(monkeypatch, capsys, tmp_path):
     from femupdate.cli.main import main
 

@@ -7,28 +7,17 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Chain:
-    """Floors on stories, on a base that may sway or rock.
+    """Floors on stories, on a base that may sway or rock."""
 
-    Attributes:
-        masses: (n,) kg, bottom to top.
-        springs: (n,) N/m, of the stories.
-        zeta: damping ratio of every mode of the chain on a rigid base.
-        proportional: (a, b) of C = a M + b K instead.
-        heights: (n,) of the floors, m.
-        rocking: rotational spring under the base, N m/rad.
-        sway: horizontal spring under the base, N/m.
-        dashpots: (n,) N s/m, of the stories.
-        tower: (masses, springs, dashpots) of a second chain that stands on the roof.
-    """
-
-    masses: np.ndarray
-    springs: np.ndarray
-    zeta: float | None = None
-    proportional: tuple[float, float] | None = None
-    heights: np.ndarray | None = None
-    rocking: float | None = None
-    sway: float | None = None
-    dashpots: np.ndarray | None = None
+    masses: np.ndarray  # (n,) kg, bottom to top
+    springs: np.ndarray  # (n,) N/m, of the stories
+    zeta: float | None = None  # damping ratio of every mode of the chain on a rigid base
+    proportional: tuple[float, float] | None = None  # (a, b) of C = a M + b K instead
+    heights: np.ndarray | None = None  # (n,) of the floors, m
+    rocking: float | None = None  # rotational spring under the base, N m/rad
+    sway: float | None = None  # horizontal spring under the base, N/m
+    dashpots: np.ndarray | None = None  # (n,) N s/m, of the stories
+    # (masses, springs, dashpots) of a second chain that stands on the roof
     tower: tuple | None = None
 
     def but(self, **changes):

@@ -52,19 +52,13 @@ def test_added_mass_is_told_in_its_own_unit_too(unit_mass, nominal, told):
             ("added_mass", "3F", -0.0976, 0.0033),
             "3F carries 9.76 % less mass than modelled (± 0.33 %)",
         ),
-        (
-            ("channel_delay", "RF", 0.0021, 0.0001),
-            "RF is 2.1 ms late (± 0.1 ms)",
-        ),
+        (("channel_delay", "RF", 0.0021, 0.0001), "RF is 2.1 ms late (± 0.1 ms)"),
         (
             ("added_mass", "2F to 4F", 0.1, 0.01),
             "Each of 2F to 4F carries 10 % more mass than modelled (± 1 %)",
         ),
         (("swapped_channels", "2F,3F", 1.0, 0.0), "The channels of 2F and 3F are exchanged"),
-        (
-            ("damping_law", "rayleigh", 0.5, 0.1),
-            "Damping follows Rayleigh's law by 50 % (± 10 %)",
-        ),
+        (("damping_law", "rayleigh", 0.5, 0.1), "Damping follows Rayleigh's law by 50 % (± 10 %)"),
         (
             ("damping_law", "proportional", -0.155, 0.02),
             "Damping falls with frequency: by 15.5 % against a law proportional to frequency "
@@ -118,8 +112,4 @@ def test_what_cannot_be_seen_is_told_by_effect():
     labels = [f"added_mass@{floor}" for floor in floors[-2::-1]]
     labels += ["cracked_beams@S2", "channel_gain@4F", "channel_gain@RF", "cracked_beams@all"]
     told = set(grouped(labels, structure).split("; "))
-    assert told == {
-        "added_mass@2F to 18F",
-        "channel_gain@4F, RF",
-        "cracked_beams@all, S2",
-    }
+    assert told == {"added_mass@2F to 18F", "channel_gain@4F, RF", "cracked_beams@all, S2"}

@@ -15,35 +15,23 @@ from femupdate.fe import Beams, Shells, assemble
 
 @dataclass(frozen=True)
 class Equations:
-    """Relative motion u of a building on a base that moves by y = (translation, rotation).
+    """Relative motion u of a building on a base that moves by y = (translation, rotation)."""
 
-    Attributes:
-        K, M: (n, n).
-        rigid: (n, 2) motion of the degrees of freedom with the base.
-        force: (n, 2) inertia force per unit acceleration of the base.
-        rigid_mass: (2, 2) force and moment on the base per unit acceleration of it.
-        rows: (f, n) floors.
-        levels: (f,) their heights.
-        ground: spring under the base by direction, 0 translation, 1 rotation; others rigid.
-        pitch: rotation of the ground per unit translation of it.
-        moved: translation and rotation of the ground by itself.
-        dashpots: (row (n,), rate).
-        appendages: (floor, mass, circular frequency, damping ratio).
-        means: (f, n) mean motion of the floors over their mass, that of the rows where None.
-    """
-
+    # K, M: (n, n)
     K: np.ndarray
     M: np.ndarray
-    rigid: np.ndarray
-    force: np.ndarray
-    rigid_mass: np.ndarray
-    rows: np.ndarray
-    levels: np.ndarray
+    rigid: np.ndarray  # (n, 2) motion of the degrees of freedom with the base
+    force: np.ndarray  # (n, 2) inertia force per unit acceleration of the base
+    rigid_mass: np.ndarray  # (2, 2) force and moment on the base per unit acceleration of it
+    rows: np.ndarray  # (f, n) floors
+    levels: np.ndarray  # (f,) their heights
+    # Spring under the base by direction, 0 translation, 1 rotation; others rigid
     ground: dict = field(default_factory=dict)
-    pitch: float = 0.0
-    moved: tuple = (1.0, 0.0)
-    dashpots: tuple = ()
-    appendages: tuple = ()
+    pitch: float = 0.0  # rotation of the ground per unit translation of it
+    moved: tuple = (1.0, 0.0)  # translation and rotation of the ground by itself
+    dashpots: tuple = ()  # (row (n,), rate)
+    appendages: tuple = ()  # (floor, mass, circular frequency, damping ratio)
+    # (f, n) mean motion of the floors over their mass, that of the rows where None
     means: np.ndarray | None = None
 
     def but(self, **changes):
@@ -198,20 +186,14 @@ def lumped_masses(model):
 
 @dataclass(frozen=True)
 class Case:
-    """A building with its exact reduction and its equations by hand.
+    """A building with its exact reduction and its equations by hand."""
 
-    Attributes:
-        structure, reduced: of femupdate.
-        theta: (p,) factors, no two alike.
-        frequency_hz: (k,).
-        equations: at theta.
-    """
-
+    # structure, reduced: of femupdate
     structure: object
     reduced: ReducedStructure
-    theta: np.ndarray
-    frequency_hz: np.ndarray
-    equations: Equations
+    theta: np.ndarray  # (p,) factors, no two alike
+    frequency_hz: np.ndarray  # (k,)
+    equations: Equations  # at theta
 
     @property
     def building(self):

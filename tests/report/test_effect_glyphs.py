@@ -5,8 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from femupdate.building import load_building
-from femupdate.effects import CATALOGUE, DrawnBuilding, Glyph, structure_of
-from femupdate.errors import ReportError
+from femupdate.effects import CATALOGUE, DrawnBuilding, structure_of
 from femupdate.report import Geometry, drawn
 from femupdate.report.scenes import draw_marked
 
@@ -48,11 +47,6 @@ def test_both_of_two_channels_are_drawn(building):
     apart = [len(building.sensors(floor)) for floor in floors]
     assert len(building.sensors(",".join(floors[:2]))) == sum(apart[:2])
     assert len(building.sensors("floors")) == sum(apart)
-
-
-def test_a_glyph_of_a_kind_that_no_drawing_knows_is_refused():
-    with pytest.raises(ReportError, match=r"no sign is named 'hook' .*spring"):
-        drawn([Glyph.of("hook", np.zeros(3))])
 
 
 def test_what_sits_on_a_floor_is_drawn_at_its_height():

@@ -66,10 +66,9 @@ def test_scene_drawn_by_matplotlib(spread):
     bars = [bar.get_xlabel() for bar in figure.axes[count:]]
     assert (
         bars
-        == [
-            "Displacement over its largest",
-            "Standard deviation, % of the largest displacement",
-        ][:count]
+        == ["Displacement over its largest", "Standard deviation, % of the largest displacement"][
+            :count
+        ]
     )
     assert [text.get_text() for text in figure.texts] == [
         "Mode 1",

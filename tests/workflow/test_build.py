@@ -13,7 +13,6 @@ from femupdate.workflow import (
     CertifiedModel,
     build_study,
     choose_building,
-    draw_model,
     open_study,
 )
 
@@ -86,23 +85,6 @@ def test_modes_say_what_they_move(cabin):
     assert modes.effective_mass[0] == pytest.approx([0.0, 0.9], abs=0.02)
     assert modes.effective_mass[2, 0] > 0.05
     assert (modes.effective_mass.sum(axis=0) < 1.0).all()
-
-
-def test_pictures_show_something(cabin, recorder):
-    from matplotlib.image import imread
-
-    report, study, _ = cabin
-    log = recorder()
-    pictures = draw_model(study, report.model, report.modes, log)
-    moved = report.modes.effective_mass[:, 0]
-    most = sorted(np.argsort(-moved)[:3] + 1)
-    assert [path.name for path in pictures] == [f"model_mode_{k}.png" for k in most]
-    assert log.started == [("Drawing mode shapes", 3)]
-    assert sum(log.counts) == 3
-    seen = [imread(path)[..., :3] for path in pictures]
-    # The frame fills a part of the picture that no title or scale alone would.
-    assert all((pixels.min(axis=-1) < 0.95).mean() > 0.02 for pixels in seen)
-    assert not np.array_equal(seen[0], seen[1])
 
 
 def test_without_a_name_a_study_keeps_its_building(tmp_path, tower_file):

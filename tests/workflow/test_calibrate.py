@@ -1,17 +1,14 @@
 """calibrate against quadrature, closed forms and truths, by both likelihoods."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.image import imread
 
 from femupdate.dynamics import reduced_modes
 from femupdate.errors import MeasurementError
 from femupdate.inference import SmcSettings, load_posterior
-from femupdate.report import draw
 from femupdate.study import Study
 from femupdate.surrogate import TRAINED, Surrogate, TrainingSettings, require_surrogate
 from femupdate.workflow import (
@@ -107,33 +104,6 @@ def calibrated(study, model, path, settings=QUICK, **source):
     return calibrate_study(study, model, ObservationSource(path, **source), settings)
 
 
-def test_complex_columns_say_what_their_magnitude_says(tmp_path, tower_model, tower_frf, frf_table):
-    path, log_frf = frf_table
-    frf = np.exp(log_frf + 1j * np.angle(tower_frf(TRUTH, ZETA, GRID)))
-    rows = [
-        f"{f:.1f},{a.real:.15g},{a.imag:.15g},{b.real:.15g},{b.imag:.15g},0.1,0.1"
-        for f, a, b in zip(GRID, *frf, strict=True)
-    ]
-    head = "frequency_hz,2F_re,2F_im,RF_re,RF_im,2F_sd,RF_sd"
-    other = tmp_path / "complex.csv"
-    other.write_text("\n".join([head, *rows]) + "\n")
-    magnitude, whole = (
-        observation_of(tower_model.building, ObservationSource(one)) for one in (path, other)
-    )
-    np.testing.assert_allclose(whole.log_frf, magnitude.log_frf, atol=1e-11)
-    assert magnitude.phase is None
-    np.testing.assert_allclose(np.exp(1j * whole.phase), frf / np.abs(frf), atol=1e-9)
-
-
-def test_a_table_without_noise_has_the_building_s(tmp_path, tower_model, frf_table):
-    rows = [row.split(",")[:3] for row in frf_table[0].read_text().splitlines()]
-    path = tmp_path / "plain.csv"
-    path.write_text("\n".join(map(",".join, rows)) + "\n")
-    observation = observation_of(tower_model.building, ObservationSource(path))
-    assert (observation.noise_sd == 0.2).all()
-    assert "Noise on ln|H| taken as 0.2 for 2F, RF." in observation.notes
-
-
 def test_a_band_leaves_the_rest_out(tower_model, frf_table):
     """Floors asked for in any order, and twice, count once."""
     source = ObservationSource(frf_table[0], sensors=("RF", "2F", "RF"), band_hz=(0.5, 6.0))
@@ -143,42 +113,6 @@ def test_a_band_leaves_the_rest_out(tower_model, frf_table):
     assert (seen.min(), seen.max()) == pytest.approx((0.6, 6.0))
     assert observation.valid.sum() == 2 * 28
     assert np.isnan(observation.log_frf[~observation.valid]).all()
-
-
-@pytest.mark.parametrize(
-    ("source", "words"),
-    [
-        ({"sensors": ("4F",)}, r"there is no 4F to use; the file has 2F, RF"),
-        ({"band_hz": (11.0, 12.0)}, r"fewer than ten frequencies lie between 11 and 12 Hz"),
-        ({"columns": {"2F": "first"}}, r"there is no column 'first'"),
-    ],
-)
-def test_what_the_file_does_not_have_is_named(tower_model, frf_table, source, words):
-    with pytest.raises(MeasurementError, match=words):
-        observation_of(tower_model.building, ObservationSource(frf_table[0], **source))
-
-
-def renamed(observation, path, names, unit="cm/s2", factor=100.0):
-    """The tower's observation under other people's names, in another unit, columns turned round."""
-    histories = observation.histories
-    time = np.arange(histories.acceleration.shape[1]) * histories.time_step
-    columns = [*(histories.acceleration[k] * factor for k in (2, 0, 1)), time]
-    np.savetxt(path, np.column_stack(columns), delimiter=";", header=";".join(names), comments="")
-    return path
-
-
-NAMES = ("top", "shaker", "middle", "t")
-MAPPED = {"RF": "top", "base": "shaker", "2F": "middle", "time_s": "t"}
-
-
-def test_other_names_and_units_are_mapped(tmp_path, tower_model, tower_observation):
-    path = renamed(tower_observation, tmp_path / "theirs.csv", NAMES)
-    theirs = observation_of(tower_model.building, ObservationSource(path, "cm/s2", MAPPED))
-    ours = observation_of(tower_model.building, ObservationSource(tower_observation.path))
-    assert theirs.floors == ours.floors
-    np.testing.assert_array_equal(theirs.valid, ours.valid)
-    # Our file has six digits of each acceleration.
-    np.testing.assert_allclose(theirs.log_frf, ours.log_frf, atol=1e-4)
 
 
 def test_a_real_frame_is_followed_and_its_misfit_told(tmp_path):
@@ -228,16 +162,6 @@ def test_a_second_observation_replaces_the_first(
     assert "sampling" not in files
 
 
-def test_pictures_of_a_posterior(tmp_path, tower_model, frf_table):
-    """Also of floors that were not measured."""
-    report = calibrated(Study(tmp_path), tower_model, frf_table[0], sensors=("RF",))
-    pictures = draw(report, tmp_path / "pictures")
-    names = [path.name for path in pictures]
-    assert names == ["frf_fit.png", "posterior.png", "stiffness_factors.png"]
-    for path in pictures:
-        assert imread(path)[..., :3].std() > 0.01
-
-
 def test_one_seed_one_posterior(tmp_path, tower_model, frf_table):
     settings = replace(QUICK, seed=4)
     one, same = (
@@ -246,24 +170,6 @@ def test_one_seed_one_posterior(tmp_path, tower_model, frf_table):
     )
     np.testing.assert_array_equal(one.values, same.values)
     assert one.drawn == same.drawn
-
-
-def test_the_file_has_the_layout_of_arviz(tower):
-    import xarray as xr
-
-    with xr.open_datatree(tower.path("posterior.nc"), engine="h5netcdf") as tree:
-        assert set(tree.children) == {
-            "posterior",
-            "model_error",
-            "sample_stats",
-            "observed_data",
-            "constant_data",
-        }
-        assert tree["posterior"]["theta"].dims == ("chain", "draw", "parameter")
-        assert list(tree["posterior"]["parameter"].values) == ["theta_1", "theta_2"]
-        assert tree["posterior"]["zeta"].dims == ("chain", "draw")
-        assert json.loads(tree.attrs["drawn_by"])["likelihood"] == "exact"
-        assert tree["observed_data"]["log_frf"].dims == ("floor", "frequency_hz")
 
 
 def test_predicted_responses_are_the_tower_s(tower, tower_model, tower_frf):

@@ -7,12 +7,8 @@ import pytest
 
 from femupdate.inference import DrawnBy, Parameter, Parameters, Posterior, PredictiveCheck
 from femupdate.measurement import Observation
-from femupdate.result import Notes
 from femupdate.workflow.calibrate_draws import Fitting
-from femupdate.workflow.calibrate_notes import (
-    judgement,
-    overstated_noise,
-)
+from femupdate.workflow.calibrate_notes import judgement, overstated_noise
 
 FACTORS = Parameters.uniform(("theta_1", "theta_2"), [1.0 / 3.0] * 2, [3.0] * 2)
 KNOWN = Parameter(name="zeta", kind="damping", lower=0.05, upper=0.05)
@@ -86,10 +82,3 @@ def test_what_decides_comes_before_a_limit(pressed):
     first, second = judgement(pressed, Fitting(misfit=49.0, check=None))
     assert "misses the measured ln|H| by 7.0 times its noise" in first
     assert "theta_2" in second
-
-
-def test_six_notes_are_shown_and_the_rest_counted():
-    notes = [f"note {k}" for k in range(8)]
-    assert Notes(notes[:6], "elsewhere").lines() == [f"  - {one}" for one in notes[:6]]
-    assert Notes(notes[:7], "elsewhere").lines()[-1] == "  - 1 more note: elsewhere"
-    assert Notes(notes, "elsewhere").lines()[-1] == "  - 2 more notes: elsewhere"

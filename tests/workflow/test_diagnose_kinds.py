@@ -89,12 +89,7 @@ def test_a_reversed_sensor_is_named_by_modes(diagnosed, tmp_path):
 
 
 UNSEEN = {
-    write_modes: {
-        "channel_delay@2F",
-        "story_damper@3F",
-        "base_gain@base",
-        "tuned_appendage@RF",
-    },
+    write_modes: {"channel_delay@2F", "story_damper@3F", "base_gain@base", "tuned_appendage@RF"},
     write_force: {"base_gain@base", "table_pitch@base", "channel_delay@RF"},
 }
 

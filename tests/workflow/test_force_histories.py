@@ -64,14 +64,6 @@ def test_the_building_is_found(record, tower_file, tmp_path):
     assert report.check.whole > 0.001
 
 
-def test_a_force_in_another_unit_is_refused(record, tower_file, tmp_path):
-    study = Study(tmp_path / "study")
-    model = open_study(study, str(tower_file))
-    source = ObservationSource(record(shaker, scale=1e3))
-    with pytest.raises(MeasurementError, match="all that the building's masses allow"):
-        calibrate_study(study, model, source, CalibrationSettings(particles=1000))
-
-
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -4,13 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from matplotlib.image import imread
 from scipy.signal import StateSpace, lsim
 
-from femupdate.errors import BuildingError, MeasurementError, StudyError
+from femupdate.errors import BuildingError
 from femupdate.inference import load_posterior
 from femupdate.measurement import GroundMotion
-from femupdate.report import draw, plus_minus
+from femupdate.report import plus_minus
 from femupdate.workflow import (
     CalibrationSettings,
     ObservationSource,
@@ -140,22 +139,6 @@ def test_prediction_meets_what_was_measured(tower, tower_model, base, tower_obse
     assert ((comparison.within_band > 0.05) & (comparison.within_band <= 1.0)).all()
 
 
-@pytest.mark.parametrize(
-    ("rows", "words"),
-    [
-        (200, r"200 samples every 0.02 s do not match the record's 700 every 0.02 s"),
-        (700, r"none of its floors \(3F\) belongs to the building \(2F, RF\)"),
-    ],
-)
-def test_measurements_of_something_else(tower, tower_model, record, tmp_path, rows, words, wave):
-    path = tmp_path / "measured.csv"
-    lines = [f"{k * STEP:.2f},{a:.6g},{-a:.6g}" for k, a in enumerate(wave[:rows])]
-    path.write_text("\n".join(["time_s,base,3F", "s,m/s2,m/s2", *lines]) + "\n")
-    with pytest.raises(MeasurementError, match=words):
-        predicted(tower, tower_model, record, measured=path)
-    assert not tower.path("prediction.nc").exists()
-
-
 def test_the_file_of_a_prediction(tower, tower_model, record, wave):
     import xarray as xr
 
@@ -181,22 +164,3 @@ def test_the_file_of_a_prediction(tower, tower_model, record, wave):
     artefact = tower.artefacts()["prediction"]
     assert artefact.settings["scale"] == 1.5
     assert tower.find("prediction", artefact.made_from) == report.path
-
-
-def test_pictures_of_both_kinds(tower, tower_model, base, tower_observation):
-    report = predicted(tower, tower_model, base, measured=tower_observation.path)
-    pictures = draw(report, tower.path("pictures"))
-    assert [path.name for path in pictures] == ["floor_histories.png", "story_shear_drift.png"]
-    for path in pictures:
-        assert imread(path)[..., :3].std() > 0.01
-
-
-def test_a_posterior_of_another_model(tower, tmp_path, tower_file, record):
-    from femupdate.study import Study
-
-    other = tmp_path / "other.toml"
-    other.write_text(tower_file.read_text().replace('"4 MN/m"', '"5 MN/m"'))
-    model = open_study(Study(tmp_path / "other"), str(other))
-    with pytest.raises(StudyError, match="was made from another building; run `femupdate calibr"):
-        predicted(tower, model, record)
-    assert not tower.path("prediction.nc").exists()

@@ -13,7 +13,6 @@ from femupdate.effects import CATALOGUE
 from femupdate.errors import MeasurementError
 from femupdate.inference import load_posterior
 from femupdate.measurement import GroundMotion
-from femupdate.report import draw
 from femupdate.study import Study
 from femupdate.workflow import (
     CalibrationSettings,
@@ -240,13 +239,6 @@ def test_data_of_another_building_leave_nothing_behind(home, tmp_path):
     with pytest.raises(MeasurementError, match="another building"):
         repair_study(study, model, ObservationSource(home / "heavy.csv"), ObservationSource(other))
     assert sorted(p.name for p in study.folder.rglob("*")) == files
-
-
-def test_pictures_of_a_repair(repaired, tmp_path):
-    pictures = draw(repaired[0], tmp_path / "pictures")
-    assert [path.name for path in pictures] == ["gap_residuals.png", "gap_before_after.png"]
-    for path in pictures:
-        assert path.stat().st_size > 5000
 
 
 def test_pages_of_a_repair_name_it_and_every_file(repaired, home, tmp_path):

@@ -10,11 +10,7 @@ from femupdate.cli.main import group
 from femupdate.building import load_building
 from femupdate.dynamics import CutMember, MemberForces, Statistics
 from femupdate.inference import load_posterior
-from femupdate.report.quantities import (
-    member_tables,
-    quantities,
-    tidy_table,
-)
+from femupdate.report.quantities import member_tables, quantities, tidy_table
 from femupdate.result import Result
 
 

@@ -75,6 +75,11 @@ def test_softening_is_named_repaired_and_of_the_right_size(repaired, study, home
     before, after = (fit.p_value for fit in (report.repair.before, report.repair.after))
     assert before < 1e-6
     assert after > 0.05
+    before, after = report.in_turn
+    assert before > 1.5 > after
+    told = report.as_dict()
+    assert [told[f"halves_chi2_{when}"] for when in ("before", "after")] == [before, after]
+    assert f"kept out in turn: error (chi2 a point) {before:.1f} -> " in "\n".join(report.lines())
     # The repaired building is an ordinary one: the first record alone is explained by it.
     again = diagnose_study(report.study, open_study(report.study, None), weak)
     assert again.diagnosis.verdict == "none"

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -138,18 +137,6 @@ def test_runs_that_do_not_agree_are_told_and_gone_on_with(tmp_path, tower_model,
     assert ((mean > 0.9 * TRUTH) & (mean < TRUTH)).all()
 
 
-def test_floors_may_be_of_one_run_only(tower_model, tables, tower_frf, tmp_path):
-    clean = np.log(np.abs(tower_frf(TRUTH, ZETA, GRID)))
-    roof = write_table(tmp_path / "roof.csv", clean[1:], 0.1, ("RF",))
-    low = write_table(tmp_path / "low.csv", clean[:1], 0.1, ("2F",))
-    both = observation_of(tower_model.building, source_of(roof, low))
-    assert both.floors == ("2F", "RF")
-    np.testing.assert_allclose(both.log_frf, clean, atol=1e-9)
-    assert "cannot be told" in both.notes[0]
-    more = observation_of(tower_model.building, source_of(tables[0], roof, sensors=("RF",)))
-    assert more.floors == ("RF",)
-
-
 def test_runs_that_cannot_be_taken_together(tmp_path, tower_model, tables):
     copy = tmp_path / "copy.csv"
     copy.write_text("# The same under another name.\n" + tables[0].read_text())
@@ -192,23 +179,3 @@ def test_histories_of_two_earthquakes(tmp_path, tower_file):
     assert observation.coherence is not None
     assert (np.abs(report.posterior.samples.mean(axis=0) - TRUTH) < 0.01).all()
     assert any(note.startswith("1.csv: Welch H1") for note in report.notes)
-
-
-EFFECT = '\n[[effects]]\nname = "added_mass"\nplace = "RF"\n'
-
-
-def test_a_building_with_effects_takes_several_runs(tmp_path, tower_file, tables):
-    path = Path(tmp_path / "heavy.toml")
-    path.write_text(tower_file.read_text() + EFFECT)
-    study = Study(tmp_path / "study")
-    model = open_study(study, str(path))
-    settings = replace(QUICK, particles=400)
-    report = calibrate_study(study, model, source_of(*tables[:2]), settings)
-    draws = report.posterior.samples
-    assert report.posterior.names[-1] == "added_mass@RF.size"
-    assert (np.abs(draws.mean(axis=0) - [*TRUTH, 0.0]) < 4 * draws.std(axis=0)).all()
-    assert report.check.names == ("2F", "RF")
-    assert 0.01 < report.check.whole < 0.99
-    assert report.posterior.observation.source == "one.csv, two.csv"
-    assert "observation 2" in study.artefacts()["posterior"].made_from
-    assert any("They agree" in note for note in report.notes)

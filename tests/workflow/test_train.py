@@ -78,18 +78,6 @@ def test_what_is_written(trained):
     assert 1 <= info.metrics["best_epoch"] <= EPOCHS
 
 
-def test_what_is_written_is_what_was_trained(trained):
-    """The observation encoder to half precision; the rest wholly."""
-    _, report = trained
-    stored = load_surrogate(report.path).mvae.state_dict()
-    for name, value in report.surrogate.mvae.state_dict().items():
-        if name.startswith(("bend.", "decoder.")):
-            assert torch.equal(stored[name], value)
-        else:
-            # Half precision keeps 11 bits, and nothing below 6e-8.
-            torch.testing.assert_close(stored[name], value, rtol=2.0**-11, atol=6e-8)
-
-
 def test_a_second_training_is_skipped(copy, snapshot):
     before = snapshot(copy.folder)
     report = train_study(copy, open_study(copy), SAMPLES, SMALL)

@@ -31,90 +31,56 @@ _CHECKED = 100
 
 @dataclass(frozen=True)
 class SimulatedBuilding:
-    """A draw from the prior with its noisy response.
+    """A draw from the prior with its noisy response."""
 
-    Attributes:
-        theta: (p,) stiffness factors.
-        zeta: damping ratio.
-        observation: of the chosen floors.
-    """
-
-    theta: Floats
-    zeta: float
-    observation: Observation
+    theta: Floats  # (p,) stiffness factors
+    zeta: float  # damping ratio
+    observation: Observation  # of the chosen floors
 
 
 @dataclass(frozen=True)
 class Judged:
-    """Where the truth of one case lies in one posterior.
+    """Where the truth of one case lies in one posterior."""
 
-    Attributes:
-        density: level of the highest-density region that just holds it.
-        rank: (p,) share of draws below it.
-        tarp: share of draws nearer to a random point.
-        check: posterior predictive p-values; None where they were not asked for.
-    """
-
-    density: float
-    rank: Floats
-    tarp: float
+    density: float  # level of the highest-density region that just holds it
+    rank: Floats  # (p,) share of draws below it
+    tarp: float  # share of draws nearer to a random point
+    # Posterior predictive p-values; None where they were not asked for
     check: PredictiveCheck | None = None
 
 
 @dataclass(frozen=True)
 class Widths:
-    """The latent posterior against the data-space posterior of the same data.
+    """The latent posterior against the data-space posterior of the same data."""
 
-    Attributes:
-        ratio: (p,) standard deviation over the exact one.
-        shift: (p,) of the mean, in exact standard deviations.
-    """
-
-    ratio: Floats
-    shift: Floats
+    ratio: Floats  # (p,) standard deviation over the exact one
+    shift: Floats  # (p,) of the mean, in exact standard deviations
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationCase:
-    """One simulated building.
+    """One simulated building."""
 
-    Attributes:
-        latent, exact: where its truth lies; `exact` is None where it was not asked for.
-        likelihoods: of the latent draws and of the truth.
-        misfit: of the best response, see `FoundLatent`.
-        responses: of the building that the latent likelihood took.
-        effective_share: of the bridge's importance draws; NaN without it.
-        widths: the latent posterior against the data-space one; None without it.
-    """
-
+    # latent, exact: where its truth lies; `exact` is None where it was not asked for
     latent: Judged
     exact: Judged | None
-    likelihoods: SimulatedCase
-    misfit: float
-    responses: int
-    effective_share: float
-    widths: Widths | None
+    likelihoods: SimulatedCase  # of the latent draws and of the truth
+    misfit: float  # of the best response, see `FoundLatent`
+    responses: int  # of the building that the latent likelihood took
+    effective_share: float  # of the bridge's importance draws; NaN without it
+    widths: Widths | None  # the latent posterior against the data-space one; None without it
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaseSettings:
-    """What is made of every simulated building.
+    """What is made of every simulated building."""
 
-    Attributes:
-        floors: observed; `ANY_FLOORS` alone for a set drawn at random in every case.
-        particles: of each posterior.
-        beside: the first so many cases also get the data-space posterior.
-        power: of the latent likelihood; default the surrogate's own.
-        seed: of everything random; every case has its own stream.
-        noise_sd: of ln|H|; default that of the surrogate's training.
-    """
-
-    floors: tuple[str, ...]
-    particles: int = 1000
-    beside: int = 0
-    power: float | None = None
-    seed: int = 0
-    noise_sd: float | None = None
+    floors: tuple[str, ...]  # observed; `ANY_FLOORS` alone for a set drawn at random in every case
+    particles: int = 1000  # of each posterior
+    beside: int = 0  # the first so many cases also get the data-space posterior
+    power: float | None = None  # of the latent likelihood; default the surrogate's own
+    seed: int = 0  # of everything random; every case has its own stream
+    noise_sd: float | None = None  # of ln|H|; default that of the surrogate's training
 
 
 def simulate(
@@ -160,11 +126,7 @@ def calibration_case(
     building = simulate(model, floors, noise_sd, rng)
     reference, seed = rng.random(model.prior.size), 1009 * settings.seed + number
     latent = LatentLikelihood(
-        surrogate,
-        model.system,
-        building.observation,
-        power=settings.power,
-        least_noise=noise_sd,
+        surrogate, model.system, building.observation, power=settings.power, least_noise=noise_sd
     )
     start = TemperedSmc(model.prior, latent).run(settings.particles, seed)
     judge = _Judge(model, building, reference, seed)
@@ -194,10 +156,7 @@ def _random_floors(floors: tuple[str, ...], rng: np.random.Generator) -> tuple[s
 
 
 def _exact(
-    model: StudyModel,
-    building: SimulatedBuilding,
-    start: SamplerRun,
-    seed: int,
+    model: StudyModel, building: SimulatedBuilding, start: SamplerRun, seed: int
 ) -> tuple[torch.Tensor, SimulatedCase, float]:
     """Draws from the data-space posterior, its likelihoods and effective share.
 
@@ -246,19 +205,12 @@ def _widths(latent: torch.Tensor, exact: torch.Tensor) -> Widths:
 
 @dataclass(frozen=True)
 class _Judge:
-    """Says where the truth of a building lies in a posterior.
+    """Says where the truth of a building lies in a posterior."""
 
-    Attributes:
-        model: of the building.
-        building: with its truth and observation.
-        reference: (p,) point of the unit cube from which distances are measured.
-        seed: of the draws that the predictive check takes.
-    """
-
-    model: StudyModel
-    building: SimulatedBuilding
-    reference: Floats
-    seed: int
+    model: StudyModel  # of the building
+    building: SimulatedBuilding  # with its truth and observation
+    reference: Floats  # (p,) point of the unit cube from which distances are measured
+    seed: int  # of the draws that the predictive check takes
 
     def __call__(
         self, theta: torch.Tensor, zeta: torch.Tensor, likelihoods: SimulatedCase

@@ -14,19 +14,12 @@ REGIONS = (0.5, 0.68, 0.9, 0.95)
 
 @dataclass(frozen=True)
 class Coverage:
-    """How often regions of nominal probability held the truth.
+    """How often regions of nominal probability held the truth."""
 
-    Attributes:
-        nominal: (k,) probabilities of the regions.
-        found: (k,) shares of the cases.
-        error: (k,) binomial standard deviation of a share that is as it should be.
-        cases: how many.
-    """
-
-    nominal: Floats
-    found: Floats
-    error: Floats
-    cases: int
+    nominal: Floats  # (k,) probabilities of the regions
+    found: Floats  # (k,) shares of the cases
+    error: Floats  # (k,) binomial standard deviation of a share that is as it should be
+    cases: int  # how many
 
 
 def coverage(level: ArrayLike, nominal: Sequence[float] = REGIONS) -> Coverage:

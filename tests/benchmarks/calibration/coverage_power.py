@@ -16,30 +16,19 @@ _BOOTSTRAPS = 200
 
 @dataclass(frozen=True)
 class SimulatedCase:
-    """Posterior draws for one simulation under a flat prior, with its truth.
+    """Posterior draws for one simulation under a flat prior, with its truth."""
 
-    Attributes:
-        log_likelihood: (n,) of equally weighted draws.
-        log_likelihood_of_truth: at the parameters that made the data.
-    """
-
-    log_likelihood: Floats
-    log_likelihood_of_truth: float
+    log_likelihood: Floats  # (n,) of equally weighted draws
+    log_likelihood_of_truth: float  # at the parameters that made the data
 
 
 @dataclass(frozen=True)
 class PowerFit:
-    """The power that calibrates, and how well it is known.
+    """The power that calibrates, and how well it is known."""
 
-    Attributes:
-        power: of the likelihood.
-        error: standard deviation over resampled cases.
-        level: (c,) credibility levels of the truths at that power.
-    """
-
-    power: float
-    error: float
-    level: Floats
+    power: float  # of the likelihood
+    error: float  # standard deviation over resampled cases
+    level: Floats  # (c,) credibility levels of the truths at that power
 
 
 def levels_at_power(cases: Sequence[SimulatedCase], power: float) -> Floats:

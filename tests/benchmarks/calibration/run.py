@@ -25,25 +25,17 @@ NAME = "calibration"
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationPlan:
-    """What is simulated.
+    """What is simulated."""
 
-    Attributes:
-        building: shipped name.
-        floors: observed; the roof alone where empty; `ANY_FLOORS` alone for random sets.
-        cases: simulated buildings.
-        particles: of each posterior.
-        beside: the first so many cases also get the data-space posterior; all where None.
-        power: of the latent likelihood; default the surrogate's own.
-        noise_sd: of ln|H|; default that of the surrogate's training.
-    """
-
-    building: str = "shear_4dof"
+    building: str = "shear_4dof"  # shipped name
+    # Observed; the roof alone where empty; `ANY_FLOORS` alone for random sets
     floors: tuple[str, ...] = ()
-    cases: int = 200
-    particles: int = 1000
+    cases: int = 200  # simulated buildings
+    particles: int = 1000  # of each posterior
+    # The first so many cases also get the data-space posterior; all where None
     beside: int | None = None
-    power: float | None = None
-    noise_sd: float | None = None
+    power: float | None = None  # of the latent likelihood; default the surrogate's own
+    noise_sd: float | None = None  # of ln|H|; default that of the surrogate's training
 
     def of_cases(self, model: StudyModel, seed: int) -> CaseSettings:
         """What is made of every case."""

@@ -20,19 +20,12 @@ from .coverage_power import PowerFit
 
 @dataclass(frozen=True)
 class Scores:
-    """How one kind of posterior does over all cases.
+    """How one kind of posterior does over all cases."""
 
-    Attributes:
-        density: coverage of highest-density regions.
-        central: coverage of the central intervals of all parameters together.
-        rank_p: (p,) chi-square p-values of the rank histograms.
-        tarp_p: Kolmogorov-Smirnov p-value of the TARP levels.
-    """
-
-    density: Coverage
-    central: Coverage
-    rank_p: tuple[float, ...]
-    tarp_p: float
+    density: Coverage  # coverage of highest-density regions
+    central: Coverage  # coverage of the central intervals of all parameters together
+    rank_p: tuple[float, ...]  # (p,) chi-square p-values of the rank histograms
+    tarp_p: float  # Kolmogorov-Smirnov p-value of the TARP levels
 
 
 def scores(judged: Sequence[Judged]) -> Scores:

@@ -35,23 +35,14 @@ _PARTICLES = 400
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
-    """What `compare` said of one pair.
+    """What `compare` said of one pair."""
 
-    Attributes:
-        model: "right", or what it lacks.
-        state: "unchanged" or "softened", beside the state before.
-        verdict: "changed", "unchanged" or "unclear".
-        named: names of the stories that were named.
-        probability: that story 2 changed.
-        change: of story 2, as a ratio less one.
-    """
-
-    model: str
-    state: str
-    verdict: str
-    named: tuple[str, ...]
-    probability: float
-    change: float
+    model: str  # "right", or what it lacks
+    state: str  # "unchanged" or "softened", beside the state before
+    verdict: str  # "changed", "unchanged" or "unclear"
+    named: tuple[str, ...]  # names of the stories that were named
+    probability: float  # that story 2 changed
+    change: float  # of story 2, as a ratio less one
 
     @property
     def right(self) -> bool:
@@ -86,13 +77,7 @@ def run_changes(job: Job, pairs: int, models: Mapping[str, Effects] = MODELS) ->
     return _report(job, found)
 
 
-def _state(
-    job: Job,
-    study: Study,
-    theta: Floats,
-    seed: int,
-    effects: Effects,
-) -> State:
+def _state(job: Job, study: Study, theta: Floats, seed: int, effects: Effects) -> State:
     """Measure and calibrate a building; its state is the name of the posterior."""
     now = theta * np.where(np.arange(len(theta)) == STORY, SOFTER, 1.0)
     settings = SimulationSettings(

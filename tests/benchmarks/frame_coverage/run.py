@@ -48,47 +48,32 @@ Make = Callable[[FrameBuilding, Floats], ReducedModel]
 
 @dataclass(frozen=True)
 class CoveragePlan:
-    """What is tried.
+    """What is tried."""
 
-    Attributes:
-        building: shipped name or file of a frame.
-        cases: simulated buildings.
-        particles: posterior draws for each.
-        exact: the data-space posterior, not the latent one.
-    """
-
-    building: str
-    cases: int
-    particles: int
-    exact: bool = True
+    building: str  # shipped name or file of a frame
+    cases: int  # simulated buildings
+    particles: int  # posterior draws for each
+    exact: bool = True  # the data-space posterior, not the latent one
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One building and its posterior.
+    """One building and its posterior."""
 
-    Attributes:
-        truth: what made the data.
-        motion: of the base.
-        theta: (p,) true factors; zeta: true damping ratio.
-        mean, sd, low, high: (p,) of the posterior, the ends those of the 90 % interval.
-        zeta_low, zeta_high: 90 % interval of the damping ratio.
-        misfit: of the best draw.
-        seconds: of processor time.
-    """
-
-    truth: str
-    motion: str
-    theta: Floats
+    truth: str  # what made the data
+    motion: str  # of the base
+    theta: Floats  # (p,) true factors; zeta: true damping ratio
     zeta: float
+    # mean, sd, low, high: (p,) of the posterior, the ends those of the 90 % interval
     mean: Floats
     sd: Floats
     low: Floats
     high: Floats
+    # zeta_low, zeta_high: 90 % interval of the damping ratio
     zeta_low: float
     zeta_high: float
-    misfit: float
-    seconds: float
+    misfit: float  # of the best draw
+    seconds: float  # of processor time
 
     @property
     def held(self) -> Flags:

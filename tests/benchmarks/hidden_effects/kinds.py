@@ -88,10 +88,7 @@ def _modes(
 
 
 def _hammer(
-    truth: Truth,
-    known: tuple[Tensor, Tensor, Tensor],
-    building: Building,
-    rng: np.random.Generator,
+    truth: Truth, known: tuple[Tensor, Tensor, Tensor], building: Building, rng: np.random.Generator
 ) -> Observation:
     grid = np.arange(_FIRST_HZ, building.frequency_grid.stop, _SPACING_HZ)
     floors = truth.system.floors

@@ -35,49 +35,32 @@ HiddenEffect = tuple[Placed, tuple[float, ...]]
 
 @dataclass(frozen=True, kw_only=True)
 class TrialSettings:
-    """How the trials are measured.
+    """How the trials are measured."""
 
-    Attributes:
-        durations_s: of the base motion, by turns; a recorded earthquake has its own.
-        sampling_hz, rms_m_s2: of the base motion, white over the grid.
-        sensor_noise_m_s2: rms on every channel.
-        quantisation_m_s2: step of the recorder.
-        mesh_size: m, of the truth of a frame; two fifths of the building's own where None.
-        use_phase: whether phases are compared.
-        truth: `OURS`, by the solver of this project on a finer mesh, or `OPENSEES`.
-    """
-
+    # Of the base motion, by turns; a recorded earthquake has its own
     durations_s: tuple[float, ...] = (60.0, 120.0, 240.0)
+    # sampling_hz, rms_m_s2: of the base motion, white over the grid
     sampling_hz: float = 200.0
     rms_m_s2: float = 0.3
-    sensor_noise_m_s2: float = 0.003
-    quantisation_m_s2: float = 5e-4
+    sensor_noise_m_s2: float = 0.003  # rms on every channel
+    quantisation_m_s2: float = 5e-4  # step of the recorder
+    # M, of the truth of a frame; two fifths of the building's own where None
     mesh_size: float | None = None
-    use_phase: bool = True
-    truth: str = OURS
+    use_phase: bool = True  # whether phases are compared
+    truth: str = OURS  # `OURS`, by the solver of this project on a finer mesh, or `OPENSEES`
 
 
 @dataclass(frozen=True)
 class MeasuredBuilding:
-    """A building whose parameters and effects are known, as it can be measured.
+    """A building whose parameters and effects are known, as it can be measured."""
 
-    Attributes:
-        building: as its file says.
-        settings: of the measurement.
-        theta: (p,) stiffness factors.
-        zeta: damping ratio.
-        effects: in the building, and missing in its file.
-        shaking: of the base, one of `SHAKINGS`.
-        duration_s: of it.
-    """
-
-    building: Building
-    settings: TrialSettings
-    theta: Floats
-    zeta: float
-    effects: tuple[HiddenEffect, ...]
-    shaking: str = WHITE
-    duration_s: float = 120.0
+    building: Building  # as its file says
+    settings: TrialSettings  # of the measurement
+    theta: Floats  # (p,) stiffness factors
+    zeta: float  # damping ratio
+    effects: tuple[HiddenEffect, ...]  # in the building, and missing in its file
+    shaking: str = WHITE  # of the base, one of `SHAKINGS`
+    duration_s: float = 120.0  # of it
 
     def truth(self, fine: FineModel) -> Truth:
         """Its response, on the fine mesh."""

@@ -46,21 +46,13 @@ _TRUTH_MESH = 0.4
 
 @dataclass(frozen=True, eq=False)
 class TrialModels:
-    """What all trials of a building share.
+    """What all trials of a building share."""
 
-    Attributes:
-        model: of the finder.
-        finder: of that model.
-        fine: of the truth.
-        settings: of the measurement.
-        data: what is measured, one of `kinds.DATA`.
-    """
-
-    model: StudyModel
-    finder: FinderModel
-    fine: FineModel
-    settings: TrialSettings
-    data: str = BASE
+    model: StudyModel  # of the finder
+    finder: FinderModel  # of that model
+    fine: FineModel  # of the truth
+    settings: TrialSettings  # of the measurement
+    data: str = BASE  # what is measured, one of `kinds.DATA`
 
     def shows(self, effect: Effect) -> bool:
         """Whether the data show an effect, and what makes the truth can have it."""
@@ -107,71 +99,51 @@ def trial_models(
 
 @dataclass(frozen=True)
 class Trial:
-    """One building with what is hidden in it.
+    """One building with what is hidden in it."""
 
-    Attributes:
-        number: seed of everything in it.
-        kind: "clean", "one", "two" or "outside".
-    """
-
-    number: int
-    kind: str
+    number: int  # seed of everything in it
+    kind: str  # "clean", "one", "two" or "outside"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What the finder made of one trial; NaN or empty where a figure has no meaning.
+    """What the finder made of one trial; NaN or empty where a figure has no meaning."""
 
-    Attributes:
-        number, kind: of the trial.
-        shaking: of the base.
-        hidden: labels of the effects that were hidden.
-        strength: root of the chi2 that the first hidden effect explains beyond theta and zeta (D).
-        absorbed: share of it that theta and zeta absorb.
-        verdict, named: of the finder; `named` is its first label.
-        pair: labels of two that it tells together, the stronger first.
-        added: labels that a repair adds, of two hidden effects alone.
-        beside: D of each of two hidden effects beside the other.
-        ranking: labels of its findings, best first.
-        twins: labels that it cannot tell the first from.
-        log_evidence: of the first finding over the model without it.
-        p_value: of the model as it is.
-        size_true, size, size_sd: of the first hidden effect, when it was named.
-        excess_removed: share of the chi2 beyond noise that the named effect removes.
-        bias_before, bias_after: largest error of a stiffness factor in posterior sd.
-        bias_share_before, bias_share_after: largest relative error of a stiffness factor.
-        held_before, held_after, held_floor: error of histories in another motion; the last is
-            that of the truth itself with its sensor noise.
-        seconds: of the diagnosis, with the repair.
-    """
-
+    # number, kind: of the trial
     number: int
     kind: str
-    shaking: str
-    hidden: tuple[str, ...]
+    shaking: str  # of the base
+    hidden: tuple[str, ...]  # labels of the effects that were hidden
+    # Root of the chi2 that the first hidden effect explains beyond theta and zeta (D)
     strength: float
-    absorbed: float
+    absorbed: float  # share of it that theta and zeta absorb
+    # verdict, named: of the finder; `named` is its first label
     verdict: str
     named: str
-    pair: tuple[str, ...]
-    added: tuple[str, ...]
-    beside: tuple[float, ...]
-    ranking: tuple[str, ...]
-    twins: tuple[str, ...]
-    log_evidence: float
-    p_value: float
+    pair: tuple[str, ...]  # labels of two that it tells together, the stronger first
+    added: tuple[str, ...]  # labels that a repair adds, of two hidden effects alone
+    beside: tuple[float, ...]  # D of each of two hidden effects beside the other
+    ranking: tuple[str, ...]  # labels of its findings, best first
+    twins: tuple[str, ...]  # labels that it cannot tell the first from
+    log_evidence: float  # of the first finding over the model without it
+    p_value: float  # of the model as it is
+    # size_true, size, size_sd: of the first hidden effect, when it was named
     size_true: float
     size: float
     size_sd: float
-    excess_removed: float
+    excess_removed: float  # share of the chi2 beyond noise that the named effect removes
+    # bias_before, bias_after: largest error of a stiffness factor in posterior sd
     bias_before: float
     bias_after: float
+    # bias_share_before, bias_share_after: largest relative error of a stiffness factor
     bias_share_before: float
     bias_share_after: float
+    # held_before, held_after, held_floor: error of histories in another motion; the last is that of
+    # the truth itself with its sensor noise
     held_before: float
     held_after: float
     held_floor: float
-    seconds: float
+    seconds: float  # of the diagnosis, with the repair
 
     @property
     def detected(self) -> bool:
@@ -259,11 +231,7 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     )
 
 
-def _find(
-    trial: Trial,
-    models: TrialModels,
-    seen: Measured,
-) -> _Found:
+def _find(trial: Trial, models: TrialModels, seen: Measured) -> _Found:
     """Diagnose what was measured and add what is named."""
     model, finder = models.model, models.finder
     started = time.monotonic()

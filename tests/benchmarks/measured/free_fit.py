@@ -17,16 +17,12 @@ _LIMITS = (5e-4, 0.3)  # of damping ratios
 
 @dataclass(frozen=True)
 class FreeFit:
-    """Modes with frequencies, damping ratios and participations of their own.
+    """Modes with frequencies, damping ratios and participations of their own."""
 
-    Attributes:
-        frequency_hz, damping: (m,).
-        participation: (m, f) of the floors' motion against the base.
-    """
-
+    # frequency_hz, damping: (m,)
     frequency_hz: Floats
     damping: Floats
-    participation: Floats
+    participation: Floats  # (m, f) of the floors' motion against the base
 
     def error(self, measured: Histories, direction: str) -> Floats:
         """Rms of predicted less measured accelerations over that of the measured, (f,)."""

@@ -48,26 +48,16 @@ _SPECTRUM_DAMPING = 0.05
 
 @dataclass(frozen=True)
 class MeasuredPlan:
-    """What is calibrated and predicted.
+    """What is calibrated and predicted."""
 
-    Attributes:
-        building: shipped name or file.
-        files: histories of the base and of floors, an event each.
-        base: column of the base's motion.
-        columns: our column names to the files'.
-        particles: posterior draws.
-        samples: histories of a prediction.
-        several: whether each event is predicted from all others together.
-        leave_out: floor that no calibration sees, and that is predicted all the same.
-    """
-
-    building: str
-    files: tuple[Path, ...]
-    base: str
-    columns: Mapping[str, str] | None
-    particles: int
-    samples: int
-    several: bool = False
+    building: str  # shipped name or file
+    files: tuple[Path, ...]  # histories of the base and of floors, an event each
+    base: str  # column of the base's motion
+    columns: Mapping[str, str] | None  # our column names to the files'
+    particles: int  # posterior draws
+    samples: int  # histories of a prediction
+    several: bool = False  # whether each event is predicted from all others together
+    # Floor that no calibration sees, and that is predicted all the same
     leave_out: str | None = None
 
 
@@ -87,33 +77,25 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """One floor of one event, predicted from another.
+    """One floor of one event, predicted from another."""
 
-    Attributes:
-        calibrated, predicted: events.
-        floor: that was measured.
-        unseen: whether the calibration was kept from this floor.
-        within: share of the samples within two standard deviations.
-        peak_within: whether the peak lies in its 90 % interval.
-        peak_ratio: measured peak over the median predicted one.
-        spectrum_within: share of the frequencies at which the measured floor spectrum (5 % damping)
-            lies in its 90 % interval.
-        score, filter_score: continuous ranked probability score over the rms, ours and of an
-            impulse response.
-        error, free, filter_error: rms of the best estimate's error over the rms measured: ours, of
-            free modes and of an impulse response.
-    """
-
+    # calibrated, predicted: events
     calibrated: str
     predicted: str
-    floor: str
-    unseen: bool
-    within: float
-    peak_within: bool
-    peak_ratio: float
+    floor: str  # that was measured
+    unseen: bool  # whether the calibration was kept from this floor
+    within: float  # share of the samples within two standard deviations
+    peak_within: bool  # whether the peak lies in its 90 % interval
+    peak_ratio: float  # measured peak over the median predicted one
+    # Share of the frequencies at which the measured floor spectrum (5 % damping) lies in its 90 %
+    # interval
     spectrum_within: float
+    # score, filter_score: continuous ranked probability score over the rms, ours and of an impulse
+    # response
     score: float
     filter_score: float
+    # error, free, filter_error: rms of the best estimate's error over the rms measured: ours, of
+    # free modes and of an impulse response
     error: float
     free: float
     filter_error: float

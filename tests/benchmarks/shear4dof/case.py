@@ -45,34 +45,21 @@ PUBLISHED_SOLUTIONS = np.array(
 
 @dataclass(frozen=True)
 class Case:
-    """One observation, its truth and all stiffness factors with the same roof response.
+    """One observation, its truth and all stiffness factors with the same roof response."""
 
-    Attributes:
-        observation: of the roof.
-        theta: (4,) truth.
-        solutions: (m, 4) within the prior's box, the truth among them.
-        sd: (m, 4) standard deviations at each solution, by the misfit's curvature.
-    """
-
-    observation: Observation
-    theta: Floats
-    solutions: Floats
-    sd: Floats
+    observation: Observation  # of the roof
+    theta: Floats  # (4,) truth
+    solutions: Floats  # (m, 4) within the prior's box, the truth among them
+    sd: Floats  # (m, 4) standard deviations at each solution, by the misfit's curvature
 
 
 @dataclass(frozen=True)
 class ExactPosterior:
-    """The data-space posterior of a case by importance sampling.
+    """The data-space posterior of a case by importance sampling."""
 
-    Attributes:
-        weighted: all draws with their weights.
-        theta: (n, 4) independent, equally weighted draws.
-        modes: how they share among the case's solutions.
-    """
-
-    weighted: WeightedDraws
-    theta: Floats
-    modes: ModeSummary
+    weighted: WeightedDraws  # all draws with their weights
+    theta: Floats  # (n, 4) independent, equally weighted draws
+    modes: ModeSummary  # how they share among the case's solutions
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,7 @@ import numpy as np
 from femupdate.arrays import Floats
 
 from .case import Case, ExactPosterior, case_modes
-from .metrics import (
-    MmdReference,
-    classifier_accuracy,
-    local_coordinates,
-    total_variation,
-)
+from .metrics import MmdReference, classifier_accuracy, local_coordinates, total_variation
 
 # A mode with a smaller share of the exact posterior holds too few draws to judge its width.
 _LEAST_WEIGHT = 0.05
@@ -20,24 +15,16 @@ _LEAST_WEIGHT = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """How draws differ from the exact posterior.
+    """How draws differ from the exact posterior."""
 
-    Attributes:
-        weight: (m,) share of each mode.
-        sd_ratio: (m, p) standard deviation inside each mode over the exact one; NaN for modes
-            that hold less than a twentieth of the exact posterior.
-        mean_shift: (m, p) of each mode's mean, in exact standard deviations; NaN likewise.
-        weight_distance: total variation of the mode weights.
-        mmd: to the exact draws.
-        c2st: accuracy of a classifier in coordinates local to the modes.
-    """
-
-    weight: Floats
+    weight: Floats  # (m,) share of each mode
+    # (m, p) standard deviation inside each mode over the exact one; NaN for modes that hold less
+    # than a twentieth of the exact posterior
     sd_ratio: Floats
-    mean_shift: Floats
-    weight_distance: float
-    mmd: float
-    c2st: float
+    mean_shift: Floats  # (m, p) of each mode's mean, in exact standard deviations; NaN likewise
+    weight_distance: float  # total variation of the mode weights
+    mmd: float  # to the exact draws
+    c2st: float  # accuracy of a classifier in coordinates local to the modes
 
 
 def compare(

@@ -31,17 +31,11 @@ _FAR = 1e6  # a root this far out, in units of the given stiffness, goes to infi
 
 @dataclass(frozen=True)
 class _System:
-    """f_j(k) = sum over sets of weight times product, j = 1 .. n.
+    """f_j(k) = sum over sets of weight times product, j = 1 .. n."""
 
-    Attributes:
-        members: (s, n) which stories each set holds.
-        weight: (s,) its determinant.
-        order: (s,) its size.
-    """
-
-    members: Flags
-    weight: Floats
-    order: Integers
+    members: Flags  # (s, n) which stories each set holds
+    weight: Floats  # (s,) its determinant
+    order: Integers  # (s,) its size
 
     def value_and_slope(self, k: Complexes) -> tuple[Complexes, Complexes]:
         """f (b, n) and its derivatives (b, n, n) at k (b, n)."""

@@ -90,19 +90,12 @@ def classifier_accuracy(x: ArrayLike, y: ArrayLike, seed: int = 0, folds: int = 
 
 @dataclass(frozen=True)
 class ModeSummary:
-    """Draws shared out among known solutions.
+    """Draws shared out among known solutions."""
 
-    Attributes:
-        member: (n,) index of each draw's solution.
-        weight: (m,) share of the draws.
-        mean: (m, p); NaN for a solution without draws.
-        sd: (m, p); NaN for a solution with fewer than two.
-    """
-
-    member: Integers
-    weight: Floats
-    mean: Floats
-    sd: Floats
+    member: Integers  # (n,) index of each draw's solution
+    weight: Floats  # (m,) share of the draws
+    mean: Floats  # (m, p); NaN for a solution without draws
+    sd: Floats  # (m, p); NaN for a solution with fewer than two
 
 
 def mode_summary(draws: ArrayLike, solutions: ArrayLike, scale: ArrayLike) -> ModeSummary:

@@ -13,29 +13,19 @@ from .metrics import MmdReference
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationResult:
-    """Both posteriors of one observation.
+    """Both posteriors of one observation."""
 
-    Attributes:
-        solutions: how many stiffness vectors share its roof response.
-        latent, bridged: against the exact posterior.
-        evidence_error: log evidence of the bridge less the exact one.
-        evidence_sd: the standard error that the bridge gives.
-        effective_share: of the bridge's importance draws.
-        latent_evaluations: of the latent likelihood.
-        latent_responses: of the building that the latent likelihood took.
-        responses: of the bridge.
-        latent_seconds, bridge_seconds: of each.
-    """
-
-    solutions: int
+    solutions: int  # how many stiffness vectors share its roof response
+    # latent, bridged: against the exact posterior
     latent: Comparison
     bridged: Comparison
-    evidence_error: float
-    evidence_sd: float
-    effective_share: float
-    latent_evaluations: int
-    latent_responses: int
-    responses: int
+    evidence_error: float  # log evidence of the bridge less the exact one
+    evidence_sd: float  # the standard error that the bridge gives
+    effective_share: float  # of the bridge's importance draws
+    latent_evaluations: int  # of the latent likelihood
+    latent_responses: int  # of the building that the latent likelihood took
+    responses: int  # of the bridge
+    # latent_seconds, bridge_seconds: of each
     latent_seconds: float
     bridge_seconds: float
 

@@ -10,12 +10,7 @@ import numpy as np
 from ..log import ResumableLog
 from ..result import Job, Report
 from ..shipped import benchmark_model, shipped_surrogate, surrogate_mark
-from .case import (
-    Shear4dof,
-    authors_case,
-    exact_posterior,
-    random_case,
-)
+from .case import Shear4dof, authors_case, exact_posterior, random_case
 from .observations import ObservationResult, observation_result
 from .samplers import SAMPLERS, SamplerRow, floor_rows, sampler_row, sampler_targets
 from .tables import exact_table, observation_table, sampler_table, solutions_table
@@ -25,21 +20,13 @@ NAME = "shear4dof"
 
 @dataclass(frozen=True)
 class Shear4dofPlan:
-    """How much of the benchmark is run.
+    """How much of the benchmark is run."""
 
-    Attributes:
-        sizes: particles of the sampler table.
-        runs: of each sampler at each size.
-        reference_draws: of the posteriors that others are compared with.
-        observations: that latent posterior and bridge are judged on.
-        particles: of the posteriors that judge an observation.
-    """
-
-    sizes: tuple[int, ...] = (500, 1000, 2000, 4000)
-    runs: int = 10
-    reference_draws: int = 50_000
-    observations: int = 20
-    particles: int = 2000
+    sizes: tuple[int, ...] = (500, 1000, 2000, 4000)  # particles of the sampler table
+    runs: int = 10  # of each sampler at each size
+    reference_draws: int = 50_000  # of the posteriors that others are compared with
+    observations: int = 20  # that latent posterior and bridge are judged on
+    particles: int = 2000  # of the posteriors that judge an observation
 
 
 QUICK = Shear4dofPlan((200,), 2, 3000, 2)

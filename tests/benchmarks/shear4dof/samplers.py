@@ -45,50 +45,29 @@ class Spread:
 
 @dataclass(frozen=True, kw_only=True)
 class SamplerRow:
-    """Several runs of one sampler with one number of particles.
+    """Several runs of one sampler with one number of particles."""
 
-    Attributes:
-        likelihood: "latent" or "data".
-        sampler: its name; "independent draws" for the floor.
-        particles: a run.
-        evaluations: of the likelihood, mean.
-        mmd_own: to many draws of the same posterior.
-        mmd_exact: to the exact posterior.
-        weight_distance: total variation of the mode weights from those of the same posterior.
-        log_evidence: of the data likelihood; no number for the latent one, which has none.
-        unique: share of different particles at the end, mean.
-        seconds: mean.
-    """
-
-    likelihood: str
-    sampler: str
-    particles: int
-    evaluations: float
-    mmd_own: Spread
-    mmd_exact: Spread
-    weight_distance: Spread
-    log_evidence: Spread
-    unique: float
-    seconds: float
+    likelihood: str  # "latent" or "data"
+    sampler: str  # its name; "independent draws" for the floor
+    particles: int  # a run
+    evaluations: float  # of the likelihood, mean
+    mmd_own: Spread  # to many draws of the same posterior
+    mmd_exact: Spread  # to the exact posterior
+    weight_distance: Spread  # total variation of the mode weights from those of the same posterior
+    log_evidence: Spread  # of the data likelihood; no number for the latent one, which has none
+    unique: float  # share of different particles at the end, mean
+    seconds: float  # mean
 
 
 @dataclass(frozen=True, kw_only=True)
 class SamplerTarget:
-    """A posterior that samplers are judged by.
+    """A posterior that samplers are judged by."""
 
-    Attributes:
-        label: of its likelihood, "latent" or "data".
-        log_likelihood: with gradients.
-        own: draws of it.
-        weight: (m,) share of each mode in them.
-        exact: draws of the exact posterior.
-    """
-
-    label: str
-    log_likelihood: LogLikelihood
-    own: MmdReference
-    weight: Floats
-    exact: MmdReference
+    label: str  # of its likelihood, "latent" or "data"
+    log_likelihood: LogLikelihood  # with gradients
+    own: MmdReference  # draws of it
+    weight: Floats  # (m,) share of each mode in them
+    exact: MmdReference  # draws of the exact posterior
 
     def figures(self, case: Case, theta: Floats) -> dict[str, float]:
         """How far draws (n, p) are from it."""

@@ -47,10 +47,7 @@ def shells(
 
 
 def beams(
-    nodes: ArrayLike,
-    up: ArrayLike = (0.0, 0.0, 1.0),
-    group: int = 0,
-    **section: Any,
+    nodes: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0), group: int = 0, **section: Any
 ) -> Beams:
     """Beams of one section; without shear areas they are Euler-Bernoulli beams."""
     pairs = np.asarray(nodes, dtype=np.int64)

@@ -21,16 +21,11 @@ _MARKERS = ("o", "s", "^", "D", "v", "P")
 
 @dataclass(frozen=True)
 class ConvergencePanel:
-    """One test.
+    """One test."""
 
-    Attributes:
-        title: of the panel.
-        divisions: (n,) elements along a side, ascending.
-        errors: relative errors (n,) by the name of the element; nan where there is no figure.
-    """
-
-    title: str
-    divisions: Floats
+    title: str  # of the panel
+    divisions: Floats  # (n,) elements along a side, ascending
+    # Relative errors (n,) by the name of the element; nan where there is no figure
     errors: Mapping[str, Floats]
 
 

@@ -7,42 +7,26 @@ CLOSE = 0.02  # asked for: within 2 % of the best four-node element, or better
 
 @dataclass(frozen=True)
 class Peer:
-    """What another element scores on the same mesh.
+    """What another element scores on the same mesh."""
 
-    Attributes:
-        name: of the element.
-        ratio: its value over the target.
-    """
-
-    name: str
-    ratio: float
+    name: str  # of the element
+    ratio: float  # its value over the target
 
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """Our value of one quantity of one test on one mesh.
+    """Our value of one quantity of one test on one mesh."""
 
-    Attributes:
-        test: such as "Cook's membrane".
-        case: quantity, with its load.
-        mesh: elements along the sides.
-        target: what is right.
-        value: ours.
-        unit: of both.
-        source: of the target.
-        peer: best other four-node element on this mesh, None where no figure is at hand.
-        reason: why we miss it, for a score that does.
-    """
-
-    test: str
-    case: str
-    mesh: str
-    target: float
-    value: float
-    unit: str
-    source: str
+    test: str  # such as "Cook's membrane"
+    case: str  # quantity, with its load
+    mesh: str  # elements along the sides
+    target: float  # what is right
+    value: float  # ours
+    unit: str  # of both
+    source: str  # of the target
+    # Best other four-node element on this mesh, None where no figure is at hand
     peer: Peer | None = None
-    reason: str = ""
+    reason: str = ""  # why we miss it, for a score that does
 
     @property
     def ratio(self) -> float:

@@ -30,44 +30,28 @@ _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """One program on one mesh.
+    """One program on one mesh."""
 
-    Attributes:
-        program: its name, with element and solver.
-        frequencies_hz: (20,) Hz.
-        cpu_seconds: of mesh (or reading it), assembly and modes, one thread.
-        seconds: the same on the clock.
-        peak_memory_gb: of the whole process, Python included; nan where no one can say.
-        steps: CPU seconds of single steps, where known.
-    """
-
-    program: str
-    frequencies_hz: tuple[float, ...]
-    cpu_seconds: float
-    seconds: float
-    peak_memory_gb: float
-    steps: Mapping[str, float]
+    program: str  # its name, with element and solver
+    frequencies_hz: tuple[float, ...]  # (20,) Hz
+    cpu_seconds: float  # of mesh (or reading it), assembly and modes, one thread
+    seconds: float  # the same on the clock
+    peak_memory_gb: float  # of the whole process, Python included; nan where no one can say
+    steps: Mapping[str, float]  # CPU seconds of single steps, where known
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedRow:
-    """Both programs on one mesh.
+    """Both programs on one mesh."""
 
-    Attributes:
-        size: its name.
-        shells, beams, dof: how large it is.
-        ours: femupdate's run with SciPy alone.
-        faster: with CHOLMOD, None where it is not installed.
-        theirs: OpenSees's, None where it was not run.
-    """
-
-    size: str
+    size: str  # its name
+    # shells, beams, dof: how large it is
     shells: int
     beams: int
     dof: int
-    ours: Run
-    faster: Run | None
-    theirs: Run | None
+    ours: Run  # femupdate's run with SciPy alone
+    faster: Run | None  # with CHOLMOD, None where it is not installed
+    theirs: Run | None  # OpenSees's, None where it was not run
 
     @property
     def ratio(self) -> float | None:

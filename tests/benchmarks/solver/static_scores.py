@@ -15,14 +15,7 @@ from .membranes import (
 )
 from .peers import COUPLED_LIMITS, coupled_wall_peers, static_peer
 from .score import ElementTest, Score, best_peer
-from .surfaces import (
-    Edges,
-    Loading,
-    hemisphere,
-    pinched_cylinder,
-    rectangular_plate,
-    scordelis_lo,
-)
+from .surfaces import Edges, Loading, hemisphere, pinched_cylinder, rectangular_plate, scordelis_lo
 from .walls import (
     coupled_wall,
     coupled_wall_frequencies,

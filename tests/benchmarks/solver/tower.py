@@ -17,13 +17,7 @@ BAYS_X, BAYS_Y, STORIES = 5, 3, 6
 BAY, STORY = 6.0, 3.5
 SIZES = {"small": 4, "medium": 9, "large": 17}  # elements a bay: 1680, 8640 and 31110 shells
 # Ends of the walls on the grid.
-_WALLS = (
-    ((2, 1), (3, 1)),
-    ((2, 1), (2, 2)),
-    ((3, 1), (3, 2)),
-    ((0, 1), (0, 2)),
-    ((5, 1), (5, 2)),
-)
+_WALLS = (((2, 1), (3, 1)), ((2, 1), (2, 2)), ((3, 1), (3, 2)), ((0, 1), (0, 2)), ((5, 1), (5, 2)))
 _CONCRETE: dict[str, Any] = {"youngs_modulus": 30e9, "poisson_ratio": 0.2, "density": 2500.0}
 
 

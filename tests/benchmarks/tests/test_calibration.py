@@ -6,10 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from femupdate.benchmarks.calibration.cases import Judged, simulate
-from femupdate.benchmarks.calibration.run import (
-    CalibrationPlan,
-    run_calibration,
-)
+from femupdate.benchmarks.calibration.run import CalibrationPlan, run_calibration
 from femupdate.benchmarks.calibration.tables import predictive_rows, scores
 from femupdate.benchmarks.result import Job
 from femupdate.benchmarks.shear4dof.case import roof_log_frf

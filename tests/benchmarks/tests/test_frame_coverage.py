@@ -5,12 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from femupdate.benchmarks.frame_coverage import BUILDING
-from femupdate.benchmarks.frame_coverage.motions import (
-    RECORDED,
-    SIMULATED,
-    WHITE,
-    base_motion,
-)
+from femupdate.benchmarks.frame_coverage.motions import RECORDED, SIMULATED, WHITE, base_motion
 from femupdate.benchmarks.frame_coverage.run import Case, counted, meshed, written
 
 from femupdate.building import load_building
