@@ -62,6 +62,7 @@ def test_a_diagnosis_says_what_would_decide(chains, building_of, observe, pose):
     seen = observe(("RF",), GRID, 1.06 * chain.frf(GRID)[1:], 0.02, 3)
     found = diagnose(pose(building_of(np.ones(2), np.full(2, 800.0)), seen))
     labels = {found.leading.placed.label, *found.twins}
+    assert found.verdict == "indistinguishable"
     assert {"base_gain@base", "channel_gain@RF"} <= labels
     said = " ".join(found.would_decide(DiagnosisSettings()))
     assert "2F" in said
