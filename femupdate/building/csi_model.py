@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -69,37 +68,6 @@ class Row:
             said = f"is {text!r}" if text else "is missing"
             raise self.error(f"{keys[0]} {said}; write a number")
         return value
-
-
-@dataclass(frozen=True)
-class CsiFile:
-    """What files of SAP2000 and ETABS have in common, of what `ModelFile` asks."""
-
-    file: Path
-    rows: Mapping[str, list[Row]]  # by their table, or by their first word
-
-    def of(self, name: str) -> list[Row]:
-        """The rows of a kind."""
-        return self.rows.get(name, [])
-
-    def first(self, name: str) -> Row:
-        """The first row of a kind."""
-        return self.of(name)[0]
-
-    @property
-    def materials(self) -> list[tuple[float, float]]:
-        """The file states its units."""
-        return []
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """How many rows of each kind there are."""
-        return {name: len(rows) for name, rows in self.rows.items() if rows}
-
-    @property
-    def lacks(self) -> tuple[str, ...]:
-        """It says all."""
-        return ()
 
 
 def units_of(file: str, words: Iterable[str]) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +61,7 @@ def floor_levels(read: ReadModel) -> tuple[Floats, list[str]]:
 _LOW = 0.02  # m above the base: the lowest story of a model on a bench
 
 
-def _open(path: Path, units: str | None) -> tuple[ModelFile, ReadModel, str, str, str]:
+def _open(path: Path, units: str | None) -> tuple[ModelFile[Any], ReadModel, str, str, str]:
     """A model, read whatever a building file must add to it, and its units."""
     file = open_model(path)
     force, length, why = model_units(file, units)

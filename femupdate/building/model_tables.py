@@ -3,12 +3,13 @@
 Nothing is dropped without a word: a reader counts what it takes, changes and leaves out.
 """
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -45,6 +46,10 @@ _SURFACES = {4: Shells, 3: Triangles}
 _WHOLE_BODY = np.ones(DOF_PER_NODE, dtype=np.bool_)
 
 
+K = TypeVar("K")
+T = TypeVar("T")
+
+
 class Record(Protocol):
     """An entry of a file, which complains with its file and line."""
 
@@ -52,7 +57,11 @@ class Record(Protocol):
         """A complaint; the text says what is wrong and how to mend it."""
 
 
-class ModelFile(Protocol):
+R = TypeVar("R", bound=Record)
+
+
+@dataclass(frozen=True)
+class ModelFile(ABC, Generic[R]):
     """A model of another program, parsed: one class for each program."""
 
     program: ClassVar[str]
@@ -60,43 +69,61 @@ class ModelFile(Protocol):
     what: ClassVar[str]  # how its entries are called, such as "cards"
     mends: ClassVar[Mapping[str, str]]  # what to do about some of the unknown kinds
 
-    @property
-    def file(self) -> Path:
-        """Where it is."""
+    file: Path
+    entries: Mapping[str, Sequence[R]]  # by their kind
 
     @property
-    def units(self) -> tuple[str, str] | None:
-        """Units of force and length that the file states; None where it states none."""
-
-    @property
-    def materials(self) -> list[tuple[float, float]]:
-        """Young's modulus and density of the materials, in the file's units."""
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """How many entries of each kind there are."""
-
-    @property
-    def left_out(self) -> Mapping[str, int]:
-        """How many of those that modes do not depend on."""
-
-    @property
+    @abstractmethod
     def unknown(self) -> list[str]:
         """Kinds of entries that have no counterpart here."""
 
-    def first(self, name: str) -> Record:
-        """The first entry of a kind."""
-
-    @property
-    def lacks(self) -> tuple[str, ...]:
-        """What such a file never says and a building file must: keys of `Said`."""
-
+    @abstractmethod
     def fill(self, tables: "ModelTables") -> None:
         """Fill the tables.
 
         Raises:
             BuildingError: an entry is unknown, wrong or refers to what is not there.
         """
+
+    @property
+    def units(self) -> tuple[str, str] | None:
+        """Units of force and length that the file states; None where it states none."""
+        return None
+
+    @property
+    def materials(self) -> list[tuple[float, float]]:
+        """Young's modulus and density in the file's units, where these are to be told by them."""
+        return []
+
+    @property
+    def left_out(self) -> Mapping[str, int]:
+        """How many entries of each kind modes do not depend on."""
+        return {}
+
+    @property
+    def lacks(self) -> tuple[str, ...]:
+        """What such a file never says and a building file must: keys of `Said`."""
+        return ()
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many entries of each kind there are."""
+        return {kind: len(rows) for kind, rows in self.entries.items() if rows}
+
+    def of(self, *kinds: str) -> list[R]:
+        """All entries of some kinds."""
+        return [row for kind in kinds for row in self.entries.get(kind, ())]
+
+
+def known(user: Record, rows: Mapping[K, T], name: K, what: str) -> T:
+    """What an entry names.
+
+    Raises:
+        BuildingError: it is not there.
+    """
+    if name not in rows:
+        raise user.error(f"there is no {what} {name}; add it or correct the name")
+    return rows[name]
 
 
 @dataclass(frozen=True)
@@ -149,7 +176,7 @@ class ModelTables:
     Sections and materials come in SI, in the frames and areas that have them.
     """
 
-    def __init__(self, file: ModelFile, length: float, force: float, said: Said) -> None:
+    def __init__(self, file: ModelFile[Any], length: float, force: float, said: Said) -> None:
         """Make empty tables.
 
         Args:
@@ -183,10 +210,7 @@ class ModelTables:
 
     def find(self, user: Record, name: str) -> int:
         """The number of a node that an entry names."""
-        if name not in self.number:
-            called = self.file.node_kind
-            raise user.error(f"there is no {called} {name}; add it or correct the number")
-        return self.number[name]
+        return known(user, self.number, name, self.file.node_kind)
 
     def material(
         self, user: Record, young: float, ratio: float, density: float, shear: float = 0.0
@@ -486,7 +510,7 @@ class ReadModel:
 
 
 def read_model(
-    file: ModelFile,
+    file: ModelFile[Any],
     length: float,
     force: float,
     said: Said,
@@ -509,7 +533,7 @@ def read_model(
     for name in file.unknown:
         if name not in said.ignored and said.ignored != ALL:
             mend = file.mends.get(name, "remove it where modes do not depend on it")
-            raise file.first(name).error(
+            raise file.of(name)[0].error(
                 f"{file.counts[name]} {file.what} {name} have no counterpart here; {mend}, or "
                 f'leave them out by mesh.ignore = ["{name}"] in a building file (--draft)'
             )
