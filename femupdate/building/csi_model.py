@@ -100,7 +100,6 @@ def once(rows: Iterable[Row], *keys: str) -> dict[str, Row]:
 class FrameSection:
     """A section with its material and modifiers."""
 
-    row: Row
     figures: SectionFigures
     stuff: Stuff
     weight: float  # of the material, N/m3
@@ -111,7 +110,7 @@ class FrameSection:
 class AreaSection:
     """A section of areas."""
 
-    row: Row
+    name: str
     stuff: Stuff
     weight: float  # of the material, N/m3
     thickness: float  # m
@@ -278,7 +277,7 @@ def add_area(
     mass += weight / GRAVITY * factor[9] * source.self_weight
     mass += section.more_weight / GRAVITY * source.elements
     membrane = not section.bending > 0.0
-    if membrane or section.row.values.get("Section", "") in tables.said.ignored:
+    if membrane or section.name in tables.said.ignored:
         if not in_diaphragm:
             raise row.error(
                 "it has no bending and its corners are in no rigid diaphragm; assign one, or make "

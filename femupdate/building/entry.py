@@ -1,6 +1,7 @@
 """The base of every table of a building file, and how a complaint about one finds its words."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
@@ -14,6 +15,15 @@ class Complaint(ValueError):  # noqa: N818 - it never leaves this room: users ge
     def __init__(self, key: str, text: str) -> None:
         super().__init__(text)
         self.key = key
+
+
+@contextmanager
+def complaining() -> Iterator[None]:
+    """Tell users a complaint of this room, as a context or as a decorator."""
+    try:
+        yield
+    except Complaint as complaint:
+        raise BuildingError(f"{complaint.key}: {complaint}") from None
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:

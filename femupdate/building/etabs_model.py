@@ -243,7 +243,7 @@ class _EtabsReading:
                 "TW": entry.real("TW", "T", usual=0.0),
             }
             figures = shape_figures(self.tables, entry, entry.text("SHAPE"), sides)
-        return FrameSection(entry, figures, stuff, weight, _modifiers(entry, FRAME_MODIFIERS))
+        return FrameSection(figures, stuff, weight, _modifiers(entry, FRAME_MODIFIERS))
 
     def lines(self) -> None:
         all_lines, loads = once(self.file.of("LINE"), "1"), self._loads("LINELOAD")
@@ -336,7 +336,7 @@ class _EtabsReading:
         size = thick * self.tables.length
         bending = 0.0 if "MEMBRANE" in kind else size
         return AreaSection(
-            entry, stuff, weight, size, bending, _modifiers(entry, AREA_MODIFIERS), more
+            "", stuff, weight, size, bending, _modifiers(entry, AREA_MODIFIERS), more
         )
 
 

@@ -424,7 +424,16 @@ class ModelTables:
             raise BuildingError(
                 f"{self.file.file.name}: it has no shells, bars or beams; mesh the building"
             )
-        blocks = [_told(block, points, tops) for block in blocks]
+        for k, block in enumerate(blocks):  # which story they belong to, and what they are
+            corners = points[block.nodes]
+            kind = cell_kinds(corners)
+            if corners.shape[1] == 2:
+                axis = corners[:, 1] - corners[:, 0]
+                rise = np.abs(axis[:, 2]) / np.maximum(np.linalg.norm(axis, axis=1), 1e-300)
+                kind = np.where((kind == "beam") & (rise > 0.3), "brace", kind).astype("<U24")
+            group = np.searchsorted(tops, corners.mean(axis=1)[:, 2] - LEVEL)
+            group = np.minimum(group, len(tops) - 1).astype(np.int64)
+            blocks[k] = replace(block, kind=kind, group=group)
         fixed = np.zeros((len(points), DOF_PER_NODE), dtype=np.bool_)
         for node, directions in self.holds:
             fixed[node, directions] = True
@@ -542,8 +551,13 @@ def read_model(
     if base is None:
         base = min(point[2] for point in tables.points) if said.base is not None else 0.0
     tables.points = [point - [0.0, 0.0, base] for point in tables.points]
-    if said.base is not None:
-        _hold_base(tables, said.base)
+    if said.base is not None:  # a spring there stands between the ground and the building
+        carried = {k for _, ends, *_ in tables.lines for k in ends}
+        carried |= {k for corners, _ in tables.areas for k in corners}
+        sprung = {k for first, second, *_ in tables.springs for k in (first, second)}
+        for node, point in enumerate(tables.points):
+            if abs(point[2]) < LEVEL and not (node in carried and node in sprung):
+                tables.holds.append((node, list(range(3 if said.base == "pinned" else 6))))
     model, names = tables.model(np.array([np.inf]) if levels is None else levels)
     loose = ~_stiff(model) & ~model.fixed
     held = np.flatnonzero(model.fixed[:, :3].any(axis=1))
@@ -558,16 +572,6 @@ def read_model(
         notes.append(f"Changed: at {count} nodes what nothing stiffens is held.")
     stories = {name: level - base for name, level in tables.levels.items()}
     return ReadModel(model, held, walls, wall_of, tuple(notes), stories, base)
-
-
-def _hold_base(tables: ModelTables, base: str) -> None:
-    """Hold what stands at the base; a spring there stands between the ground and the building."""
-    carried = {k for _, ends, *_ in tables.lines for k in ends}
-    carried |= {k for corners, _ in tables.areas for k in corners}
-    sprung = {k for first, second, *_ in tables.springs for k in (first, second)}
-    for node, point in enumerate(tables.points):
-        if abs(point[2]) < LEVEL and not (node in carried and node in sprung):
-            tables.holds.append((node, list(range(3 if base == "pinned" else 6))))
 
 
 def _notes(tables: ModelTables, model: FiniteElementModel, levels: Floats | None) -> list[str]:
@@ -596,18 +600,6 @@ def _notes(tables: ModelTables, model: FiniteElementModel, levels: Floats | None
         heights = ", ".join(f"{level:.4g}" for level in levels)
         notes.append(f"Floors at {heights} m above the base.")
     return notes
-
-
-def _told(block: Elements, points: Floats, tops: Floats) -> Elements:
-    """Elements with their story and kind."""
-    corners = points[block.nodes]
-    kind = cell_kinds(corners)
-    if corners.shape[1] == 2:
-        axis = corners[:, 1] - corners[:, 0]
-        rise = np.abs(axis[:, 2]) / np.maximum(np.linalg.norm(axis, axis=1), 1e-300)
-        kind = np.where((kind == "beam") & (rise > 0.3), "brace", kind).astype("<U24")
-    group = np.searchsorted(tops, corners.mean(axis=1)[:, 2] - LEVEL)
-    return replace(block, kind=kind, group=np.minimum(group, len(tops) - 1).astype(np.int64))
 
 
 def _stiff(model: FiniteElementModel) -> Flags:

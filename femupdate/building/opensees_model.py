@@ -179,7 +179,16 @@ class OpenSeesModel(ModelFile[_Object]):
                 if element.kind in _SHELLS:
                     _shell(element, ends, tables)
                 elif element.kind in _SPRINGS:
-                    _spring(element, ends, tables)
+                    turn = element.values.get("transMatrix", np.eye(3))
+                    axes = np.array(turn, dtype=np.float64)
+                    materials, ways = (element.values.get(key, ()) for key in ("materials", "dof"))
+                    for name, way in zip(materials, ways, strict=True):
+                        half, which = divmod(_DIRECTIONS.index(way), 3)
+                        along = int(np.abs(axes[which]).argmax())
+                        if abs(axes[which, along]) < 1.0 - 1e-6:
+                            raise element.error("it acts along no global axis; turn it by -orient")
+                        stiffness = _modulus(element, name, tables)
+                        tables.spring(ends[0], ends[1], 3 * half + along, stiffness)
                 else:
                     _beam(element, ends, tables)
 
@@ -279,14 +288,3 @@ def _shell(element: _Object, corners: list[int], tables: ModelTables) -> None:
         raise section.error("layers have no counterpart; write ElasticMembranePlateSection")
     stuff = tables.material(section, young, ratio, density)
     tables.area(element, corners, stuff, thickness, bending=bending)
-
-
-def _spring(element: _Object, ends: list[int], tables: ModelTables) -> None:
-    axes = np.array(element.values.get("transMatrix", np.eye(3)), dtype=np.float64)
-    materials, ways = (element.values.get(key, ()) for key in ("materials", "dof"))
-    for name, way in zip(materials, ways, strict=True):
-        half, which = divmod(_DIRECTIONS.index(way), 3)
-        along = int(np.abs(axes[which]).argmax())
-        if abs(axes[which, along]) < 1.0 - 1e-6:
-            raise element.error("it acts along no global axis; turn it by -orient")
-        tables.spring(ends[0], ends[1], 3 * half + along, _modulus(element, name, tables))

@@ -286,7 +286,7 @@ class _SapReading:
         else:
             figures = shape_figures(self.tables, row, row.text("Shape"), sides)
         modifiers = tuple(row.real(key, usual=1.0) for key in _SECTION_MODIFIERS)
-        return FrameSection(row, figures, stuff, weight, modifiers)
+        return FrameSection(figures, stuff, weight, modifiers)
 
     def frames(self) -> None:
         file, tables = self.file, self.tables
@@ -349,7 +349,7 @@ class _SapReading:
             bending = 0.0 if "membrane" in kind else row.real("BendThick", usual=thick)
             factors = tuple(row.real(*keys, usual=1.0) for keys in _AREA_SECTION_MODIFIERS)
             sections[name] = AreaSection(
-                row, stuff, weight, thick * tables.length, bending * tables.length, factors
+                name, stuff, weight, thick * tables.length, bending * tables.length, factors
             )
         assigned, modifiers = (
             once(file.of(table), "Area")

@@ -165,7 +165,19 @@ class _Task:
         theta, sizes = self.system.split(parameters)
         found = self.system.modes(theta, sizes, story_rows(self.system, sizes))
         _check_stable(found.omega, first)
-        seen = _seen(found, len(self.system.floors), len(self.record))
+        shown = found.rows * found.omega[:, None]  # of unit modal mass
+        floors, stories = len(self.system.floors), len(self.system.model.story_mass)
+        ends, columns = [floors, stories, stories], len(self.record)
+        of_floor, of_inertia, of_drift = shown.split(ends, dim=1)
+        direct = found.direct[:, :, :columns].split(ends, dim=1)
+        none, driven = torch.zeros_like(shown).split(ends, dim=1), found.participation[:, :columns]
+        seen = ModalOutputs(
+            found.omega,
+            driven * found.omega[:, None],
+            torch.cat([none[0], none[1], of_drift], dim=1),
+            torch.cat([of_floor, -of_inertia, none[2]], dim=1),
+            torch.cat([direct[0], -direct[1], torch.zeros_like(direct[2])], dim=1),
+        )
         return self.dynamic(seen, zeta, sizes)
 
     def dynamic(
@@ -219,11 +231,9 @@ def _follow(
     # All samples have much the same level: one finds it, and the others go on from there.
     _, begun = _settled(task, parameters[:1], zeta[:1], level, period, begun, _ROUNDS, 0)
     for start in range(0, len(parameters), task.settings.batch):
-        some = parameters[start : start + task.settings.batch]
-        ratios, doublings = (
-            zeta[start : start + task.settings.batch],
-            np.repeat(begun, len(some), axis=0),
-        )
+        rows = slice(start, start + task.settings.batch)
+        some, ratios = parameters[rows], zeta[rows]
+        doublings = np.repeat(begun, len(some), axis=0)
         yield _settled(task, some, ratios, level, period, doublings, _LAST_ROUNDS, start)[0]
         progress.advance(len(some))
 
@@ -328,22 +338,6 @@ def story_rows(system: System, sizes: Tensor) -> Rows:
             wide[0][:, columns] += weight * torch.as_tensor(terms.mass.above)
             wide[1][:, columns] += weight * torch.as_tensor(terms.mass.above_rigid)
     return Rows(*wide)
-
-
-def _seen(modes: Modes, floors: int, columns: int) -> ModalOutputs:
-    """Floor accelerations, story shears and drifts by modes with the rows of `story_rows`."""
-    shown = modes.rows * modes.omega[:, None]  # of unit modal mass
-    ends = [floors, *[(shown.shape[1] - floors) // 2] * 2]
-    of_floor, of_inertia, of_drift = shown.split(ends, dim=1)
-    of_mass, direct = torch.zeros_like(shown), modes.direct[:, :, :columns].split(ends, dim=1)
-    none = of_mass.split(ends, dim=1)
-    return ModalOutputs(
-        modes.omega,
-        modes.participation[:, :columns] * modes.omega[:, None],
-        torch.cat([none[0], none[1], of_drift], dim=1),
-        torch.cat([of_floor, -of_inertia, none[2]], dim=1),
-        torch.cat([direct[0], -direct[1], torch.zeros_like(direct[2])], dim=1),
-    )
 
 
 def transformed_outputs(
@@ -481,8 +475,7 @@ def _check_record(acceleration: ArrayLike, time_step: float, system: System) -> 
 
 def _check_stable(omega: Tensor, first: int) -> None:
     """A building at rest has no negative stiffness, which gives NaN, and no mode at rest."""
-    # What has no mass at all (a base on springs) is infinitely fast.
-    # What has no mass is faster than this, rad/s.
+    # What has no mass at all (a base on springs) is faster than 1e9 rad/s.
     fastest = torch.where(omega < 1e9, omega, 0.0).amax(dim=1)
     slow = omega.amin(dim=1) <= 1e-7 * fastest
     unstable = (slow | omega.isnan().any(dim=1)).nonzero()

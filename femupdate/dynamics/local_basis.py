@@ -171,8 +171,7 @@ def _answer(
     structure: Structure, known: KnownModes, target: ReductionTarget, question: Question
 ) -> Singles:
     """See `nearby_shapes`."""
-    added, theta = question
-    equations = equations_at(structure, theta, added)
+    equations = equations_at(structure, question[1], question[0])
     found = nearby_shapes(equations, structure.floor_rows, known, target, structure.dashpots)
     return found.astype(np.float32)
 

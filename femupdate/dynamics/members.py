@@ -198,9 +198,7 @@ class ChosenMembers:
 
     def rows(self, theta: Floats) -> tuple[Floats, ...]:
         """Rows (k, n) of every member's forces at stiffness factors theta (p,)."""
-        mesh, operators = self.structure.mesh, self.structure.operators
-        if mesh is None or operators is None:
-            raise ValueError("a shear building has no members")
+        mesh, operators = self.structure.meshed
         return tuple(member.rows(mesh.model, operators, theta) for member in self.members)
 
 

@@ -247,8 +247,7 @@ def _beyond(
     if parts is not None:
         displacement = parts.at(theta).displacement(loads)
     else:
-        assert structure.operators is not None
-        displacement = factorize_held(structure.operators, stiffness).apply(loads)
+        displacement = factorize_held(structure.meshed[1], stiffness).apply(loads)
     fresh, _ = orthonormal(displacement, basis, structure.mass)
     held = symmetric_times(stiffness, fresh)
     between = along(basis, held)

@@ -471,7 +471,11 @@ class System:
         terms = torch.from_numpy(model.stiffness_terms).to(theta).reshape(self.factors, size**2)
         constant = torch.from_numpy(model.stiffness_constant).to(theta)
         stiffness = constant + (theta @ terms).reshape(count, size, size)
-        force, rigid = (part.expand(count, -1, -1) for part in _base_forces(model, theta))
+        rotation = model.rotation  # a base without one has no mass here
+        turned = np.zeros_like(model.excitation) if rotation is None else rotation.force
+        at_base = np.zeros((2, 2)) if rotation is None else rotation.mass
+        forces = np.column_stack([model.excitation, turned]), at_base
+        force, rigid = (torch.from_numpy(p).to(theta).expand(count, -1, -1) for p in forces)
         mass = None
         for added, values in zip(self.terms, by_effect, strict=True):
             own_size = values[:, 0] if values.shape[1] else theta.new_ones(count)
@@ -555,15 +559,6 @@ def fast_batch(modal: ModalData, points: int) -> int:
     """
     room = _CPU_BYTES if modal.omega.device.type == "cpu" else _GPU_BYTES
     return max(1, room // (modal.omega.shape[1] * points * modal.omega.element_size()))
-
-
-def _base_forces(model: ReducedModel, like: Tensor) -> tuple[Tensor, Tensor]:
-    """Forces (r, 2) and mass (2, 2) per unit acceleration of the base; no rotation, no mass."""
-    rotation = model.rotation
-    turned = np.zeros_like(model.excitation) if rotation is None else rotation.force
-    mass = np.zeros((2, 2)) if rotation is None else rotation.mass
-    force = np.column_stack([model.excitation, turned])
-    return torch.from_numpy(force).to(like), torch.from_numpy(mass).to(like)
 
 
 def _on_flexible_base(

@@ -82,9 +82,10 @@ def plate_stiffness(
     bending = plane_stress(youngs_modulus, poisson_ratio) * (thickness**3 / 12.0)[:, None, None]
     stiffness = integrate(curvature, bending[:, None] @ curvature, gauss.determinant)
     stiffness[:, _INTERNAL, _INTERNAL] += integrate(mean, bending[:, None] @ mean, area)
-    shear = np.concatenate(
-        [_tied_shear(plane), np.broadcast_to(_INTERNAL_SHEAR, (len(plane), 4, 2, 4))], axis=3
-    )
+    below, above = (_edge_shear(plane, edge) for edge in _EDGES_ALONG_XI)
+    left, right = (_edge_shear(plane, edge) for edge in _EDGES_ALONG_ETA)
+    tied = np.stack([_between(below, above, _ETA), _between(left, right, _XI)], axis=2)
+    shear = np.concatenate([tied, np.broadcast_to(_INTERNAL_SHEAR, (len(plane), 4, 2, 4))], axis=3)
     shear = gauss.inverse @ shear
     rigidity = SHEAR_CORRECTION * thickness * 0.5 * youngs_modulus / (1.0 + poisson_ratio)
     stiffness += integrate(shear, rigidity[:, None, None, None] * shear, gauss.determinant)
@@ -137,16 +138,6 @@ def _linked_deflection(plane: Floats, points: Floats) -> Floats:
             deflection[:, :, _RY.start + node] -= sign * side[:, :1] * bubble
             deflection[:, :, _RX.start + node] += sign * side[:, 1:] * bubble
     return deflection
-
-
-def _tied_shear(plane: Floats) -> Floats:
-    """Covariant shear strains per unit coordinate at the Gauss points, (n, g, 2, 12)."""
-    xi, eta = GAUSS_POINTS.T
-    below, above = (_edge_shear(plane, edge) for edge in _EDGES_ALONG_XI)
-    left, right = (_edge_shear(plane, edge) for edge in _EDGES_ALONG_ETA)
-    along_xi = _between(below, above, eta)
-    along_eta = _between(left, right, xi)
-    return np.stack([along_xi, along_eta], axis=2)
 
 
 def _between(first: Floats, second: Floats, position: Floats) -> Floats:
