@@ -61,9 +61,6 @@ class ShearOperators:
 
     stiffness_terms: Floats  # (p, n, n) one a story, N/m
     mass: Floats  # (n, n) diagonal, kg
-    floors: tuple[str, ...]  # names of the n floors, bottom to top
-    story_names: tuple[str, ...]  # names of the p = n stories, bottom to top
-    masses_known: bool  # False where masses are nominal and forces therefore relative
 
 
 def shear_operators(building: Building) -> ShearOperators:
@@ -86,9 +83,6 @@ def shear_operators(building: Building) -> ShearOperators:
     return ShearOperators(
         stiffness_terms=springs[:, None, None] * drift[:, :, None] * drift[:, None, :],
         mass=np.diag([story.mass for story in building.stories]),
-        floors=building.floors,
-        story_names=building.story_names,
-        masses_known=building.masses_known,
     )
 
 

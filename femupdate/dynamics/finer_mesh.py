@@ -49,13 +49,10 @@ def on_finer_mesh(
         target: what `reduced` reproduces.
         thetas: (n, p) at which the finer mesh is solved.
     """
-    shapes = []
     progress.start("Carrying the model over to a finer mesh", len(thetas))
     assert reduced.node_shapes is not None
     task = partial(_moved, fine, reduced, _loads(coarse, reduced.node_shapes, fine), target)
-    for moved in everywhere(task, list(thetas)):
-        shapes.append(moved)
-        progress.advance()
+    shapes = everywhere(task, list(thetas), progress)
     return reduced_on(fine, compressed(fine.mass, shapes, reduced.size))
 
 

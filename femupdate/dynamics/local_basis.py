@@ -81,9 +81,7 @@ def local_structure(
     shapes += _along_ports(structure, WithSprings(factors, middle.springs), present or ())
     progress.start("Reducing the model for effects", len(questions))
     task = partial(_answer, structure, KnownModes.of(middle, modes), target)
-    for shape in everywhere(task, questions):
-        shapes.append(shape)
-        progress.advance()
+    shapes += everywhere(task, questions, progress)
     return reduced_on(structure, compressed(structure.mass, shapes, size))
 
 

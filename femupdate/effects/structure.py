@@ -275,7 +275,7 @@ def structure_of(
 
 def _stick(building: ShearBuilding) -> Structure:
     lumped = shear_operators(building)
-    count = len(lumped.floors)
+    count = len(lumped.mass)
     heights = np.cumsum([story.height or 1.0 for story in building.stories])
     shapes = np.column_stack([np.ones(count), heights])
     masses = np.diag(lumped.mass)

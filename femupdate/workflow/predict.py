@@ -12,7 +12,6 @@ from femupdate.arrays import Floats, Integers
 from femupdate.building.shear import require_heights
 from femupdate.dynamics.history import OwnLevel, history_batches
 from femupdate.dynamics.members import (
-    BaseRecord,
     MemberForces,
     Place,
     choose_members,
@@ -329,7 +328,7 @@ def _members(
         chosen,
         values.of_structure[few].numpy(),
         values.zeta[few].numpy(),
-        BaseRecord(motion.acceleration, motion.time_step),
+        (motion.acceleration, motion.time_step),
         1.3 * float(model.frequency_hz[-1]),
         progress,
     )
