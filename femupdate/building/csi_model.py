@@ -19,7 +19,6 @@ AREA_MODIFIERS = ("F11", "F22", "F12", "M11", "M22", "M12", "V13", "V23", "M", "
 # What a released force is in our beams, whose z axis is their 2 and whose y axis is their -3.
 _RELEASES = {"P": 0, "V2": 2, "V3": 1, "T": 3, "M2": 5, "M3": 4}
 GRAVITY = 9.80665
-_STEEP = 1e-3  # sine of the angle to the vertical from which on a frame is none
 _NO = ("no", "false", "0", "none", "")
 
 
@@ -174,7 +173,7 @@ def shape_figures(
 def local_axes(axis: Floats, angle: float) -> Floats:
     """Local axes 1, 2 and 3 as rows, (3, 3): 2 is upwards, or along x in upright frames."""
     first = axis / np.linalg.norm(axis)
-    upright = float(np.hypot(first[0], first[1])) < _STEEP
+    upright = float(np.hypot(first[0], first[1])) < 1e-3  # sine of the angle to the vertical
     second = np.eye(3)[0 if upright else 2]
     second = second - (second @ first) * first
     second /= np.linalg.norm(second)

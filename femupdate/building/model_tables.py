@@ -39,7 +39,6 @@ from femupdate.fe.model import (
 from femupdate.storage import LARGEST_BYTES, check_regular
 
 LEVEL = 1e-3  # m; what is nearer than this to a floor's level is on it
-_SAME_PLANE = 0.985  # cosine of the angle between shells of one wall
 # Of sections that give none: bending over the area squared, torsion over bending.
 _LITTLE, _TWIST = 1e-4, 1e-2
 _SURFACES = {4: Shells, 3: Triangles}
@@ -669,7 +668,8 @@ def _walls(model: FiniteElementModel) -> tuple[tuple[str, ...], tuple[Integers, 
         shell = shell[order]
         met = np.flatnonzero(np.diff(side.ravel()[order]) == 0)
         pairs = np.stack([shell[met], shell[met + 1]], axis=1)
-        flat = np.abs(np.einsum("nd,nd->n", *normal[pairs].swapaxes(0, 1))) > _SAME_PLANE
+        cosine = np.abs(np.einsum("nd,nd->n", *normal[pairs].swapaxes(0, 1)))
+        flat = cosine > 0.985  # shells of one wall
         first, second = pairs[flat].T
         graph = coo_array((np.ones(len(first)), (first, second)), shape=(len(upright),) * 2)
         count, piece = connected_components(graph, directed=False)

@@ -44,7 +44,6 @@ _POSSIBLE = {
     "time": (0.0, 1e9),
     "share": (0.0, 1e3),
 }
-_SIGNS = {"positive": 0.0, "not negative": 0.0, "any": -math.inf}
 
 
 def format_quantity(value: float, kind: str) -> str:
@@ -75,7 +74,7 @@ class Quantity:
     def read(self, value: Any, info: ValidationInfo) -> float:
         """Return the SI value, or raise a ValueError with a plain sentence."""
         number = self._number(value, from_file=bool((info.context or {}).get("file")))
-        low = _SIGNS[self.sign]
+        low = -math.inf if self.sign == "any" else 0.0
         if not math.isfinite(number) or number < low or (self.sign == "positive" and number == low):
             raise ValueError(f"{value!r} is not a {self.sign} {self.kind}; correct the figure")
         least, most = _POSSIBLE[self.kind]

@@ -17,14 +17,10 @@ from torch import Tensor
 # How far above the grid's top a mode must lie to be replaced by its power series.
 _ABOVE = 1.05
 SERIES_TERMS = 3
-CACHED = 2**16  # numbers in one intermediate array
-
-
 _TINY = 1e-30
 # What modes far from a band of frequencies add varies smoothly there: it is summed at a few
 # Chebyshev points and interpolated. A pole at 1.5 half widths from the middle leaves an error of
 # 2.6^-20 of it (Trefethen, Approximation Theory and Approximation Practice, theorem 8.2).
-_WIDE = 512  # frequencies
 _POINTS = 20
 _REACH = 1.5  # half widths
 
@@ -175,7 +171,7 @@ def _bands(grid: bytes) -> tuple[_Band, ...]:
     # Coefficients (q, q) of the polynomial that is 1 at one of the points.
     transform = np.linalg.inv(chebyshev.chebvander(chebyshev_points, _POINTS - 1)).T
     bands = []
-    for omega in torch.from_numpy(np.frombuffer(grid).copy()).split(_WIDE):
+    for omega in torch.from_numpy(np.frombuffer(grid).copy()).split(512):
         low, high = float(omega.min()), float(omega.max())
         middle, half = 0.5 * (low + high), max(0.5 * (high - low), _TINY)
         ends = max(middle - _REACH * half, 0.0), middle + _REACH * half
@@ -264,7 +260,7 @@ def modal_sum(
     # Arrays of all modes at all frequencies are by far the largest: some frequencies at a time, so
     # that they stay in the processor's cache.
     # Fewer frequencies at a time would only cost calls.
-    width = max(512, CACHED // max(1, inverse.numel()))
+    width = max(512, 2**16 // max(1, inverse.numel()))
     if omega.numel() > width:
         parts = [modal_sum(inverse, ratio, pairs, some) for some in omega.split(width)]
         real, imaginary = zip(*parts, strict=True)

@@ -25,10 +25,6 @@ from femupdate.fe.mechanism import factorize_held
 from femupdate.fe.products import symmetric_times
 from femupdate.fe.solve import modes_below
 
-# Share of joints among the degrees of freedom up to which parts pay: .04 to .09 in buildings with a
-# factor a story; .26 with factors of members, where the joints alone cost as much as the whole.
-_JOINTS = 0.125
-
 
 @dataclass(frozen=True, eq=False)
 class Substructure:
@@ -204,7 +200,9 @@ def substructures(structure: Structure, top_hz: float) -> Substructures | None:
     # Mass that lies across two parts makes joints of what it couples.
     owner[mass.row[(left != right) & (left >= 0) & (right >= 0) & (mass.data != 0.0)]] = -1
     joints = np.flatnonzero(owner < 0)
-    if not 0 < len(joints) <= _JOINTS * len(owner):
+    # Up to this share of joints parts pay: .04 to .09 in buildings with a factor a story; .26 with
+    # factors of members, where the joints alone cost as much as the whole.
+    if not 0 < len(joints) <= 0.125 * len(owner):
         return None
     # In the order in which the parts begin and end, near ones have numbers near to each other.
     ends = touched[::-1, joints].argmax(axis=0), touched[:, joints].argmax(axis=0)

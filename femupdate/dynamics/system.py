@@ -41,10 +41,6 @@ from femupdate.effects.effect import (
 )
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
-_MATRICES = 2**20  # numbers in the matrices of a batch of eigenproblems
-# Size of one intermediate array (samples x modes x frequencies).
-_CPU_BYTES = 2**20
-_GPU_BYTES = 512 * 2**20
 
 
 class Estimate(Protocol):
@@ -232,7 +228,7 @@ class System:
             float64 data.
         """
         floors, parts = len(self.floors), []
-        step = batch or max(16, min(1024, _MATRICES // self.model.size**2))
+        step = batch or max(16, min(1024, 2**20 // self.model.size**2))
         for rows in parameters.to(torch.float64).split(step):
             found = self.modes(*self.split(rows))
             parts.append(keep_modes(found.omega, found.effect[:, :floors], modes, top_frequency_hz))
@@ -557,7 +553,8 @@ def fast_batch(modal: ModalData, points: int) -> int:
 
     Larger batches are up to seven times slower on a CPU; a GPU wants larger ones.
     """
-    room = _CPU_BYTES if modal.omega.device.type == "cpu" else _GPU_BYTES
+    # Bytes of one intermediate array (samples x modes x frequencies).
+    room = 2**20 if modal.omega.device.type == "cpu" else 2**29
     return max(1, room // (modal.omega.shape[1] * points * modal.omega.element_size()))
 
 

@@ -22,7 +22,6 @@ _NODAL, _INTERNAL = slice(0, 12), slice(12, 16)
 # 3 x 3 Gauss points integrate the square of a quadratic deflection.
 _LINE = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
 _GAUSS_3 = np.stack([np.repeat(_LINE, 3), np.tile(_LINE, 3)], axis=1)
-_WEIGHTS_3 = np.outer([5.0, 8.0, 5.0], [5.0, 8.0, 5.0]).ravel() / 81.0
 _NODE_BY_NODE = np.arange(12).reshape(3, 4).T.ravel()
 # The edges whose middles tie the covariant shear strains, each from its first to its second node.
 _EDGES_ALONG_XI = ((0, 1), (3, 2))  # eta = -1, +1
@@ -110,7 +109,8 @@ def plate_mass(plane: Floats, thickness: Floats, density: Floats) -> Floats:
     Returns:
         (n, 12, 12) for w and the rotations about x and y, node by node, kg, kg m and kg m2.
     """
-    determinant = determinants(jacobians(plane, _GAUSS_3)) * _WEIGHTS_3
+    weights = np.outer([5.0, 8.0, 5.0], [5.0, 8.0, 5.0]).ravel() / 81.0
+    determinant = determinants(jacobians(plane, _GAUSS_3)) * weights
     deflection = _linked_deflection(plane, _GAUSS_3)[:, :, None]
     mass = integrate(deflection, deflection, determinant * (density * thickness)[:, None])
     shape = shape_functions(_GAUSS_3)
