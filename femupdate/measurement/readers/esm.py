@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from femupdate.measurement.header import finite, positive, wrapped_numbers
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
-from femupdate.measurement.text import TextFile, read_text
+from femupdate.measurement.text import TextFile, finite, positive, read_text, wrapped_numbers
 
 READS = "ESM and ITACA ASCII"
 
