@@ -288,13 +288,15 @@ def along_ridges(misfit: Residuals, points: Descent, solutions: Descent, reach: 
 
 
 def _followed(misfit: Residuals, point: Descent, solutions: Descent, reach: Tensor) -> Descent:
-    """The ridge to both sides of a point, in order."""
+    """The ridge to both sides of a point, in order; the point alone where there is none."""
     axis, sd = _widest(point)
     best = min([float(point.nats[0]), *solutions.nats.tolist()])
     step = min(0.5 * sd, _LONGEST)
     sides = [
         _side(misfit, point, (sign * axis, step), best, solutions, reach) for sign in (-1.0, 1.0)
     ]
+    if sides[0] is None or sides[1] is None:
+        return point
     back = [side.flip(0) for side in sides[0]]
     start = (point.z, point.nats, point.information)
     z, nats, information = (torch.cat(parts) for parts in zip(back, start, sides[1], strict=True))
@@ -308,8 +310,11 @@ def _side(
     best: float,
     solutions: Descent,
     reach: Tensor,
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Points, nats and information on one side of a point, itself left out."""
+) -> tuple[Tensor, Tensor, Tensor] | None:
+    """Points, nats and information on one side of a point, itself left out.
+
+    None where the way comes back: about as wide in two directions, a maximum has no ridge.
+    """
     found: list[tuple[Tensor, Tensor, Tensor]] = []
     here, nats, (direction, step) = point.z, float(point.nats[0]), start
     for _ in range(40):
@@ -323,6 +328,8 @@ def _side(
             continue
         if _belongs(solutions, ahead)[0]:
             break
+        if (ahead - point.z).norm() < (here - point.z).norm():
+            return None
         found.append((ahead, there, information))
         moved = (ahead - here)[0]
         here, nats, direction = ahead, float(there), moved / moved.norm()
