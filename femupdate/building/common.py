@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from femupdate.arrays import Floats
-from femupdate.building.entry import Complaint, Complaints, Entry, unknown
+from femupdate.building.entry import Complaint, Entry, unknown
 from femupdate.building.members import (
     Base,
     FloorMass,
@@ -43,10 +43,12 @@ class FrequencyGrid(Entry):
     step: Frequency
     count: Whole
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _countable(self) -> "FrequencyGrid":
         if not 2 <= self.count <= _MOST_FREQUENCIES:
             text = f"{self.count} must lie between 2 and {_MOST_FREQUENCIES}; write another count"
-            yield ("count", text)
+            raise Complaint("count", text)
+        return self
 
     @property
     def stop(self) -> float:
@@ -64,12 +66,13 @@ class Range(Entry):
     lower: PositiveNumber
     upper: PositiveNumber
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _upright(self) -> "Range":
         if self.lower >= self.upper:
-            yield (
-                "lower",
-                f"{self.lower:g} must lie below upper = {self.upper:g}; exchange the two",
+            raise Complaint(
+                "lower", f"{self.lower:g} must lie below upper = {self.upper:g}; exchange the two"
             )
+        return self
 
 
 class Prior(Entry):
@@ -79,9 +82,13 @@ class Prior(Entry):
     stories: Mapping[str, Range] = Field(default_factory=dict)
     zeta: Range | None = None
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _below_critical(self) -> "Prior":
         if self.zeta is not None and self.zeta.upper >= 1.0:
-            yield ("zeta.upper", f"{self.zeta.upper:g} must lie below 1 (critical); correct it")
+            raise Complaint(
+                "zeta.upper", f"{self.zeta.upper:g} must lie below 1 (critical); correct it"
+            )
+        return self
 
     def theta_of(self, story: str) -> Range:
         """Return the limits of one story's stiffness factor."""
@@ -104,35 +111,37 @@ class Damping(Entry):
     anchors: tuple[Frequency, ...] | None = None
     ratios: tuple[PositiveNumber, ...] | None = None
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _complete(self) -> "Damping":
         if self.ratio >= 1.0:
             text = f"{self.ratio:g} must lie below 1 (critical); 2 % is written 0.02"
-            yield ("ratio", text)
+            raise Complaint("ratio", text)
         if self.law == "constant":
             for key in ("anchors", "ratios"):
                 if getattr(self, key) is not None:
                     text = 'they need law = "rayleigh" or "modes"; remove them or change the law'
-                    yield (key, text)
-            return
-        anchors, ratios = self.anchors or (), self.ratios or ()
+                    raise Complaint(key, text)
+            return self
         if self.anchors is None:
             text = "the two frequencies" if self.is_rayleigh else "the frequency of each mode"
-            yield "anchors", f"the key is missing; add {text}"
+            raise Complaint("anchors", f"the key is missing; add {text}")
+        if self.is_rayleigh and len(self.anchors) != 2:
+            raise Complaint("anchors", f"the list has {len(self.anchors)} entries; write 2")
+        if self.is_rayleigh and self.anchors[0] == self.anchors[1]:
+            raise Complaint("anchors", "the two frequencies must differ; change one of them")
         if self.is_rayleigh:
-            if len(anchors) != 2:
-                yield "anchors", f"the list has {len(anchors)} entries; write 2"
-            if anchors[0] == anchors[1]:
-                yield "anchors", "the two frequencies must differ; change one of them"
-            return
-        if self.ratios is None or len(ratios) != len(anchors):
-            yield "ratios", f"write a ratio for each of the {len(anchors)} anchors"
-        if any(low >= high for low, high in pairwise(anchors)):
-            yield "anchors", "frequencies of modes must rise; put them in order"
-        if max(ratios) >= 1.0:
-            yield "ratios", f"{max(ratios):g} must lie below 1 (critical)"
-        if ratios[0] != self.ratio:
-            text = f"the first, {ratios[0]:g}, must be `ratio`, {self.ratio:g}; correct one"
-            yield "ratios", text
+            return self
+        if self.ratios is None or len(self.ratios) != len(self.anchors):
+            text = f"write a ratio for each of the {len(self.anchors)} anchors"
+            raise Complaint("ratios", text)
+        if any(low >= high for low, high in pairwise(self.anchors)):
+            raise Complaint("anchors", "frequencies of modes must rise; put them in order")
+        if max(self.ratios) >= 1.0:
+            raise Complaint("ratios", f"{max(self.ratios):g} must lie below 1 (critical)")
+        if self.ratios[0] != self.ratio:
+            text = f"the first, {self.ratios[0]:g}, must be `ratio`, {self.ratio:g}; correct one"
+            raise Complaint("ratios", text)
+        return self
 
     @property
     def lowest(self) -> float:
@@ -171,14 +180,16 @@ class Tolerances(Entry):
     gain: Share = 0.0
     delay: Time = 0.0
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _small(self) -> "Tolerances":
         for key, most, text in (
             ("mass", 0.5, "50 %"),
             ("gain", 0.5, "50 %"),
             ("delay", 0.05, "50 ms"),
         ):
             if getattr(self, key) > most:
-                yield (key, f"it is above {text}, which is no tolerance; correct it")
+                raise Complaint(key, f"it is above {text}, which is no tolerance; correct it")
+        return self
 
 
 class ParameterGrouping(Entry):
@@ -189,10 +200,12 @@ class ParameterGrouping(Entry):
 
     by: tuple[Literal["story", "kind"], ...]
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _known_division(self) -> "ParameterGrouping":
         if self.by not in (("story",), ("story", "kind")):
             text = f'{list(self.by)} is no division; write ["story"] or ["story", "kind"]'
-            yield ("by", text)
+            raise Complaint("by", text)
+        return self
 
 
 class EffectEntry(Entry):

@@ -2,9 +2,9 @@
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from femupdate.building.entry import Complaints, Entry
+from femupdate.building.entry import Complaint, Entry
 from femupdate.building.quantities import (
     ALL,
     Coordinate,
@@ -32,12 +32,13 @@ class Material(Entry):
     poisson_ratio: Number
     density: Density
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _stable(self) -> "Material":
         if not 0.0 <= self.poisson_ratio < 0.5:
-            yield (
-                "poisson_ratio",
-                f"{self.poisson_ratio:g} must lie from 0 to below 0.5; correct it",
+            raise Complaint(
+                "poisson_ratio", f"{self.poisson_ratio:g} must lie from 0 to below 0.5; correct it"
             )
+        return self
 
 
 class Grid(Entry):
@@ -58,13 +59,15 @@ class FrameStory(Story):
 
     height: Length
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _not_flat(self) -> "FrameStory":
         # A model on a bench has stories of 2 cm and more.
         if self.height < 0.02:
-            yield (
+            raise Complaint(
                 "height",
                 f"a story {self.height * 1e3:.3g} mm high is none; is the unit wrong? Correct it",
             )
+        return self
 
 
 class ColumnGroup(Entry):
@@ -82,10 +85,12 @@ class ColumnGroup(Entry):
     eccentricity: tuple[Coordinate, Coordinate] | None = None
     rigid_ends: tuple[LengthOrZero, LengthOrZero] | None = None
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _one_way_of_placing(self) -> "ColumnGroup":
         if self.points and self.at != ALL:
             text = "give either intersections (at) or coordinates (points); put the others into"
-            yield ("points", f"{text} another [[columns]] table")
+            raise Complaint("points", f"{text} another [[columns]] table")
+        return self
 
 
 class BeamLines(Entry):
@@ -230,11 +235,13 @@ class SixSprings(Entry):
         """Damping along x, y, z and about x, y, z, N s/m and N m s/rad."""
         return (self.cx, self.cy, self.cz, self.crx, self.cry, self.crz)
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _dashpots_beside_springs(self) -> "SixSprings":
         for key, k, c in zip(SPRING_KEYS, self.springs, self.dashpots, strict=True):
             if c is not None and k is None:
                 text = f"a dashpot needs a spring beside it; give {key} or remove it"
-                yield (f"c{key[1:]}", text)
+                raise Complaint(f"c{key[1:]}", text)
+        return self
 
 
 class SpringGroup(SixSprings):
@@ -247,11 +254,13 @@ class SpringGroup(SixSprings):
     at: Names = ALL
     points: tuple[Point, ...] = ()
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _some_spring(self) -> "SpringGroup":
         if not any(self.springs):
-            yield ("kx", f"give a stiffness, one of {', '.join(SPRING_KEYS)}")
+            raise Complaint("kx", f"give a stiffness, one of {', '.join(SPRING_KEYS)}")
         if self.points and self.at != ALL:
-            yield ("points", "give either columns (at) or points; write two tables")
+            raise Complaint("points", "give either columns (at) or points; write two tables")
+        return self
 
 
 RELEASED = ("slides", "free")
@@ -266,10 +275,12 @@ class Base(Entry):
     base: Literal["fixed", "pinned", "springs", "slides", "free"] = "fixed"
     mass: Mass | None = None
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _mass_where_it_moves(self) -> "Base":
         if self.mass is not None and self.base not in RELEASED:
             text = f'it needs base = "slides" or "free", not {self.base!r}; change one'
-            yield ("mass", text)
+            raise Complaint("mass", text)
+        return self
 
 
 class Supports(Base, SixSprings):
@@ -281,12 +292,16 @@ class Supports(Base, SixSprings):
     With "slides" and "free" (see `Base`) they are clamped to a base that moves as one.
     """
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _springs_where_said(self) -> "Supports":
         given = [key for key, k in zip(SPRING_KEYS, self.springs, strict=True) if k is not None]
         if self.base == "springs" and not given:
-            yield ("kx", f"springs need a stiffness; write one of {', '.join(SPRING_KEYS)}")
+            raise Complaint(
+                "kx", f"springs need a stiffness; write one of {', '.join(SPRING_KEYS)}"
+            )
         if self.base != "springs" and given:
-            yield (given[0], f'it needs base = "springs", not {self.base!r}; change one')
+            raise Complaint(given[0], f'it needs base = "springs", not {self.base!r}; change one')
+        return self
 
 
 class Mesh(Entry):
@@ -305,10 +320,12 @@ class SensorsAnywhere(Entry):
     direction: Literal["x", "y"]
     at: dict[str, tuple[Point, ...]] = Field(default_factory=dict)
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _some_point(self) -> "SensorsAnywhere":
         for floor, points in self.at.items():
             if not points:
-                yield (f"at.{floor}", "the list is empty; name a point or remove it")
+                raise Complaint(f"at.{floor}", "the list is empty; name a point or remove it")
+        return self
 
 
 class Sensors(SensorsAnywhere):

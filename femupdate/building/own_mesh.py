@@ -2,10 +2,10 @@
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from femupdate.building.common import Building, MeshedBuilding
-from femupdate.building.entry import Complaint, Complaints, Entry
+from femupdate.building.entry import Complaint, Entry
 from femupdate.building.members import Material, SensorsAnywhere
 from femupdate.building.quantities import (
     ALL,
@@ -71,19 +71,21 @@ class Part(Entry):
         """Whether the axis leaves the mesh's line somewhere, or part of it is rigid."""
         return self.eccentricity is not None or self.rigid_ends is not None
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _shell_or_beam(self) -> "Part":
         if (self.thickness is None) == (self.section is None):
             text = "give a thickness (the cells are shells) or a section (they are beams)"
-            yield ("thickness", text)
+            raise Complaint("thickness", text)
         wrong = ("column", "beam") if self.thickness is not None else ("wall", "slab")
         if self.kind in wrong:
             what = "shells" if self.thickness is not None else "beams"
-            yield ("kind", f"{self.kind!r} does not fit {what}; correct or remove it")
+            raise Complaint("kind", f"{self.kind!r} does not fit {what}; correct or remove it")
         if self.up is not None and (self.section is None or not any(self.up)):
-            yield ("up", "it is a direction (not 0, 0, 0) across beams; correct it")
+            raise Complaint("up", "it is a direction (not 0, 0, 0) across beams; correct it")
         for name in ("eccentricity", "rigid_ends", "hinges"):
             if self.section is None and getattr(self, name) is not None:
-                yield (name, "it is for beams, and these cells are shells; remove it")
+                raise Complaint(name, "it is for beams, and these cells are shells; remove it")
+        return self
 
 
 class MeshSensors(SensorsAnywhere):
@@ -96,12 +98,14 @@ class MeshSensors(SensorsAnywhere):
     points: tuple[tuple[Coordinate, Coordinate], ...]
     floors: dict[str, tuple[tuple[Coordinate, Coordinate], ...]] = Field(default_factory=dict)
 
-    def _complaints(self) -> Complaints:
+    @model_validator(mode="after")
+    def _somewhere(self) -> "MeshSensors":
         if not self.points:
-            yield ("points", 'the list is empty; name a point, such as ["0 m", "3 m"]')
+            raise Complaint("points", 'the list is empty; name a point, such as ["0 m", "3 m"]')
         for floor, points in self.floors.items():
             if not points:
-                yield (f"floors.{floor}", "the list is empty; name a point or remove it")
+                raise Complaint(f"floors.{floor}", "the list is empty; name a point or remove it")
+        return self
 
     def of(self, floor: str) -> tuple[str, tuple[tuple[float, float], ...]]:
         """Return the key and the points of a floor."""

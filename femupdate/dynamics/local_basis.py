@@ -81,7 +81,9 @@ def local_structure(
     shapes += _along_ports(structure, WithSprings(factors, middle.springs), present or ())
     progress.start("Reducing the model for effects", len(questions))
     task = partial(_answer, structure, KnownModes.of(middle, modes), target)
-    shapes += everywhere(task, questions, progress)
+    for shape in everywhere(task, questions):
+        shapes.append(shape)
+        progress.advance()
     return reduced_on(structure, compressed(structure.mass, shapes, size))
 
 
@@ -169,7 +171,8 @@ def _answer(
     structure: Structure, known: KnownModes, target: ReductionTarget, question: Question
 ) -> Singles:
     """See `nearby_shapes`."""
-    equations = equations_at(structure, question[1], question[0])
+    added, theta = question
+    equations = equations_at(structure, theta, added)
     found = nearby_shapes(equations, structure.floor_rows, known, target, structure.dashpots)
     return found.astype(np.float32)
 

@@ -9,6 +9,11 @@ much the noise exceeds the stated one are not known: the density is summed over 
 first row holds no error: where the model is right that row takes over, and posteriors are as if
 there were no such thing. The same holds for phases.
 
+A response is a sum of parts, one a mode, and a wrong model errs in these. Where they cancel, ln|H|
+errs by as much more as they are larger than their sum, and too fast for a smooth process: rows with
+an error count such points less. Counted whole, they outweigh peaks (aluminium frame under a hammer:
+f1 1 % off its peak, damping four times too high).
+
 The processes are sums of harmonics with independent coefficients (Solin and Sarkka 2020, Stat.
 Comput. 30, 419), so that a density costs some small matrix products.
 """
@@ -260,6 +265,8 @@ class LearnedError:
         table: what the error may be.
         wild: standard deviations of a point, error and noise together, beyond which it counts as
             that many; by default every point counts whole.
+        cancelled: (f, k) by how much more than the noise a point errs at random where the model
+            errs, one or above; by default nowhere.
 
     Attributes:
         levels: rows of the table that are summed over.
@@ -274,6 +281,7 @@ class LearnedError:
         table: ErrorTable = MODEL_ERROR,
         parts: int = 1,
         wild: float = math.inf,
+        cancelled: Tensor | None = None,
     ) -> None:
         seen = frequency_hz[(weight > 0).any(0)]
         self._table = table
@@ -282,16 +290,28 @@ class LearnedError:
         self.floors, self._parts = len(weight), parts
         self._points = float(parts * (weight > 0).sum()) if points is None else points
         self._weight, self._wild = weight.flatten().repeat(parts), wild
-        # (f, k, j): what the harmonics of a floor do to its residuals.
-        self._wide = weight.sqrt()[:, :, None] * self.harmonics.at(frequency_hz)
-        self._known = weight.new_zeros(0, parts * weight.numel())
-        if known is not None:
+        # (e, p f k): of residuals by rows without an error, then by those with one if that differs.
+        scale = torch.ones_like(weight)[None]
+        if cancelled is not None:
+            scale = torch.cat([scale, 1.0 / cancelled[None]])
+        self._scale = scale.flatten(1).repeat(1, parts)
+        # (e, f, k, j): what the harmonics of a floor do to its residuals.
+        root = scale * weight.sqrt()
+        self._wide = root[..., None] * self.harmonics.at(frequency_hz)
+        share = self._points / max(parts * float((weight > 0).sum()), 1.0)
+        self._narrower = share * (self._scale.log() * (self._weight > 0)).sum(1)
+        if known is None:
+            known = weight.new_zeros(0, parts * weight.numel())
+        else:
             # Orthogonal ones of the same covariance, without those lost in the noise: of a mesh's
             # half are.
             variance, directions = torch.linalg.eigh(known @ known.T)
-            self._known = directions[:, variance > table.lost].T @ known
+            known = directions[:, variance > table.lost].T @ known
+        self._known = self._scale[:, None] * known
         self._normal = self._wide.mT @ self._wide
-        self._across = self._beside(self._known)
+        self._across = torch.stack(
+            [self._beside(beside, k) for k, beside in enumerate(self._known)]
+        )
         self._factors: dict[tuple[int, ...], _Factor] = {}
 
     def forget(self) -> None:
@@ -306,7 +326,7 @@ class LearnedError:
     @property
     def knows(self) -> bool:
         """Whether there are errors that are known beforehand."""
-        return len(self._known) > 0
+        return self._known.shape[1] > 0
 
     @property
     def start(self) -> int:
@@ -376,28 +396,39 @@ class LearnedError:
 
         Up to the constant of the stated noise.
         """
-        every = tuple(range(len(self.levels)))
-        chunks = [every[k : k + _AT_ONCE] for k in range(0, len(every), _AT_ONCE)]
+        kinds: tuple[list[int], list[int]] = [], []
+        for row in range(len(self.levels)):
+            kinds[self._errs(row)].append(row)
+        chunks = [
+            tuple(rows[k : k + _AT_ONCE]) for rows in kinds for k in range(0, len(rows), _AT_ONCE)
+        ]
+        back = torch.tensor(kinds[0] + kinds[1]).argsort()
         # Every row may have its own tamed residuals: a few hundred megabytes of them at a time.
-        count = max(1, int(_KEPT / (min(len(every), _AT_ONCE) * residuals.shape[1])))
+        count = max(1, int(_KEPT / (min(len(back), _AT_ONCE) * residuals.shape[1])))
         return torch.cat(
             [
-                torch.cat([self._densities(some, rows) for rows in chunks], dim=1)
+                torch.cat([self._densities(some, rows) for rows in chunks], dim=1)[:, back]
                 for some in residuals.split(count)
             ]
         )
 
+    def _errs(self, row: int) -> int:
+        """One of a row whose error counts points differently, zero of another."""
+        level = self.levels[row]
+        return int(len(self._scale) > 1 and level.common + level.own > 0.0)
+
     def _densities(self, residuals: Tensor, rows: tuple[int, ...]) -> Tensor:
-        """Log density (n, r) of residuals (n, p f k) by some rows."""
+        """Log density (n, r) of residuals (n, p f k) by some rows, alike in `_errs`."""
         tamed = residuals.to(self._wide)[None]
         if math.isfinite(self._wild) and not self._calm(tamed, rows):
             tamed = torch.cat([self.tame(tamed, row) for row in rows])
-        factor, noise = self._factor(rows), self._of(rows, "noise")
-        first, rest = factor.forward(*self._scaled(rows, *self._along(tamed)))
+        errs, factor, noise = self._errs(rows[0]), self._factor(rows), self._of(rows, "noise")
+        tamed = tamed * self._scale[errs]
+        first, rest = factor.forward(*self._scaled(rows, *self._along(tamed, errs)))
         explained = first.square().sum((1, 2)) + rest.square().sum(1)  # (r, n)
         squares = (tamed.square().sum(2) - explained / noise[:, None] ** 2) / noise[:, None] ** 2
         constant = self._of(rows, "log_weight") - self._points * noise.log()
-        constant = constant - factor.half_log_determinants
+        constant = constant - factor.half_log_determinants + self._narrower[errs]
         return (constant[:, None] - 0.5 * squares).T
 
     def log_density(self, residuals: Tensor) -> Tensor:
@@ -414,7 +445,8 @@ class LearnedError:
             return residuals
         level = self.levels[row]
         error = (level.common**2 + level.own**2) * self._weight
-        most = self._wild * (level.noise**2 + error).sqrt()
+        noise = level.noise / self._scale[self._errs(row)]
+        most = self._wild * (noise**2 + error).sqrt()
         return torch.minimum(torch.maximum(residuals.nan_to_num(nan=math.inf), -most), most)
 
     def _calm(self, residuals: Tensor, rows: tuple[int, ...]) -> bool:
@@ -435,17 +467,19 @@ class LearnedError:
         every floor alone, and those that all share.
         """
         level = self.levels[row]
-        if level.common == level.own == 0.0 and not len(self._known):
+        errs = self._errs(row)
+        if level.common == level.own == 0.0 and not self.knows:
             none = residuals.new_zeros(len(residuals), self._coefficients, dtype=torch.float64)
             return torch.cat([residuals.to(self._wide) / level.noise, none], dim=1)
         alone, shared = self._standard(residuals, row)
-        left = residuals.to(self._wide) - self._along_back(*self._scaled((row,), alone, shared))
+        left = residuals.to(self._wide) * self._scale[errs]
+        left = left - self._along_back(*self._scaled((row,), alone, shared), errs)
         return torch.cat([left / level.noise, alone[0].flatten(0, 1).T, shared[0].T], dim=1)
 
     @property
     def _coefficients(self) -> int:
         """Of all floors alone, and of what they share."""
-        return self._parts * (self.floors + 1) * self._wide.shape[2] + len(self._known)
+        return self._parts * (self.floors + 1) * self._wide.shape[3] + self._known.shape[1]
 
     def floor_squares(self, residuals: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
         """Squares (n, f) of residuals (n, p f k), each of unit covariance by its own row (n,).
@@ -454,7 +488,7 @@ class LearnedError:
         """
         parts = residuals.new_zeros(len(residuals), self.floors, dtype=torch.float64)
         wild = torch.zeros_like(residuals, dtype=torch.bool)
-        points, inner = residuals.shape[1], self._parts * self.floors * self._wide.shape[2]
+        points, inner = residuals.shape[1], self._parts * self.floors * self._wide.shape[3]
         for row in rows.unique().tolist():
             chosen = (rows == row).nonzero()[:, 0]
             tamed = self.tame(residuals[chosen], row)
@@ -472,7 +506,7 @@ class LearnedError:
         Without the errors that are known beforehand.
         """
         alone, shared = self._scaled((row,), *self._standard(residuals, row))
-        common = shared[0, len(self._known) :].unflatten(0, (self._parts, 1, -1))
+        common = shared[0, self._known.shape[1] :].unflatten(0, (self._parts, 1, -1))
         return (alone[0].unflatten(0, (self._parts, -1)) + common).flatten(0, 1).permute(2, 0, 1)
 
     def _factor(self, rows: tuple[int, ...]) -> _Factor:
@@ -498,11 +532,14 @@ class LearnedError:
             self._spread(rows) / self._of(rows, "noise")[:, None],
         )
         owns, commons = (self._of(rows, name) for name in ("own", "common"))
-        scaled = spread[:, None, :, None] * self._normal * spread[:, None, None, :]  # (r, f, j, j)
+        errs = self._errs(rows[0])
+        scaled = spread[:, None, :, None] * self._normal[errs] * spread[:, None, None, :]
         identity = torch.eye(spread.shape[1]).to(scaled)
         alone = torch.linalg.cholesky(identity + owns[:, None, None, None] ** 2 * scaled)
         known = (
-            spread[:, None, :, None] * self._across.permute(1, 2, 0) / noise[:, None, None, None]
+            spread[:, None, :, None]
+            * self._across[errs].permute(1, 2, 0)
+            / noise[:, None, None, None]
         )
         both = owns[:, None, None, None] * known
         both = self._with_common(both, (owns * commons)[:, None, None, None] * scaled)
@@ -524,11 +561,12 @@ class LearnedError:
     def _shared_precision(self, rows: tuple[int, ...], scaled: Tensor, known: Tensor) -> Tensor:
         """(r, s, s) of what all floors share, were there nothing of a floor's own."""
         noise, commons = self._of(rows, "noise"), self._of(rows, "common")
-        within = self._known @ self._known.T / noise[:, None, None] ** 2
+        beside = self._known[self._errs(rows[0])]
+        within = beside @ beside.T / noise[:, None, None] ** 2
         of_part = known.unflatten(1, (self._parts, -1)).sum(2).flatten(1, 2)  # (r, p j, c)
         between = commons[:, None, None] * of_part
         common = commons[:, None, None] ** 2 * scaled.sum(1)
-        count, c = common.shape[1], len(self._known)
+        count, c = common.shape[1], len(beside)
         whole = torch.eye(c + self._parts * count).to(common).repeat(len(rows), 1, 1)
         whole[:, :c, :c] += within
         whole[:, c:, :c] += between
@@ -540,7 +578,9 @@ class LearnedError:
 
     def _standard(self, residuals: Tensor, row: int) -> tuple[Tensor, Tensor]:
         """Likeliest coefficients (1, g, j, n) and (1, s, n), whose prior is of unit variance."""
-        alone, shared = self._scaled((row,), *self._along(residuals.to(self._wide)[None]))
+        errs = self._errs(row)
+        scaled = residuals.to(self._wide) * self._scale[errs]
+        alone, shared = self._scaled((row,), *self._along(scaled[None], errs))
         squared = self.levels[row].noise ** 2
         return self._factor((row,)).solve(alone / squared, shared / squared)
 
@@ -551,28 +591,28 @@ class LearnedError:
         spread = self._spread(rows)
         owns, commons = (self._of(rows, name)[:, None] for name in ("own", "common"))
         common = (commons * spread).repeat(1, self._parts)
-        every = torch.cat([common.new_ones(len(rows), len(self._known)), common], 1)
+        every = torch.cat([common.new_ones(len(rows), self._known.shape[1]), common], 1)
         return (owns * spread)[:, None, :, None] * alone, every[:, :, None] * shared
 
-    def _beside(self, residuals: Tensor) -> Tensor:
+    def _beside(self, residuals: Tensor, errs: int) -> Tensor:
         """Products (..., g, j) of residuals (..., p f k) with the harmonics of every floor."""
         parts = residuals.unflatten(-1, (self._parts, self.floors, -1))
-        return torch.einsum("...pfk,fkj->...pfj", parts, self._wide).flatten(-3, -2)
+        return torch.einsum("...pfk,fkj->...pfj", parts, self._wide[errs]).flatten(-3, -2)
 
-    def _along(self, residuals: Tensor) -> tuple[Tensor, Tensor]:
+    def _along(self, residuals: Tensor, errs: int) -> tuple[Tensor, Tensor]:
         """What residuals (r, n, p f k) say of all coefficients, (r, g, j, n) and (r, s, n)."""
-        alone = self._beside(residuals)  # (r, n, g, j)
+        alone = self._beside(residuals, errs)  # (r, n, g, j)
         common = alone.unflatten(2, (self._parts, -1)).sum(3).flatten(2)
-        known = residuals @ self._known.T
+        known = residuals @ self._known[errs].T
         return alone.permute(0, 2, 3, 1), torch.cat([known, common], 2).mT
 
-    def _along_back(self, alone: Tensor, shared: Tensor) -> Tensor:
+    def _along_back(self, alone: Tensor, shared: Tensor, errs: int) -> Tensor:
         """Residuals (n, p f k) that coefficients (1, g, j, n) and (1, s, n) bring."""
-        count = len(self._known)
+        count = self._known.shape[1]
         common = shared[0, count:].unflatten(0, (self._parts, 1, -1))
         of_floors = alone[0].unflatten(0, (self._parts, -1)) + common  # (p, f, j, n)
-        back = (self._wide @ of_floors).permute(3, 0, 1, 2).flatten(1)
-        return back + shared[0, :count].T @ self._known
+        back = (self._wide[errs] @ of_floors).permute(3, 0, 1, 2).flatten(1)
+        return back + shared[0, :count].T @ self._known[errs]
 
 
 WILD = 8.0  # sd of error and noise beyond which a residual counts no more

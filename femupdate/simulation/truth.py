@@ -258,7 +258,9 @@ def truth_of(
         share = (vectors.T @ reduced.model.excitation) ** 2
         frequency = np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi)
         return Truth(fine, system, theta, values, frequency, share / share.sum())
-    mesh, operators = structure.meshed
+    mesh, operators = structure.mesh, structure.operators
+    assert mesh is not None
+    assert operators is not None
     nodes = np.concatenate([mesh.floor_nodes[floor] for floor in mesh.floors])
     rows = np.zeros((len(nodes), operators.dof))
     rows[np.arange(len(nodes)), DOF_PER_NODE * nodes + structure.direction] = 1.0

@@ -202,3 +202,35 @@ def test_an_error_of_the_model_is_learned_under_forces(system):
         found.likelihood.data, found.likelihood.error.parts, found.likelihood.row, strict=True
     ):
         assert error.levels[row].own + error.levels[row].common > 0.0, data.name
+
+
+def test_damping_is_found_beside_wrong_antiresonances(system):
+    """Masses off by a tenth: factors can hit all peaks, and no anti-resonance."""
+    mass, ratio = np.array([1.05, 0.88, 0.92, 1.1]), 0.004
+    spring = 1000.0 * np.append(TRUTH[0, :4].numpy(), 0.0)
+    stiffness = np.diag(spring[:4] + spring[1:]) - np.diag(spring[1:4], 1)
+    stiffness -= np.diag(spring[1:4], -1)
+    squared, shape = np.linalg.eigh(stiffness / np.sqrt(np.outer(mass, mass)))
+    shape, poles = shape / np.sqrt(mass)[:, None], np.sqrt(squared)
+    grid, rng = np.arange(1.0, 11.0, 1.0 / 32.0), np.random.default_rng(1)
+    omega = 2.0 * np.pi * grid[:, None]
+    bend = omega**2 / (squared - omega**2 + 2j * ratio * poles * omega)
+    frf = np.einsum("fm,m,km->fk", shape, shape[3], bend)
+    log_frf = np.log(np.abs(frf)) + 0.05 * rng.normal(size=frf.shape)
+    told = Observation(
+        grid,
+        system.floors,
+        log_frf,
+        np.full(frf.shape, 0.05),
+        np.ones(frf.shape, dtype=bool),
+        excitation=Excitation(force="RF"),
+    )
+    zeta = Parameters((Parameter(name="zeta", kind="damping", lower=0.001, upper=0.05),))
+    likelihood = likelihood_of((forced_data(told, system.floors),), system, FACTORS + zeta)
+    found = settled(likelihood, 0)
+    drawn = draws_about(likelihood.prior, found.likelihood, found.found, 500, 0, least=0.0)
+    drawn = drawn.resampled(500, 1).theta
+    frequency = system.modes(drawn[:, :4], drawn[:, :0]).omega.numpy()
+    # Counted whole, the anti-resonances make damping 15 % too high.
+    np.testing.assert_allclose(frequency.mean(0), poles, rtol=1e-3)
+    assert float(drawn[:, 4].mean()) == pytest.approx(ratio, rel=0.06)

@@ -22,14 +22,16 @@ def weight(seed=0):
     return torch.from_numpy(values)
 
 
-def covariance(error, row, known=None):
+def covariance(error, row, known=None, cancelled=1.0):
     """Dense covariance of ln|H|, the noise of the table's row included, where there are points."""
     level, seen = error.levels[row], (error_weight := weight()).flatten() > 0
     values = error.harmonics.at(FREQUENCY)
     one = values @ torch.diag(error.harmonics.spread(level.length_hz) ** 2) @ values.T
     floors = level.own**2 * torch.eye(2).double() + level.common**2
     whole = torch.kron(floors, one)
-    noise = level.noise**2 / error_weight.flatten().clamp_min(1e-30)
+    if level.common == level.own == 0.0:
+        cancelled = 1.0
+    noise = (level.noise * cancelled) ** 2 / error_weight.flatten().clamp_min(1e-30)
     whole = whole + torch.diag(noise)
     if known is not None:
         whole = whole + torch.einsum("ci,cj->ij", known.flatten(1), known.flatten(1))
@@ -64,6 +66,28 @@ def test_a_phase_is_a_second_part_that_only_known_errors_tie_to_the_first():
         flat = both.numpy()[:, seen]
         squares = np.einsum("ni,ij,nj->n", flat, np.linalg.inv(cover), flat)
         np.testing.assert_allclose(white.numpy(), squares, rtol=1e-7)
+
+
+@pytest.mark.parametrize("with_known", [False, True])
+def test_where_parts_cancel_rows_with_an_error_have_more_noise(with_known):
+    rng = np.random.default_rng(11)
+    cancelled = torch.from_numpy(rng.uniform(1.0, 8.0, SHAPE))
+    known = torch.from_numpy(rng.normal(0.0, 0.1, (3, *SHAPE))) if with_known else None
+    steps = None if known is None else (known * weight().sqrt()).flatten(1)
+    error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW, cancelled=cancelled)
+    plain, whitened = residuals()
+    seen = (weight() > 0).flatten()
+    stated = 0.5 * (weight().flatten()[seen].log() - np.log(2.0 * np.pi)).sum()
+    # Rows that count may come in any order.
+    kept = error.kept([len(error.levels) - 1, 0, 7, 1])
+    found = kept.log_densities(whitened)
+    for row, level in enumerate(kept.levels):
+        cover, _ = covariance(kept, row, known, cancelled.flatten())
+        flat = plain.flatten(1)[:, seen].numpy()
+        expected = multivariate_normal(cov=cover).logpdf(flat) - float(stated)
+        np.testing.assert_allclose(found[:, row] - level.log_weight, expected, rtol=1e-8)
+        squares = np.einsum("ni,ij,nj->n", flat, np.linalg.inv(cover), flat)
+        np.testing.assert_allclose(kept.whiten(whitened, row).square().sum(1), squares, rtol=1e-7)
 
 
 @pytest.mark.parametrize("with_known", [False, True])
