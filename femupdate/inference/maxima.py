@@ -146,14 +146,14 @@ class _Fits:
     def __init__(self, likelihood: Likelihood) -> None:
         self._prior, self._likelihood = likelihood.prior, likelihood
         self._found: dict[Row, Descent] = {}
-        self._densities: dict[Row, _Densities] = {}
+        self._densities: dict[Row, tuple[Tensor, ...]] = {}
 
     def follow(self, starts: Tensor, row: Row) -> None:
         """Fit from starts (s, p) at a row, then at the likeliest there, and at last at none."""
         for _ in range(6):
             self._fit(starts, row)
             starts = self._prior.from_normal(self._found[row].z)
-            row = self._densities[row].likeliest
+            row = _likeliest(self._densities[row])
             if row in self._found:
                 break
         none = self._likelihood.error.first
@@ -173,19 +173,19 @@ class _Fits:
     @property
     def best(self) -> tuple[Row, Tensor]:
         """The likeliest row, and the maxima (s, p) from which that was found."""
-        at = max(self._densities, key=lambda row: float(self._densities[row].best.max()))
-        return self._densities[at].likeliest, self._prior.from_normal(self._found[at].z)
+        at = max(self._densities, key=lambda row: float(self._densities[row][0].max()))
+        return _likeliest(self._densities[at]), self._prior.from_normal(self._found[at].z)
 
     def likeliest(self, points: Tensor) -> Row:
         """The likeliest row at points (s, p)."""
-        return self._log_posterior(points).likeliest
+        return _likeliest(self._log_posterior(points))
 
     def settled(self) -> Settled:
         """With the rows that count alone."""
         row, points = self.best
         if row not in self._found:
             self._fit(points, row)
-        apart = zip(*(density.parts for density in self._densities.values()), strict=True)
+        apart = zip(*self._densities.values(), strict=True)
         rows = self._likelihood.error.counting_beside(row, [torch.cat(parts) for parts in apart])
         return Settled(self._likelihood.at_row(row).kept(rows), self._found[row])
 
@@ -194,33 +194,19 @@ class _Fits:
         points = self._prior.from_normal(self._found[row].z)
         self._densities[row] = self._log_posterior(points)
 
-    def _log_posterior(self, points: Tensor) -> "_Densities":
-        """At points (s, p)."""
+    def _log_posterior(self, points: Tensor) -> tuple[Tensor, ...]:
+        """At points (s, p) by every row of each table, (s, g), and the likeliest of all others."""
         prior = self._prior.log_density_normal(self._prior.to_normal(points).clamp(-EDGE, EDGE))
-        return _Densities(self._likelihood.log_densities(points), prior)
+        apart = self._likelihood.log_densities(points)
+        most = [values.max(1).values for values in apart]
+        best = torch.stack(most).sum(0) + prior
+        return tuple(values + (best - of)[:, None] for values, of in zip(apart, most, strict=True))
 
 
-class _Densities:
-    """Log posterior density at s points by the rows of every table of errors.
-
-    Args:
-        apart: (s, g) of every kind of data.
-        prior: (s,).
-    """
-
-    def __init__(self, apart: tuple[Tensor, ...], prior: Tensor) -> None:
-        each = torch.stack([values.max(1).values for values in apart])  # (d, s)
-        self.best = each.sum(0) + prior
-        # By one row of a table, and the likeliest of every other.
-        self.parts = tuple(
-            values + (self.best - most)[:, None] for values, most in zip(apart, each, strict=True)
-        )
-
-    @property
-    def likeliest(self) -> Row:
-        """Of the rows of all tables together."""
-        at = int(self.best.argmax())
-        return tuple(int(part[at].argmax()) for part in self.parts)
+def _likeliest(apart: tuple[Tensor, ...]) -> Row:
+    """Of the rows of all tables together."""
+    at = int(apart[0].max(1).values.argmax())
+    return tuple(int(part[at].argmax()) for part in apart)
 
 
 def best_of_prior(

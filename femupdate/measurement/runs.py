@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtrc
 
-from femupdate.arrays import Complexes, Floats
+from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.estimated import mean_estimator
 from femupdate.measurement.observation import (
@@ -67,8 +67,15 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
     share = np.array([independent_share(run) for run in wide])[:, None, None]
     # Precision (r, f, m) with which every run counts at a point; zero where it does not.
     weight = np.where(used, share / np.where(used, noise, 1.0) ** 2, 0.0)
-    resolution = _resolution(wide, weight.sum(axis=(1, 2)))
     grid, estimated = wide[0].frequency_hz, any(run.coherence is not None for run in runs)
+    resolution = None
+    if any(run.resolution_hz is not None for run in runs):
+        spacing, counts = float(np.median(np.diff(grid))), weight.sum(axis=(1, 2))
+        widths = [
+            0.0 if estimated and run.coherence is None else run.resolution_hz or spacing
+            for run in runs
+        ]
+        resolution = float(np.sqrt(counts @ np.square(widths) / counts.sum()))
     precision = weight / resolved_share(grid, resolution, estimated=estimated)
     total = precision.sum(axis=0)
     mean = _mean(values, precision)
@@ -79,6 +86,12 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
     shares = np.where(of_all > 0.0, of_run / np.where(of_all > 0.0, of_all, 1.0), 1.0 / len(runs))
     seen = [k for k, run in enumerate(wide) if run.coherence is not None]
     coherence = np.array([wide[k].coherence for k in seen])
+    rotation = None
+    if any(run.rotation is not None for run in runs):
+        # A run that measured none did not turn.
+        none = np.zeros(grid.size, dtype=np.complex128)
+        turns = np.stack([none if run.rotation is None else run.rotation for run in runs])
+        rotation = np.asarray((shares * np.nan_to_num(turns)).sum(axis=0))
     return Observation(
         frequency_hz=wide[0].frequency_hz,
         floors=tuple(names),
@@ -91,30 +104,9 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
         source=", ".join(run.source for run in runs),
         scatter=(precision * deviation**2).sum(axis=0),
         estimator=mean_estimator([run.estimator for run in runs], shares, grid),
-        rotation=_rotation(runs, shares),
+        rotation=rotation,
         excitation=max((run.excitation for run in runs), key=lambda excitation: excitation.turns),
     )
-
-
-def _rotation(runs: Sequence[Observation], shares: Floats) -> Complexes | None:
-    """Mean (m,) by the runs' shares (r, m); a run that measured none did not turn."""
-    if all(run.rotation is None for run in runs):
-        return None
-    none = np.zeros(shares.shape[1], dtype=np.complex128)
-    rows = np.stack([none if run.rotation is None else run.rotation for run in runs])
-    return np.asarray((shares * np.nan_to_num(rows)).sum(axis=0))
-
-
-def _resolution(runs: Sequence[Observation], weight: Floats) -> float | None:
-    """Resolution between those of the runs, which count by their weight (r,)."""
-    if all(run.resolution_hz is None for run in runs):
-        return None
-    spacing = float(np.median(np.diff(runs[0].frequency_hz)))
-    estimated = any(run.coherence is not None for run in runs)
-    widths = [
-        0.0 if estimated and run.coherence is None else run.resolution_hz or spacing for run in runs
-    ]
-    return float(np.sqrt(weight @ np.square(widths) / weight.sum()))
 
 
 def _mean(values: Floats, precision: Floats) -> Floats:
