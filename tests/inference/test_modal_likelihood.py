@@ -34,9 +34,7 @@ def lumped():
 
 @pytest.fixture(scope="module")
 def system(lumped):
-    return System(
-        reduce_lumped(lumped.stiffness_terms, lumped.mass, lumped.floors), ConstantDamping()
-    )
+    return System(reduce_lumped(lumped.stiffness_terms, lumped.mass, FLOORS), ConstantDamping())
 
 
 def chain(theta, lumped):
