@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 
 from femupdate import __version__
 from femupdate.errors import WorkersError
+from femupdate.progress import SILENT, Progress
 
 logger = logging.getLogger(__name__)
 
@@ -71,9 +72,15 @@ def completed(task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[tuple[
     return _submitted(chosen, task, arguments)
 
 
-def everywhere(task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[T]:
-    """The results of `completed`, in the order of the arguments."""
-    return _in_order(completed(task, arguments))
+def everywhere(
+    task: Callable[[A], T], arguments: Sequence[A], progress: Progress = SILENT
+) -> list[T]:
+    """The results of `completed`, in the order of the arguments, each a step of the progress."""
+    found = []
+    for result in _in_order(completed(task, arguments)):
+        found.append(result)
+        progress.advance()
+    return found
 
 
 def in_threads(task: Callable[[A], T], arguments: Iterable[A]) -> list[T]:

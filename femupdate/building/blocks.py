@@ -93,11 +93,6 @@ def joined(blocks: Sequence[ElementBlock], used: Integers) -> tuple[Elements, ..
     return tuple(made)
 
 
-# Which way a section's depth points: z is vertical in a beam; in a column z is the global y.
-_BEAM_UP = (0.0, 0.0, 1.0)
-_COLUMN_UP = (0.0, 1.0, 0.0)
-
-
 def column_lines(building: FrameBuilding) -> ExtraLines:
     """Return the mesh lines through columns off the grid."""
     points = [point for columns in building.columns for point in columns.points]
@@ -114,7 +109,8 @@ def _bar(building: FrameBuilding, key: str, kind: str, name: str) -> Callable[..
         kind=kind,
         section=section.figures(),
         material=building.material(section.material),
-        up=_COLUMN_UP if kind == "column" else _BEAM_UP,
+        # Its depth is vertical in a beam; in a column it lies along the global y.
+        up=(0.0, 1.0, 0.0) if kind == "column" else (0.0, 0.0, 1.0),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from femupdate.arrays import Floats
-from femupdate.building.entry import Complaint, Entry, unknown
+from femupdate.building.entry import Complaint, Complaints, Entry, unknown
 from femupdate.building.members import (
     Base,
     FloorMass,
@@ -43,12 +43,10 @@ class FrequencyGrid(Entry):
     step: Frequency
     count: Whole
 
-    @model_validator(mode="after")
-    def _countable(self) -> "FrequencyGrid":
+    def _complaints(self) -> Complaints:
         if not 2 <= self.count <= _MOST_FREQUENCIES:
             text = f"{self.count} must lie between 2 and {_MOST_FREQUENCIES}; write another count"
-            raise Complaint("count", text)
-        return self
+            yield ("count", text)
 
     @property
     def stop(self) -> float:
@@ -66,13 +64,12 @@ class Range(Entry):
     lower: PositiveNumber
     upper: PositiveNumber
 
-    @model_validator(mode="after")
-    def _upright(self) -> "Range":
+    def _complaints(self) -> Complaints:
         if self.lower >= self.upper:
-            raise Complaint(
-                "lower", f"{self.lower:g} must lie below upper = {self.upper:g}; exchange the two"
+            yield (
+                "lower",
+                f"{self.lower:g} must lie below upper = {self.upper:g}; exchange the two",
             )
-        return self
 
 
 class Prior(Entry):
@@ -82,13 +79,9 @@ class Prior(Entry):
     stories: Mapping[str, Range] = Field(default_factory=dict)
     zeta: Range | None = None
 
-    @model_validator(mode="after")
-    def _below_critical(self) -> "Prior":
+    def _complaints(self) -> Complaints:
         if self.zeta is not None and self.zeta.upper >= 1.0:
-            raise Complaint(
-                "zeta.upper", f"{self.zeta.upper:g} must lie below 1 (critical); correct it"
-            )
-        return self
+            yield ("zeta.upper", f"{self.zeta.upper:g} must lie below 1 (critical); correct it")
 
     def theta_of(self, story: str) -> Range:
         """Return the limits of one story's stiffness factor."""
@@ -111,37 +104,35 @@ class Damping(Entry):
     anchors: tuple[Frequency, ...] | None = None
     ratios: tuple[PositiveNumber, ...] | None = None
 
-    @model_validator(mode="after")
-    def _complete(self) -> "Damping":
+    def _complaints(self) -> Complaints:
         if self.ratio >= 1.0:
             text = f"{self.ratio:g} must lie below 1 (critical); 2 % is written 0.02"
-            raise Complaint("ratio", text)
+            yield ("ratio", text)
         if self.law == "constant":
             for key in ("anchors", "ratios"):
                 if getattr(self, key) is not None:
                     text = 'they need law = "rayleigh" or "modes"; remove them or change the law'
-                    raise Complaint(key, text)
-            return self
+                    yield (key, text)
+            return
+        anchors, ratios = self.anchors or (), self.ratios or ()
         if self.anchors is None:
             text = "the two frequencies" if self.is_rayleigh else "the frequency of each mode"
-            raise Complaint("anchors", f"the key is missing; add {text}")
-        if self.is_rayleigh and len(self.anchors) != 2:
-            raise Complaint("anchors", f"the list has {len(self.anchors)} entries; write 2")
-        if self.is_rayleigh and self.anchors[0] == self.anchors[1]:
-            raise Complaint("anchors", "the two frequencies must differ; change one of them")
+            yield "anchors", f"the key is missing; add {text}"
         if self.is_rayleigh:
-            return self
-        if self.ratios is None or len(self.ratios) != len(self.anchors):
-            text = f"write a ratio for each of the {len(self.anchors)} anchors"
-            raise Complaint("ratios", text)
-        if any(low >= high for low, high in pairwise(self.anchors)):
-            raise Complaint("anchors", "frequencies of modes must rise; put them in order")
-        if max(self.ratios) >= 1.0:
-            raise Complaint("ratios", f"{max(self.ratios):g} must lie below 1 (critical)")
-        if self.ratios[0] != self.ratio:
-            text = f"the first, {self.ratios[0]:g}, must be `ratio`, {self.ratio:g}; correct one"
-            raise Complaint("ratios", text)
-        return self
+            if len(anchors) != 2:
+                yield "anchors", f"the list has {len(anchors)} entries; write 2"
+            if anchors[0] == anchors[1]:
+                yield "anchors", "the two frequencies must differ; change one of them"
+            return
+        if self.ratios is None or len(ratios) != len(anchors):
+            yield "ratios", f"write a ratio for each of the {len(anchors)} anchors"
+        if any(low >= high for low, high in pairwise(anchors)):
+            yield "anchors", "frequencies of modes must rise; put them in order"
+        if max(ratios) >= 1.0:
+            yield "ratios", f"{max(ratios):g} must lie below 1 (critical)"
+        if ratios[0] != self.ratio:
+            text = f"the first, {ratios[0]:g}, must be `ratio`, {self.ratio:g}; correct one"
+            yield "ratios", text
 
     @property
     def lowest(self) -> float:
@@ -180,16 +171,14 @@ class Tolerances(Entry):
     gain: Share = 0.0
     delay: Time = 0.0
 
-    @model_validator(mode="after")
-    def _small(self) -> "Tolerances":
+    def _complaints(self) -> Complaints:
         for key, most, text in (
             ("mass", 0.5, "50 %"),
             ("gain", 0.5, "50 %"),
             ("delay", 0.05, "50 ms"),
         ):
             if getattr(self, key) > most:
-                raise Complaint(key, f"it is above {text}, which is no tolerance; correct it")
-        return self
+                yield (key, f"it is above {text}, which is no tolerance; correct it")
 
 
 class ParameterGrouping(Entry):
@@ -200,12 +189,10 @@ class ParameterGrouping(Entry):
 
     by: tuple[Literal["story", "kind"], ...]
 
-    @model_validator(mode="after")
-    def _known_division(self) -> "ParameterGrouping":
+    def _complaints(self) -> Complaints:
         if self.by not in (("story",), ("story", "kind")):
             text = f'{list(self.by)} is no division; write ["story"] or ["story", "kind"]'
-            raise Complaint("by", text)
-        return self
+            yield ("by", text)
 
 
 class EffectEntry(Entry):

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -20,7 +19,6 @@ AREA_MODIFIERS = ("F11", "F22", "F12", "M11", "M22", "M12", "V13", "V23", "M", "
 # What a released force is in our beams, whose z axis is their 2 and whose y axis is their -3.
 _RELEASES = {"P": 0, "V2": 2, "V3": 1, "T": 3, "M2": 5, "M3": 4}
 GRAVITY = 9.80665
-_STEEP = 1e-3  # sine of the angle to the vertical from which on a frame is none
 _NO = ("no", "false", "0", "none", "")
 
 
@@ -71,37 +69,6 @@ class Row:
         return value
 
 
-@dataclass(frozen=True)
-class CsiFile:
-    """What files of SAP2000 and ETABS have in common, of what `ModelFile` asks."""
-
-    file: Path
-    rows: Mapping[str, list[Row]]  # by their table, or by their first word
-
-    def of(self, name: str) -> list[Row]:
-        """The rows of a kind."""
-        return self.rows.get(name, [])
-
-    def first(self, name: str) -> Row:
-        """The first row of a kind."""
-        return self.of(name)[0]
-
-    @property
-    def materials(self) -> list[tuple[float, float]]:
-        """The file states its units."""
-        return []
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """How many rows of each kind there are."""
-        return {name: len(rows) for name, rows in self.rows.items() if rows}
-
-    @property
-    def lacks(self) -> tuple[str, ...]:
-        """It says all."""
-        return ()
-
-
 def units_of(file: str, words: Iterable[str]) -> tuple[str, str]:
     """Units of force and length from the words of a file.
 
@@ -132,7 +99,6 @@ def once(rows: Iterable[Row], *keys: str) -> dict[str, Row]:
 class FrameSection:
     """A section with its material and modifiers."""
 
-    row: Row
     figures: SectionFigures
     stuff: Stuff
     weight: float  # of the material, N/m3
@@ -143,7 +109,7 @@ class FrameSection:
 class AreaSection:
     """A section of areas."""
 
-    row: Row
+    name: str
     stuff: Stuff
     weight: float  # of the material, N/m3
     thickness: float  # m
@@ -207,7 +173,7 @@ def shape_figures(
 def local_axes(axis: Floats, angle: float) -> Floats:
     """Local axes 1, 2 and 3 as rows, (3, 3): 2 is upwards, or along x in upright frames."""
     first = axis / np.linalg.norm(axis)
-    upright = float(np.hypot(first[0], first[1])) < _STEEP
+    upright = float(np.hypot(first[0], first[1])) < 1e-3  # sine of the angle to the vertical
     second = np.eye(3)[0 if upright else 2]
     second = second - (second @ first) * first
     second /= np.linalg.norm(second)
@@ -310,7 +276,7 @@ def add_area(
     mass += weight / GRAVITY * factor[9] * source.self_weight
     mass += section.more_weight / GRAVITY * source.elements
     membrane = not section.bending > 0.0
-    if membrane or section.row.values.get("Section", "") in tables.said.ignored:
+    if membrane or section.name in tables.said.ignored:
         if not in_diaphragm:
             raise row.error(
                 "it has no bending and its corners are in no rigid diaphragm; assign one, or make "

@@ -1,14 +1,13 @@
-"""Reads Nastran bulk data: cards in free, small and large fields, and where their nodes lie."""
+"""Reads Nastran bulk data: cards in free, small and large fields."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
-from femupdate.arrays import Floats
 from femupdate.building.model_tables import file_text
 from femupdate.errors import BuildingError
 
@@ -19,20 +18,8 @@ _ENTRIES = {8: 8, 16: 4}  # data on a line, by the width of its fields
 # What becomes part of the model.
 TAKEN = (
     *("GRID", "CQUAD4", "CQUADR", "CTRIA3", "CTRIAR", "CBAR", "CBEAM", "CROD", "CONM2", "CMASS2"),
-    *(
-        "CELAS2",
-        "RBE2",
-        "SPC",
-        "SPC1",
-        "SPCADD",
-        "PSHELL",
-        "PBAR",
-        "PBARL",
-        "PBEAM",
-        "PBEAML",
-        "PROD",
-    ),
-    *("MAT1", "CORD2R", "PARAM"),
+    *("CELAS2", "RBE2", "SPC", "SPC1", "SPCADD", "PSHELL", "PBAR", "PBARL", "PBEAM", "PBEAML"),
+    *("PROD", "MAT1", "CORD2R", "PARAM"),
 )
 # What modes do not depend on: loads, requests, and the choice of a method.
 LEFT_OUT = (
@@ -69,11 +56,8 @@ class Card:
         if not text and usual is not None:
             return usual
         if not re.fullmatch(r"[-+]?\d{1,18}", text):
-            raise self.error(
-                f"field {number + 2} is {text!r}; write a whole number"
-                if text
-                else f"field {number + 2} is empty; write a whole number"
-            )
+            said = repr(text) if text else "empty"
+            raise self.error(f"field {number + 2} is {said}; write a whole number")
         return int(text)
 
     def real(self, number: int, usual: float | None = None) -> float:
@@ -82,12 +66,10 @@ class Card:
         if not text and usual is not None:
             return usual
         match = _REAL.fullmatch(text)
-        value = np.inf
-        if match:
-            value = float(f"{match[1]}e{match[2] or match[3] or 0}")
+        value = float(f"{match[1]}e{match[2] or match[3] or 0}") if match else np.inf
         if not np.isfinite(value):
-            said = f"is {text!r}" if text else "is empty"
-            raise self.error(f"field {number + 2} {said}; write a number, such as 2.1+11")
+            said = repr(text) if text else "empty"
+            raise self.error(f"field {number + 2} is {said}; write a number, such as 2.1+11")
         return value
 
     def error(self, text: str) -> BuildingError:
@@ -116,80 +98,15 @@ class Card:
             previous, through = value, False
 
 
-@dataclass(frozen=True)
-class Deck:
-    """All cards of a file, in its own units."""
-
-    file: Path
-    cards: Mapping[str, tuple[Card, ...]]
-    chosen: int | None  # the set of SPC that case control chooses
-
-    def of(self, *names: str) -> list[Card]:
-        """All cards of these names."""
-        return [card for name in names for card in self.cards.get(name, ())]
-
-    def by_number(self, *names: str) -> dict[int, Card]:
-        """Cards by their identification, which no two may share."""
-        known: dict[int, Card] = {}
-        for card in self.of(*names):
-            number = card.whole(0)
-            if number in known:
-                earlier = known[number].line
-                raise card.error(f"line {earlier} has this number already; renumber or remove one")
-            known[number] = card
-        return known
-
-    @property
-    def mass_factor(self) -> float:
-        """PARAM WTMASS: what densities and masses are multiplied by."""
-        values = [c.real(1) for c in self.of("PARAM") if c.text(0).upper() == "WTMASS"]
-        return values[-1] if values else 1.0
-
-    @cached_property
-    def systems(self) -> dict[int, tuple[Floats, Floats]]:
-        """Origin (3,) and axes as rows (3, 3) of every system, in the basic one."""
-        cards = self.by_number("CORD2R")
-        known = {0: (np.zeros(3), np.eye(3))}
-
-        def place(number: int, user: Card, way: tuple[int, ...]) -> tuple[Floats, Floats]:
-            if number in known:
-                return known[number]
-            if number not in cards:
-                raise user.error(f"there is no system {number}; add CORD2R {number} or correct it")
-            card = cards[number]
-            if number in way:
-                ring = " to ".join(map(str, (*way[way.index(number) :], number)))
-                raise card.error(f"systems refer to each other in a circle ({ring}); correct one")
-            origin, axes = place(card.whole(1, 0), card, (*way, number))
-            a, b, c = (np.array([card.real(k + i, 0.0) for i in range(3)]) for k in (2, 5, 8))
-            across = np.cross(b - a, c - a)
-            if np.linalg.norm(across) <= 1e-9 * np.linalg.norm(b - a) * np.linalg.norm(c - a):
-                raise card.error("its three points lie on one line; correct one of them")
-            z, y = (v / np.linalg.norm(v) for v in (b - a, across))
-            known[number] = origin + a @ axes, np.stack([np.cross(y, z), y, z]) @ axes
-            return known[number]
-
-        for number, card in cards.items():
-            place(number, card, ())
-        return known
-
-    def system(self, number: int, user: Card) -> tuple[Floats, Floats]:
-        """Origin and axes of a system that a card names."""
-        if number not in self.systems:
-            raise user.error(f"there is no system {number}; add CORD2R {number} or correct it")
-        return self.systems[number]
-
-
-def read_deck(file: Path) -> Deck:
-    """Read a file of bulk data; what is before BEGIN BULK may choose the set of SPC."""
+def read_deck(file: Path) -> tuple[dict[str, list[Card]], int | None]:
+    """Cards by their name, and the set of SPC that case control, before BEGIN BULK, chooses."""
     status = file.stat()
     return _read(file, status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=2)
-def _read(file: Path, changed: int, size: int) -> Deck:
-    text = file_text(file)
-    lines = text.splitlines()
+def _read(file: Path, changed: int, size: int) -> tuple[dict[str, list[Card]], int | None]:
+    lines = file_text(file).splitlines()
     begins = (n for n, line in enumerate(lines) if re.match(r"\s*BEGIN\s*BULK", line, re.I))
     begin = next(begins, -1)
     control = "\n".join(lines[: max(begin, 0)])
@@ -202,8 +119,7 @@ def _read(file: Path, changed: int, size: int) -> Deck:
             f"{file.name}: it has no GRID between BEGIN BULK and ENDDATA; check that this is bulk "
             "data of Nastran"
         )
-    whole = {name: tuple(some) for name, some in cards.items()}
-    return Deck(file, whole, int(chosen[-1]) if chosen else None)
+    return cards, int(chosen[-1]) if chosen else None
 
 
 def _cards(file: str, lines: list[str], start: int) -> Iterator[Card]:

@@ -2,15 +2,15 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.deck import LEFT_OUT, MEND, TAKEN, Card, Deck, read_deck
-from femupdate.building.model_tables import LEVEL, ModelTables, Stuff
+from femupdate.building.deck import LEFT_OUT, MEND, TAKEN, Card, read_deck
+from femupdate.building.model_tables import LEVEL, ModelFile, ModelTables, Stuff, known
 from femupdate.building.sections import (
     CircleSection,
     ISection,
@@ -27,51 +27,30 @@ _OURS = np.array([0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10])
 
 
 @dataclass(frozen=True)
-class NastranModel:
-    """A deck, as `ModelFile` asks."""
+class NastranModel(ModelFile[Card]):
+    """A deck."""
 
     program: ClassVar[str] = "Nastran"
     node_kind: ClassVar[str] = "GRID"
     what: ClassVar[str] = "cards"
     mends: ClassVar[Mapping[str, str]] = MEND
-    deck: Deck
+    chosen: int | None = None  # the set of SPC that case control chooses
 
     @classmethod
     def opened(cls, file: Path) -> "NastranModel":
         """The model of a file."""
-        return cls(read_deck(file))
-
-    @property
-    def file(self) -> Path:
-        """Where it is."""
-        return self.deck.file
-
-    @property
-    def units(self) -> None:
-        """Bulk data has none."""
-        return None
-
-    @property
-    def lacks(self) -> tuple[str, ...]:
-        """It says all but units."""
-        return ()
+        return cls(file, *read_deck(file))
 
     @property
     def materials(self) -> list[tuple[float, float]]:
-        """Young's modulus and density in the deck's units."""
-        scale = self.deck.mass_factor
-        return [(c.real(1, 0.0), c.real(4, 0.0) * scale) for c in self.deck.of("MAT1")]
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """How many cards of each name there are."""
-        return {name: len(cards) for name, cards in self.deck.cards.items()}
+        """As of a `ModelFile`."""
+        return [(c.real(1, 0.0), c.real(4, 0.0) * self.mass_factor) for c in self.of("MAT1")]
 
     @property
     def left_out(self) -> dict[str, int]:
-        """How many cards of each name modes do not depend on."""
+        """As of a `ModelFile`."""
         counts = {name: count for name, count in self.counts.items() if name in LEFT_OUT}
-        other = [card for card in self.deck.of("PARAM") if card.text(0).upper() != "WTMASS"]
+        other = [card for card in self.of("PARAM") if card.text(0).upper() != "WTMASS"]
         return counts | ({"PARAM": len(other)} if other else {})
 
     @property
@@ -79,13 +58,56 @@ class NastranModel:
         """Names of cards that are neither taken nor known to change nothing."""
         return [name for name in self.counts if name not in TAKEN and name not in LEFT_OUT]
 
-    def first(self, name: str) -> Card:
-        """The first card of a name."""
-        return self.deck.cards[name][0]
+    def by_number(self, *names: str) -> dict[int, Card]:
+        """Cards by their identification, which no two may share."""
+        cards: dict[int, Card] = {}
+        for card in self.of(*names):
+            number = card.whole(0)
+            if number in cards:
+                earlier = cards[number].line
+                raise card.error(f"line {earlier} has this number already; renumber or remove one")
+            cards[number] = card
+        return cards
+
+    @property
+    def mass_factor(self) -> float:
+        """PARAM WTMASS: what densities and masses are multiplied by."""
+        values = [c.real(1) for c in self.of("PARAM") if c.text(0).upper() == "WTMASS"]
+        return values[-1] if values else 1.0
+
+    @cached_property
+    def systems(self) -> dict[int, tuple[Floats, Floats]]:
+        """Origin (3,) and axes as rows (3, 3) of every system, in the basic one."""
+        cards = self.by_number("CORD2R")
+        placed = {0: (np.zeros(3), np.eye(3))}
+
+        def place(number: int, user: Card, way: tuple[int, ...]) -> tuple[Floats, Floats]:
+            if number in placed:
+                return placed[number]
+            card = known(user, cards, number, "CORD2R")
+            if number in way:
+                ring = " to ".join(map(str, (*way[way.index(number) :], number)))
+                raise card.error(f"systems refer to each other in a circle ({ring}); correct one")
+            origin, axes = place(card.whole(1, 0), card, (*way, number))
+            a, b, c = (np.array([card.real(k + i, 0.0) for i in range(3)]) for k in (2, 5, 8))
+            across = np.cross(b - a, c - a)
+            if np.linalg.norm(across) <= 1e-9 * np.linalg.norm(b - a) * np.linalg.norm(c - a):
+                raise card.error("its three points lie on one line; correct one of them")
+            z, y = (v / np.linalg.norm(v) for v in (b - a, across))
+            placed[number] = origin + a @ axes, np.stack([np.cross(y, z), y, z]) @ axes
+            return placed[number]
+
+        for number, card in cards.items():
+            place(number, card, ())
+        return placed
+
+    def system(self, number: int, user: Card) -> tuple[Floats, Floats]:
+        """Origin and axes of a system that a card names."""
+        return known(user, self.systems, number, "CORD2R")
 
     def fill(self, tables: ModelTables) -> None:
-        """Fill the tables from the cards."""
-        reading = _DeckReading(self.deck, tables)
+        """As of a `ModelFile`."""
+        reading = _DeckReading(self, tables)
         reading.surfaces()
         reading.beams()
         reading.links()
@@ -96,7 +118,7 @@ class NastranModel:
 class _DeckReading:
     """The cards of a deck, read into tables one kind after the other."""
 
-    def __init__(self, deck: Deck, tables: ModelTables) -> None:
+    def __init__(self, deck: NastranModel, tables: ModelTables) -> None:
         self.deck, self.tables, self.length = deck, tables, tables.length
         tables.mass *= deck.mass_factor
         self.turns: dict[int, Floats] = {}
@@ -129,9 +151,7 @@ class _DeckReading:
         return found
 
     def _material(self, number: int, user: Card) -> Stuff:
-        card = self.materials.get(number)
-        if card is None:
-            raise user.error(f"there is no MAT1 {number}; add it or correct the number")
+        card = known(user, self.materials, number, "MAT1")
         young, shear, ratio = card.real(1, 0.0), card.real(2, 0.0), card.real(3, 0.0)
         if not card.text(3) and young and shear:
             ratio = 0.5 * young / shear - 1.0

@@ -1,7 +1,8 @@
 """The base of every table of a building file, and how a complaint about one finds its words."""
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
@@ -14,6 +15,19 @@ class Complaint(ValueError):  # noqa: N818 - it never leaves this room: users ge
     def __init__(self, key: str, text: str) -> None:
         super().__init__(text)
         self.key = key
+
+
+Complaints = Iterator[tuple[str, str]]
+"""What an entry says that does not fit: the key, and a sentence."""
+
+
+@contextmanager
+def complaining() -> Iterator[None]:
+    """Tell users a complaint of this room, as a context or as a decorator."""
+    try:
+        yield
+    except Complaint as complaint:
+        raise BuildingError(f"{complaint.key}: {complaint}") from None
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:
@@ -39,6 +53,14 @@ class Entry(BaseModel):
                     hint = close(str(key), names) or f"; the known ones are {', '.join(names)}"
                     raise Complaint(str(key), f"unknown key{hint}")
         return document
+
+    @model_validator(mode="after")
+    def _fitting(self) -> Self:
+        for kind in reversed(type(self).__mro__):
+            if "_complaints" in vars(kind):
+                for key, text in vars(kind)["_complaints"](self):
+                    raise Complaint(key, text)
+        return self
 
 
 def dotted(parts: Iterable[str | int]) -> str:

@@ -17,7 +17,6 @@ from femupdate.building.csi_model import (
     FRAME_MODIFIERS,
     GRAVITY,
     AreaSection,
-    CsiFile,
     FrameSection,
     MassSource,
     Row,
@@ -27,7 +26,7 @@ from femupdate.building.csi_model import (
     shape_figures,
     units_of,
 )
-from femupdate.building.model_tables import ModelTables, Stuff, file_text
+from femupdate.building.model_tables import ModelFile, ModelTables, Stuff, file_text, known
 from femupdate.errors import BuildingError
 
 # How many values stand before the pairs of key and value, of what is taken.
@@ -62,8 +61,8 @@ _HARMLESS = re.compile(
 
 
 @dataclass(frozen=True)
-class EtabsModel(CsiFile):
-    """A file of ETABS, as `ModelFile` asks."""
+class EtabsModel(ModelFile[Row]):
+    """A file of ETABS."""
 
     program: ClassVar[str] = "ETABS"
     node_kind: ClassVar[str] = "point"
@@ -177,16 +176,13 @@ class _EtabsReading:
 
     def node(self, row: Row, point: str, story: str, below: int = 0) -> int:
         """The node of a point some stories below one."""
-        if story not in self.level:
-            raise row.error(f"there is no STORY {story}; add it or correct the name")
-        if point not in self.plan:
-            raise row.error(f"there is no POINT {point}; add it or correct the number")
+        known(row, self.level, story, "STORY")
+        point_entry = known(row, self.plan, point, "POINT")
         place = self.stories.index(story) - below
         if place < 0:
             raise row.error(f"it reaches below {self.stories[0]}; correct its number of stories")
         name = f"{point} on {self.stories[place]}"
         if name not in self.tables.number:
-            point_entry = self.plan[point]
             z = self.level[self.stories[place]] - point_entry.real("4", usual=0.0)
             self.tables.node(name, np.array([point_entry.real("2"), point_entry.real("3"), z]))
         return self.tables.number[name]
@@ -225,18 +221,14 @@ class _EtabsReading:
 
     def _material(self, row: Row) -> tuple[Stuff, float]:
         name, tables = row.named("MATERIAL"), self.tables
-        entry = self.file.merged["MATERIAL"].get(name)
-        if entry is None:
-            raise row.error(f"there is no MATERIAL {name}; add it or correct the name")
+        entry = known(row, self.file.merged["MATERIAL"], name, "MATERIAL")
         weight = entry.real("WEIGHTPERVOLUME", usual=0.0)
         density = entry.real("MASSPERVOLUME", usual=weight * tables.length / GRAVITY)
         stuff = tables.material(entry, entry.real("E"), entry.real("U", usual=0.2), density)
         return stuff, weight * tables.force / tables.length**3
 
     def _frame_section(self, row: Row, name: str) -> FrameSection:
-        entry = self.file.merged["FRAMESECTION"].get(name)
-        if entry is None:
-            raise row.error(f"there is no FRAMESECTION {name}; add it or correct the name")
+        entry = known(row, self.file.merged["FRAMESECTION"], name, "FRAMESECTION")
         stuff, weight = self._material(entry)
         keys = ("I33", "I22", "J", "AS2", "AS3")
         if entry.text("AREA"):
@@ -251,15 +243,13 @@ class _EtabsReading:
                 "TW": entry.real("TW", "T", usual=0.0),
             }
             figures = shape_figures(self.tables, entry, entry.text("SHAPE"), sides)
-        return FrameSection(entry, figures, stuff, weight, _modifiers(entry, FRAME_MODIFIERS))
+        return FrameSection(figures, stuff, weight, _modifiers(entry, FRAME_MODIFIERS))
 
     def lines(self) -> None:
-        known, loads = once(self.file.of("LINE"), "1"), self._loads("LINELOAD")
+        all_lines, loads = once(self.file.of("LINE"), "1"), self._loads("LINELOAD")
         for row in self.file.of("LINEASSIGN"):
             name, story, section = row.named("1"), row.named("2"), row.text("SECTION")
-            if name not in known:
-                raise row.error(f"there is no LINE {name}; add it or correct the name")
-            line = known[name]
+            line = known(row, all_lines, name, "LINE")
             if line.text("2").upper() not in ("COLUMN", "BEAM", "BRACE"):
                 raise line.error(f"a {line.text('2')} has no counterpart; draw it as a frame")
             if section.upper() in ("", "NONE"):
@@ -295,13 +285,12 @@ class _EtabsReading:
 
     def areas(self) -> None:
         tables = self.tables
-        known, loads = once(self.file.of("AREA"), "1"), self._loads("AREALOAD")
+        all_areas, loads = once(self.file.of("AREA"), "1"), self._loads("AREALOAD")
         found = []
         for row in self.file.of("AREAASSIGN"):
             name, story, section = row.named("1"), row.named("2"), row.text("SECTION")
-            if name not in known:
-                raise row.error(f"there is no AREA {name}; add it or correct the name")
-            area, count = known[name], int(known[name].real("3"))
+            area = known(row, all_areas, name, "AREA")
+            count = int(area.real("3"))
             below = [int(area.real(f"{4 + count + k}", usual=0.0)) for k in range(count)]
             corners = [
                 self.node(row, area.named(f"{4 + k}"), story, below[k]) for k in range(count)
@@ -330,9 +319,7 @@ class _EtabsReading:
             )
 
     def _area_section(self, row: Row, name: str) -> AreaSection:
-        entry = self.file.merged["SHELLPROP"].get(name)
-        if entry is None:
-            raise row.error(f"there is no SHELLPROP {name}; add it or correct the name")
+        entry = known(row, self.file.merged["SHELLPROP"], name, "SHELLPROP")
         stuff, weight = self._material(entry)
         thick, more = entry.real("SLABTHICKNESS", "WALLTHICKNESS", "TM", "DECKSLABDEPTH"), 0.0
         kind = entry.text("MODELINGTYPE").upper()
@@ -349,7 +336,7 @@ class _EtabsReading:
         size = thick * self.tables.length
         bending = 0.0 if "MEMBRANE" in kind else size
         return AreaSection(
-            entry, stuff, weight, size, bending, _modifiers(entry, AREA_MODIFIERS), more
+            "", stuff, weight, size, bending, _modifiers(entry, AREA_MODIFIERS), more
         )
 
 

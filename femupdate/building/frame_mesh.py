@@ -22,27 +22,23 @@ from femupdate.building.blocks import (
 )
 from femupdate.building.building_mesh import BuildingMesh, finished
 from femupdate.building.connections import face_lines
-from femupdate.building.entry import Complaint
+from femupdate.building.entry import Complaint, complaining
 from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
 from femupdate.building.infill_struts import infill_blocks, infill_notes
 from femupdate.building.lattice import Lattice, lattice_of
 from femupdate.building.mesh_check import first_double, loose_pieces, nodes_at, place
 from femupdate.building.references import intersections
-from femupdate.errors import BuildingError
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 
 
+@complaining()
 def mesh_frame(building: FrameBuilding, size: float, least: int = 1) -> BuildingMesh:
     """Return the mesh of a frame; size and least as for `lattice_of`."""
-    try:
-        extra = column_lines(building) + opening_lines(building)
-        if (building.walls or building.slabs) and (building.beams or building.columns):
-            coarse = lattice_of(building.grid, building.stories, math.inf, 2, extra)
-            extra += face_lines(_parts_on(building, coarse)[0])
-        lattice = lattice_of(building.grid, building.stories, size, least, extra)
-        return _mesh_on(building, lattice)
-    except Complaint as complaint:
-        raise BuildingError(f"{complaint.key}: {complaint}") from None
+    extra = column_lines(building) + opening_lines(building)
+    if (building.walls or building.slabs) and (building.beams or building.columns):
+        coarse = lattice_of(building.grid, building.stories, math.inf, 2, extra)
+        extra += face_lines(_parts_on(building, coarse)[0])
+    return _mesh_on(building, lattice_of(building.grid, building.stories, size, least, extra))
 
 
 def _parts_on(

@@ -24,9 +24,6 @@ from femupdate.building.references import (
 from femupdate.building.sections import SectionFigures
 from femupdate.fe.elements.beam import Beams
 
-# Bending and torsion of a strut, over the square of its area: it has none to speak of.
-_LITTLE = 1e-6
-
 
 @dataclass(frozen=True)
 class Panel:
@@ -110,7 +107,7 @@ def infill_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[Element
         material = building.material(infill.material)
         mass = material.density * infill.thickness * panel.height * panel.length
         line = mass / (2.0 * area * float(np.linalg.norm(ends[1] - ends[0])))
-        none = _LITTLE * area**2
+        none = 1e-6 * area**2  # a strut has no bending or torsion to speak of
         yield ElementBlock(
             key=panel.key,
             element=Beams,

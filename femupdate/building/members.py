@@ -2,9 +2,9 @@
 
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from femupdate.building.entry import Complaint, Entry
+from femupdate.building.entry import Complaints, Entry
 from femupdate.building.quantities import (
     ALL,
     Coordinate,
@@ -32,13 +32,12 @@ class Material(Entry):
     poisson_ratio: Number
     density: Density
 
-    @model_validator(mode="after")
-    def _stable(self) -> "Material":
+    def _complaints(self) -> Complaints:
         if not 0.0 <= self.poisson_ratio < 0.5:
-            raise Complaint(
-                "poisson_ratio", f"{self.poisson_ratio:g} must lie from 0 to below 0.5; correct it"
+            yield (
+                "poisson_ratio",
+                f"{self.poisson_ratio:g} must lie from 0 to below 0.5; correct it",
             )
-        return self
 
 
 class Grid(Entry):
@@ -59,15 +58,13 @@ class FrameStory(Story):
 
     height: Length
 
-    @model_validator(mode="after")
-    def _not_flat(self) -> "FrameStory":
+    def _complaints(self) -> Complaints:
         # A model on a bench has stories of 2 cm and more.
         if self.height < 0.02:
-            raise Complaint(
+            yield (
                 "height",
                 f"a story {self.height * 1e3:.3g} mm high is none; is the unit wrong? Correct it",
             )
-        return self
 
 
 class ColumnGroup(Entry):
@@ -85,12 +82,10 @@ class ColumnGroup(Entry):
     eccentricity: tuple[Coordinate, Coordinate] | None = None
     rigid_ends: tuple[LengthOrZero, LengthOrZero] | None = None
 
-    @model_validator(mode="after")
-    def _one_way_of_placing(self) -> "ColumnGroup":
+    def _complaints(self) -> Complaints:
         if self.points and self.at != ALL:
             text = "give either intersections (at) or coordinates (points); put the others into"
-            raise Complaint("points", f"{text} another [[columns]] table")
-        return self
+            yield ("points", f"{text} another [[columns]] table")
 
 
 class BeamLines(Entry):
@@ -235,13 +230,11 @@ class SixSprings(Entry):
         """Damping along x, y, z and about x, y, z, N s/m and N m s/rad."""
         return (self.cx, self.cy, self.cz, self.crx, self.cry, self.crz)
 
-    @model_validator(mode="after")
-    def _dashpots_beside_springs(self) -> "SixSprings":
+    def _complaints(self) -> Complaints:
         for key, k, c in zip(SPRING_KEYS, self.springs, self.dashpots, strict=True):
             if c is not None and k is None:
                 text = f"a dashpot needs a spring beside it; give {key} or remove it"
-                raise Complaint(f"c{key[1:]}", text)
-        return self
+                yield (f"c{key[1:]}", text)
 
 
 class SpringGroup(SixSprings):
@@ -254,13 +247,11 @@ class SpringGroup(SixSprings):
     at: Names = ALL
     points: tuple[Point, ...] = ()
 
-    @model_validator(mode="after")
-    def _some_spring(self) -> "SpringGroup":
+    def _complaints(self) -> Complaints:
         if not any(self.springs):
-            raise Complaint("kx", f"give a stiffness, one of {', '.join(SPRING_KEYS)}")
+            yield ("kx", f"give a stiffness, one of {', '.join(SPRING_KEYS)}")
         if self.points and self.at != ALL:
-            raise Complaint("points", "give either columns (at) or points; write two tables")
-        return self
+            yield ("points", "give either columns (at) or points; write two tables")
 
 
 RELEASED = ("slides", "free")
@@ -275,12 +266,10 @@ class Base(Entry):
     base: Literal["fixed", "pinned", "springs", "slides", "free"] = "fixed"
     mass: Mass | None = None
 
-    @model_validator(mode="after")
-    def _mass_where_it_moves(self) -> "Base":
+    def _complaints(self) -> Complaints:
         if self.mass is not None and self.base not in RELEASED:
             text = f'it needs base = "slides" or "free", not {self.base!r}; change one'
-            raise Complaint("mass", text)
-        return self
+            yield ("mass", text)
 
 
 class Supports(Base, SixSprings):
@@ -292,16 +281,12 @@ class Supports(Base, SixSprings):
     With "slides" and "free" (see `Base`) they are clamped to a base that moves as one.
     """
 
-    @model_validator(mode="after")
-    def _springs_where_said(self) -> "Supports":
+    def _complaints(self) -> Complaints:
         given = [key for key, k in zip(SPRING_KEYS, self.springs, strict=True) if k is not None]
         if self.base == "springs" and not given:
-            raise Complaint(
-                "kx", f"springs need a stiffness; write one of {', '.join(SPRING_KEYS)}"
-            )
+            yield ("kx", f"springs need a stiffness; write one of {', '.join(SPRING_KEYS)}")
         if self.base != "springs" and given:
-            raise Complaint(given[0], f'it needs base = "springs", not {self.base!r}; change one')
-        return self
+            yield (given[0], f'it needs base = "springs", not {self.base!r}; change one')
 
 
 class Mesh(Entry):
@@ -320,12 +305,10 @@ class SensorsAnywhere(Entry):
     direction: Literal["x", "y"]
     at: dict[str, tuple[Point, ...]] = Field(default_factory=dict)
 
-    @model_validator(mode="after")
-    def _some_point(self) -> "SensorsAnywhere":
+    def _complaints(self) -> Complaints:
         for floor, points in self.at.items():
             if not points:
-                raise Complaint(f"at.{floor}", "the list is empty; name a point or remove it")
-        return self
+                yield (f"at.{floor}", "the list is empty; name a point or remove it")
 
 
 class Sensors(SensorsAnywhere):

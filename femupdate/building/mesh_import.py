@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.blocks import ElementBlock, by_element, joined
 from femupdate.building.building_mesh import BuildingMesh, finished
-from femupdate.building.entry import Complaint, unknown
+from femupdate.building.entry import Complaint, complaining, unknown
 from femupdate.building.mesh_check import (
     UPRIGHT,
     cell_kinds,
@@ -26,7 +26,7 @@ from femupdate.building.model_files import building_model
 from femupdate.building.own_mesh import MeshBuilding, Part
 from femupdate.building.parameters import stiffness_factors
 from femupdate.building.quantities import ALL
-from femupdate.errors import BuildingError, StructureError
+from femupdate.errors import StructureError
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 from femupdate.fe.registry import element_for
 from femupdate.units import factor
@@ -108,6 +108,7 @@ def beam_releases(part: Part, spans: tuple[Flags, Flags]) -> Flags:
 _LEVEL = 1e-3  # m; nodes nearer than this to a floor's level are on it
 
 
+@complaining()
 def import_mesh(building: MeshBuilding) -> BuildingMesh:
     """Return the mesh of a building of kind "mesh".
 
@@ -115,15 +116,21 @@ def import_mesh(building: MeshBuilding) -> BuildingMesh:
         BuildingError: the file cannot be read, its groups do not fit the parts, an element or a
             connection is wrong, or there is no node where a floor or a sensor should be.
     """
-    try:
-        return _import(building)
-    except Complaint as complaint:
-        raise BuildingError(f"{complaint.key}: {complaint}") from None
-
-
-def _import(building: MeshBuilding) -> BuildingMesh:
     if building.from_program:
-        return _of_program(building)
+        read = building_model(building)
+        return BuildingMesh(
+            model=read.model,
+            floors=building.floors,
+            floor_nodes=_floor_nodes(building, read.model),
+            floor_level=building.floor_levels,
+            base_nodes=read.held,
+            direction="xy".index(building.sensors.direction),
+            story_names=building.story_names,
+            factors=stiffness_factors(building),
+            parts=read.wall_of,
+            walls=read.walls,
+            notes=read.notes,
+        )
     raw = read_mesh(Path(building.mesh.file).expanduser(), building.mesh.tags)
     nodes = raw.nodes * factor(building.mesh.unit, "length") - [0.0, 0.0, building.mesh.base]
     if building.mesh.merge:
@@ -159,23 +166,6 @@ def _import(building: MeshBuilding) -> BuildingMesh:
             np.concatenate([np.full(len(block.nodes), block.part) for block in alike])
             for alike in by_element(blocks).values()
         ),
-    )
-
-
-def _of_program(building: MeshBuilding) -> BuildingMesh:
-    read = building_model(building)
-    return BuildingMesh(
-        model=read.model,
-        floors=building.floors,
-        floor_nodes=_floor_nodes(building, read.model),
-        floor_level=building.floor_levels,
-        base_nodes=read.held,
-        direction="xy".index(building.sensors.direction),
-        story_names=building.story_names,
-        factors=stiffness_factors(building),
-        parts=read.wall_of,
-        walls=read.walls,
-        notes=read.notes,
     )
 
 

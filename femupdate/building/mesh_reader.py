@@ -2,10 +2,8 @@
 
 import contextlib
 import io
-import lzma
 import os
-import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -85,8 +83,6 @@ def _read(path: Path) -> Any:
     if not os.path.isfile(path):
         raise Complaint("mesh.file", f"there is no file {path}; correct the path")
     size = path.stat().st_size
-    if path.suffix == ".med":
-        size = max(size, _unpacked(path))
     if size > LARGEST_BYTES:  # it would fill the memory
         raise Complaint(
             "mesh.file",
@@ -94,88 +90,14 @@ def _read(path: Path) -> Any:
         )
     try:
         # meshio prints what it thinks of a file, and exits where it cannot read one.
-        with (
-            contextlib.redirect_stdout(io.StringIO()),
-            contextlib.redirect_stderr(io.StringIO()),
-            _reading_little(),
-        ):
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             if path.suffix == ".med":
                 refuse_endless(path)
             return meshio.read(path)
     except (Exception, SystemExit) as error:  # its readers raise whatever a broken file causes
         reason = str(error) if str(error) not in ("", "1") else "its content is not as its ending"
         raise Complaint("mesh.file", f"{path.name} cannot be read ({reason}); {_MEND}") from None
-
-
-@contextlib.contextmanager
-def _reading_little() -> Iterator[None]:
-    """Stop where the packed arrays of a VTU file would fill the memory, and colour no warnings.
-
-    Nothing in the file says so reliably beforehand, and meshio has no limit: its two unpackers are
-    replaced while it reads. So is the console on which it warns, which takes a minute to look for
-    what to colour in one long word.
-    """
-    from meshio import _common
-    from meshio.vtu import _vtu
-
-    room = [LARGEST_BYTES]
-    replaced: tuple[tuple[Any, str, Any], ...] = (
-        (_vtu, "zlib", _Unpacker(zlib.decompressobj, room)),
-        (_vtu, "lzma", _Unpacker(lzma.LZMADecompressor, room)),
-        (_common, "Console", _Unheard),
-    )
-    with contextlib.ExitStack() as stack:
-        for module, name, ours in replaced:
-            stack.callback(setattr, module, name, getattr(module, name))
-            setattr(module, name, ours)
-        yield
-
-
-class _Unheard:
-    """A console that shows nothing."""
-
-    def __init__(self, **options: Any) -> None:
-        """As rich's console, whose options make no difference here."""
-
-    def print(self, *parts: Any, **options: Any) -> None:
-        """Show nothing."""
-
-
-@dataclass(frozen=True)
-class _Unpacker:
-    """Unpacks as zlib and lzma do, until there is no room left."""
-
-    begin: Callable[[], Any]  # makes an object that unpacks one piece
-    room: list[int]  # bytes that are left, one number
-
-    def decompress(self, data: bytes) -> bytes:
-        """Unpack one piece."""
-        unpacking = self.begin()
-        piece: bytes = unpacking.decompress(data, self.room[0] + 1)
-        self.room[0] -= len(piece)
-        if self.room[0] < 0:
-            raise ValueError(f"its arrays unpack to more than {LARGEST_BYTES / 1e6:.0f} MB")
-        if not unpacking.eof:
-            raise ValueError("its packed arrays are cut short")
-        return piece
-
-
-def _unpacked(path: Path) -> int:
-    """Bytes of all arrays of an HDF5 file, which may be packed; 0 of another file."""
-    import h5py
-
-    sizes = [0]
-
-    def add(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset):
-            sizes.append(item.size * item.dtype.itemsize)
-
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(add)
-    except Exception:  # a damaged file makes HDF5 raise nearly anything; meshio will say so
-        return 0
-    return sum(sizes)
 
 
 def _check_points(mesh: Any) -> None:

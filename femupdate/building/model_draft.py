@@ -3,6 +3,7 @@
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from femupdate.storage import atomic_path
 from femupdate.units import factor
 
 _GREAT = 0.2  # of the largest floor's area (or length of beams) is a floor of its own
-_CLOSE = 0.4  # of the usual height: nearer levels are one floor
 _GRIDS = ((10.0, 0.02), (25.0, 0.05), (50.0, 0.1))  # Hz: highest frequency, step
 
 
@@ -49,7 +49,7 @@ def floor_levels(read: ReadModel) -> tuple[Floats, list[str]]:
     while len(levels) > 1:
         gaps = np.diff([base, *levels])
         close = int(gaps.argmin())
-        if gaps[close] >= _CLOSE * np.median(gaps):
+        if gaps[close] >= 0.4 * np.median(gaps):  # nearer levels are one floor
             break
         drop = close if close == 0 or area[close] < area[close - 1] else close - 1
         levels, area = np.delete(levels, drop), np.delete(area, drop)
@@ -60,7 +60,7 @@ def floor_levels(read: ReadModel) -> tuple[Floats, list[str]]:
 _LOW = 0.02  # m above the base: the lowest story of a model on a bench
 
 
-def _open(path: Path, units: str | None) -> tuple[ModelFile, ReadModel, str, str, str]:
+def _open(path: Path, units: str | None) -> tuple[ModelFile[Any], ReadModel, str, str, str]:
     """A model, read whatever a building file must add to it, and its units."""
     file = open_model(path)
     force, length, why = model_units(file, units)

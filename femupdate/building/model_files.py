@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from femupdate.building.shipped import program_of
 from femupdate.errors import BuildingError, UnitError
 from femupdate.units import factor
 
-_READERS: dict[str, Callable[[Path], ModelFile]] = {
+_READERS: dict[str, Callable[[Path], ModelFile[Any]]] = {
     "Nastran": NastranModel.opened,
     "OpenSees": OpenSeesModel.opened,
     "SAP2000": SapModel.opened,
@@ -45,12 +46,12 @@ LACKING = {
 }
 
 
-def open_model(file: Path) -> ModelFile:
+def open_model(file: Path) -> ModelFile[Any]:
     """Parse the model of another program."""
     return _READERS[program_of(file) or ""](file)
 
 
-def model_units(file: ModelFile, units: str | None) -> tuple[str, str, str]:
+def model_units(file: ModelFile[Any], units: str | None) -> tuple[str, str, str]:
     """Units of force and length of a model, and how they are known.
 
     Args:

@@ -3,12 +3,13 @@
 Nothing is dropped without a word: a reader counts what it takes, changes and leaves out.
 """
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -38,11 +39,14 @@ from femupdate.fe.model import (
 from femupdate.storage import LARGEST_BYTES, check_regular
 
 LEVEL = 1e-3  # m; what is nearer than this to a floor's level is on it
-_SAME_PLANE = 0.985  # cosine of the angle between shells of one wall
 # Of sections that give none: bending over the area squared, torsion over bending.
 _LITTLE, _TWIST = 1e-4, 1e-2
 _SURFACES = {4: Shells, 3: Triangles}
 _WHOLE_BODY = np.ones(DOF_PER_NODE, dtype=np.bool_)
+
+
+K = TypeVar("K")
+T = TypeVar("T")
 
 
 class Record(Protocol):
@@ -52,7 +56,11 @@ class Record(Protocol):
         """A complaint; the text says what is wrong and how to mend it."""
 
 
-class ModelFile(Protocol):
+R = TypeVar("R", bound=Record)
+
+
+@dataclass(frozen=True)
+class ModelFile(ABC, Generic[R]):
     """A model of another program, parsed: one class for each program."""
 
     program: ClassVar[str]
@@ -60,43 +68,61 @@ class ModelFile(Protocol):
     what: ClassVar[str]  # how its entries are called, such as "cards"
     mends: ClassVar[Mapping[str, str]]  # what to do about some of the unknown kinds
 
-    @property
-    def file(self) -> Path:
-        """Where it is."""
+    file: Path
+    entries: Mapping[str, Sequence[R]]  # by their kind
 
     @property
-    def units(self) -> tuple[str, str] | None:
-        """Units of force and length that the file states; None where it states none."""
-
-    @property
-    def materials(self) -> list[tuple[float, float]]:
-        """Young's modulus and density of the materials, in the file's units."""
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """How many entries of each kind there are."""
-
-    @property
-    def left_out(self) -> Mapping[str, int]:
-        """How many of those that modes do not depend on."""
-
-    @property
+    @abstractmethod
     def unknown(self) -> list[str]:
         """Kinds of entries that have no counterpart here."""
 
-    def first(self, name: str) -> Record:
-        """The first entry of a kind."""
-
-    @property
-    def lacks(self) -> tuple[str, ...]:
-        """What such a file never says and a building file must: keys of `Said`."""
-
+    @abstractmethod
     def fill(self, tables: "ModelTables") -> None:
         """Fill the tables.
 
         Raises:
             BuildingError: an entry is unknown, wrong or refers to what is not there.
         """
+
+    @property
+    def units(self) -> tuple[str, str] | None:
+        """Units of force and length that the file states; None where it states none."""
+        return None
+
+    @property
+    def materials(self) -> list[tuple[float, float]]:
+        """Young's modulus and density in the file's units, where these are to be told by them."""
+        return []
+
+    @property
+    def left_out(self) -> Mapping[str, int]:
+        """How many entries of each kind modes do not depend on."""
+        return {}
+
+    @property
+    def lacks(self) -> tuple[str, ...]:
+        """What such a file never says and a building file must: keys of `Said`."""
+        return ()
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many entries of each kind there are."""
+        return {kind: len(rows) for kind, rows in self.entries.items() if rows}
+
+    def of(self, *kinds: str) -> list[R]:
+        """All entries of some kinds."""
+        return [row for kind in kinds for row in self.entries.get(kind, ())]
+
+
+def known(user: Record, rows: Mapping[K, T], name: K, what: str) -> T:
+    """What an entry names.
+
+    Raises:
+        BuildingError: it is not there.
+    """
+    if name not in rows:
+        raise user.error(f"there is no {what} {name}; add it or correct the name")
+    return rows[name]
 
 
 @dataclass(frozen=True)
@@ -149,7 +175,7 @@ class ModelTables:
     Sections and materials come in SI, in the frames and areas that have them.
     """
 
-    def __init__(self, file: ModelFile, length: float, force: float, said: Said) -> None:
+    def __init__(self, file: ModelFile[Any], length: float, force: float, said: Said) -> None:
         """Make empty tables.
 
         Args:
@@ -183,10 +209,7 @@ class ModelTables:
 
     def find(self, user: Record, name: str) -> int:
         """The number of a node that an entry names."""
-        if name not in self.number:
-            called = self.file.node_kind
-            raise user.error(f"there is no {called} {name}; add it or correct the number")
-        return self.number[name]
+        return known(user, self.number, name, self.file.node_kind)
 
     def material(
         self, user: Record, young: float, ratio: float, density: float, shear: float = 0.0
@@ -400,7 +423,16 @@ class ModelTables:
             raise BuildingError(
                 f"{self.file.file.name}: it has no shells, bars or beams; mesh the building"
             )
-        blocks = [_told(block, points, tops) for block in blocks]
+        for k, block in enumerate(blocks):  # which story they belong to, and what they are
+            corners = points[block.nodes]
+            kind = cell_kinds(corners)
+            if corners.shape[1] == 2:
+                axis = corners[:, 1] - corners[:, 0]
+                rise = np.abs(axis[:, 2]) / np.maximum(np.linalg.norm(axis, axis=1), 1e-300)
+                kind = np.where((kind == "beam") & (rise > 0.3), "brace", kind).astype("<U24")
+            group = np.searchsorted(tops, corners.mean(axis=1)[:, 2] - LEVEL)
+            group = np.minimum(group, len(tops) - 1).astype(np.int64)
+            blocks[k] = replace(block, kind=kind, group=group)
         fixed = np.zeros((len(points), DOF_PER_NODE), dtype=np.bool_)
         for node, directions in self.holds:
             fixed[node, directions] = True
@@ -486,7 +518,7 @@ class ReadModel:
 
 
 def read_model(
-    file: ModelFile,
+    file: ModelFile[Any],
     length: float,
     force: float,
     said: Said,
@@ -509,7 +541,7 @@ def read_model(
     for name in file.unknown:
         if name not in said.ignored and said.ignored != ALL:
             mend = file.mends.get(name, "remove it where modes do not depend on it")
-            raise file.first(name).error(
+            raise file.of(name)[0].error(
                 f"{file.counts[name]} {file.what} {name} have no counterpart here; {mend}, or "
                 f'leave them out by mesh.ignore = ["{name}"] in a building file (--draft)'
             )
@@ -518,8 +550,13 @@ def read_model(
     if base is None:
         base = min(point[2] for point in tables.points) if said.base is not None else 0.0
     tables.points = [point - [0.0, 0.0, base] for point in tables.points]
-    if said.base is not None:
-        _hold_base(tables, said.base)
+    if said.base is not None:  # a spring there stands between the ground and the building
+        carried = {k for _, ends, *_ in tables.lines for k in ends}
+        carried |= {k for corners, _ in tables.areas for k in corners}
+        sprung = {k for first, second, *_ in tables.springs for k in (first, second)}
+        for node, point in enumerate(tables.points):
+            if abs(point[2]) < LEVEL and not (node in carried and node in sprung):
+                tables.holds.append((node, list(range(3 if said.base == "pinned" else 6))))
     model, names = tables.model(np.array([np.inf]) if levels is None else levels)
     loose = ~_stiff(model) & ~model.fixed
     held = np.flatnonzero(model.fixed[:, :3].any(axis=1))
@@ -534,16 +571,6 @@ def read_model(
         notes.append(f"Changed: at {count} nodes what nothing stiffens is held.")
     stories = {name: level - base for name, level in tables.levels.items()}
     return ReadModel(model, held, walls, wall_of, tuple(notes), stories, base)
-
-
-def _hold_base(tables: ModelTables, base: str) -> None:
-    """Hold what stands at the base; a spring there stands between the ground and the building."""
-    carried = {k for _, ends, *_ in tables.lines for k in ends}
-    carried |= {k for corners, _ in tables.areas for k in corners}
-    sprung = {k for first, second, *_ in tables.springs for k in (first, second)}
-    for node, point in enumerate(tables.points):
-        if abs(point[2]) < LEVEL and not (node in carried and node in sprung):
-            tables.holds.append((node, list(range(3 if base == "pinned" else 6))))
 
 
 def _notes(tables: ModelTables, model: FiniteElementModel, levels: Floats | None) -> list[str]:
@@ -572,18 +599,6 @@ def _notes(tables: ModelTables, model: FiniteElementModel, levels: Floats | None
         heights = ", ".join(f"{level:.4g}" for level in levels)
         notes.append(f"Floors at {heights} m above the base.")
     return notes
-
-
-def _told(block: Elements, points: Floats, tops: Floats) -> Elements:
-    """Elements with their story and kind."""
-    corners = points[block.nodes]
-    kind = cell_kinds(corners)
-    if corners.shape[1] == 2:
-        axis = corners[:, 1] - corners[:, 0]
-        rise = np.abs(axis[:, 2]) / np.maximum(np.linalg.norm(axis, axis=1), 1e-300)
-        kind = np.where((kind == "beam") & (rise > 0.3), "brace", kind).astype("<U24")
-    group = np.searchsorted(tops, corners.mean(axis=1)[:, 2] - LEVEL)
-    return replace(block, kind=kind, group=np.minimum(group, len(tops) - 1).astype(np.int64))
 
 
 def _stiff(model: FiniteElementModel) -> Flags:
@@ -653,7 +668,8 @@ def _walls(model: FiniteElementModel) -> tuple[tuple[str, ...], tuple[Integers, 
         shell = shell[order]
         met = np.flatnonzero(np.diff(side.ravel()[order]) == 0)
         pairs = np.stack([shell[met], shell[met + 1]], axis=1)
-        flat = np.abs(np.einsum("nd,nd->n", *normal[pairs].swapaxes(0, 1))) > _SAME_PLANE
+        cosine = np.abs(np.einsum("nd,nd->n", *normal[pairs].swapaxes(0, 1)))
+        flat = cosine > 0.985  # shells of one wall
         first, second = pairs[flat].T
         graph = coo_array((np.ones(len(first)), (first, second)), shape=(len(upright),) * 2)
         count, piece = connected_components(graph, directed=False)

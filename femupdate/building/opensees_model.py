@@ -6,17 +6,15 @@ links, whether masses are lumped, and units: those must be said beside it.
 
 import json
 import re
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.model_tables import ModelTables, Stuff, file_text
+from femupdate.building.model_tables import ModelFile, ModelTables, Stuff, file_text
 from femupdate.building.quantities import ALL
 from femupdate.building.sections import SectionFigures
 from femupdate.errors import BuildingError
@@ -34,6 +32,12 @@ _SPRINGS = ("ZeroLength",)
 _TAKEN = (*_BEAMS, *_TRUSSES, *_SHELLS, *_SPRINGS)
 _DIRECTIONS = ("P", "Vy", "Vz", "T", "My", "Mz")
 _LINEAR = ("ElasticMaterial", "ElasticIsotropicMaterial")
+_GROUPS = {
+    **dict.fromkeys(("nodes", "elements"), "geometry"),
+    **dict.fromkeys(
+        ("uniaxialMaterials", "ndMaterials", "sections", "crdTransformations"), "properties"
+    ),
+}
 _MODULI = ("Epos", "E", "Ec", "E0", "E1p")  # of uniaxial materials, where they begin
 
 
@@ -41,9 +45,11 @@ _MODULI = ("Epos", "E", "Ec", "E0", "E1p")  # of uniaxial materials, where they 
 class _Object:
     """One object of the file."""
 
-    model: "OpenSeesModel"
+    file: str
+    text: str  # of the whole file
     group: str  # such as "elements"
     values: Mapping[str, Any]
+    objects: Mapping[str, Sequence["_Object"]]  # all there are, by their group
 
     @property
     def kind(self) -> str:
@@ -51,10 +57,10 @@ class _Object:
 
     def error(self, text: str) -> BuildingError:
         name = self.values.get("name", "")
-        start = max(self.model.text.find(f'"{self.group}"'), 0)
-        found = re.search(rf'"name"\s*:\s*"?{re.escape(str(name))}\b', self.model.text[start:])
-        line = self.model.text.count("\n", 0, start + (found.start() if found else 0)) + 1
-        return BuildingError(f"{self.model.file.name}, line {line}: {self.kind} {name}: {text}")
+        start = max(self.text.find(f'"{self.group}"'), 0)
+        found = re.search(rf'"name"\s*:\s*"?{re.escape(str(name))}\b', self.text[start:])
+        line = self.text.count("\n", 0, start + (found.start() if found else 0)) + 1
+        return BuildingError(f"{self.file}, line {line}: {self.kind} {name}: {text}")
 
     def real(self, key: str, usual: float | None = None) -> float:
         value = self.values.get(key, usual)
@@ -79,16 +85,16 @@ class _Object:
 
     def other(self, group: str, name: Any) -> "_Object":
         """The object of another group that this one names."""
-        known = self.model.objects[group]
-        found = next((each for each in known if str(each.values.get("name")) == str(name)), None)
+        named = (each for each in self.objects[group] if str(each.values.get("name")) == str(name))
+        found = next(named, None)
         if found is None:
             raise self.error(f"there is no {name} in {group}; print the domain again")
         return found
 
 
 @dataclass(frozen=True)
-class OpenSeesModel:
-    """A domain, as `ModelFile` asks."""
+class OpenSeesModel(ModelFile[_Object]):
+    """A domain: nodes, and elements by their type."""
 
     program: ClassVar[str] = "OpenSees"
     node_kind: ClassVar[str] = "node"
@@ -96,72 +102,55 @@ class OpenSeesModel:
     mends: ClassVar[Mapping[str, str]] = {
         "TwoNodeLink": "write a zeroLength between two nodes in one place",
     }
-    file: Path
-    text: str
 
     @classmethod
     def opened(cls, file: Path) -> "OpenSeesModel":
         """The domain of a file."""
-        model = cls(file, file_text(file))
-        if not model.objects["nodes"] or not model.objects["elements"]:
-            raise BuildingError(
-                f"{file.name}: there are no nodes or elements under StructuralAnalysisModel, "
-                'geometry; write the domain by print("-JSON", "-file", "model.json")'
-            )
-        return model
-
-    @cached_property
-    def objects(self) -> dict[str, list[_Object]]:
-        """The objects by group: nodes, elements, sections, materials, transformations."""
+        text, again = file_text(file), 'by print("-JSON", "-file", "model.json")'
         try:
-            whole = json.loads(self.text)
+            whole = json.loads(text)
         except (ValueError, RecursionError) as error:
             line = getattr(error, "lineno", 1)
             raise BuildingError(
-                f"{self.file.name}, line {line}: this is no JSON; write the domain again by "
-                'print("-JSON", "-file", "model.json")'
+                f"{file.name}, line {line}: this is no JSON; write the domain again {again}"
             ) from None
-        found: dict[str, list[_Object]] = {}
-        for half, groups in (
-            ("geometry", ("nodes", "elements")),
-            ("properties", ("uniaxialMaterials", "ndMaterials", "sections", "crdTransformations")),
-        ):
-            for group in groups:
-                rows = whole
-                for key in ("StructuralAnalysisModel", half, group):
-                    rows = rows.get(key) if isinstance(rows, dict) else None
-                rows = rows if isinstance(rows, list) else []
-                found[group] = [_Object(self, group, row) for row in rows if isinstance(row, dict)]
-        return found
+        objects: dict[str, list[_Object]] = {}
+        for group, half in _GROUPS.items():
+            rows = whole
+            for key in ("StructuralAnalysisModel", half, group):
+                rows = rows.get(key) if isinstance(rows, dict) else None
+            objects[group] = [
+                _Object(file.name, text, group, row, objects)
+                for row in (rows if isinstance(rows, list) else [])
+                if isinstance(row, dict)
+            ]
+        if not objects["nodes"] or not objects["elements"]:
+            raise BuildingError(
+                f"{file.name}: there are no nodes or elements under StructuralAnalysisModel, "
+                f"geometry; write the domain {again}"
+            )
+        entries = {"node": objects["nodes"]}
+        for element in objects["elements"]:
+            entries.setdefault(element.kind, []).append(element)
+        return cls(file, entries)
 
     @property
-    def units(self) -> None:
-        """OpenSees leaves them empty."""
-        return None
+    def elements(self) -> Sequence[_Object]:
+        """In the order of the file."""
+        return self.entries["node"][0].objects["elements"]
 
     @property
     def materials(self) -> list[tuple[float, float]]:
-        """Young's modulus and density of shells, and of beams with a mass per length."""
+        """Of shells, and of beams with a mass per length."""
         pairs = []
-        for section in self.objects["sections"]:
+        for section in self.entries["node"][0].objects["sections"]:
             if "masspervolume" in section.values:
                 pairs.append((section.real("Em", 0.0), section.real("masspervolume")))
-        for beam in self.objects["elements"]:
+        for beam in self.elements:
             if "A" in beam.values and "E" in beam.values:
                 density = beam.real("massperlength", 0.0) / max(beam.real("A"), 1e-300)
                 pairs.append((beam.real("E"), density))
         return pairs
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """Nodes, and elements of each type."""
-        kinds = Counter(each.kind for each in self.objects["elements"])
-        return {"node": len(self.objects["nodes"])} | kinds
-
-    @property
-    def left_out(self) -> Mapping[str, int]:
-        """Nothing that is printed is of no matter."""
-        return {}
 
     @property
     def unknown(self) -> list[str]:
@@ -170,20 +159,13 @@ class OpenSeesModel:
 
     @property
     def lacks(self) -> tuple[str, ...]:
-        """What such a file never says."""
-        heavy = any(
-            each.values.get("massperlength") or each.kind in _SHELLS
-            for each in self.objects["elements"]
-        )
+        """As of a `ModelFile`."""
+        heavy = any(e.values.get("massperlength") or e.kind in _SHELLS for e in self.elements)
         return ("mesh.diaphragms", *(("mesh.mass",) if heavy else ()), "supports.base")
 
-    def first(self, name: str) -> _Object:
-        """The first element of a type."""
-        return next(each for each in self.objects["elements"] if each.kind == name)
-
     def fill(self, tables: ModelTables) -> None:
-        """Fill the tables from the objects."""
-        for node in self.objects["nodes"]:
+        """As of a `ModelFile`."""
+        for node in self.of("node"):
             name = str(node.values.get("name"))
             if name in tables.number:
                 raise node.error("there is another node of this name; print the domain again")
@@ -191,13 +173,22 @@ class OpenSeesModel:
             if "mass" in node.values:
                 mass = node.row("mass", 6) * tables.mass
                 tables.point_mass(node, number, mass[:3], mass[3:] * tables.length**2)
-        for element in self.objects["elements"]:
+        for element in self.elements:
             if element.kind in _TAKEN:
                 ends = [tables.find(element, str(n)) for n in element.values.get("nodes", ())]
                 if element.kind in _SHELLS:
                     _shell(element, ends, tables)
                 elif element.kind in _SPRINGS:
-                    _spring(element, ends, tables)
+                    turn = element.values.get("transMatrix", np.eye(3))
+                    axes = np.array(turn, dtype=np.float64)
+                    materials, ways = (element.values.get(key, ()) for key in ("materials", "dof"))
+                    for name, way in zip(materials, ways, strict=True):
+                        half, which = divmod(_DIRECTIONS.index(way), 3)
+                        along = int(np.abs(axes[which]).argmax())
+                        if abs(axes[which, along]) < 1.0 - 1e-6:
+                            raise element.error("it acts along no global axis; turn it by -orient")
+                        stiffness = _modulus(element, name, tables)
+                        tables.spring(ends[0], ends[1], 3 * half + along, stiffness)
                 else:
                     _beam(element, ends, tables)
 
@@ -253,7 +244,7 @@ def _elastic(section: _Object, tables: ModelTables) -> tuple[Stuff, SectionFigur
     if not isinstance(fibers, list) or not fibers or "coord" not in fibers[0]:
         raise section.error("a section of this kind has no counterpart; give one of fibres")
     named = {"name": section.values["name"]}
-    rows = [_Object(section.model, "sections", named | fiber) for fiber in fibers]
+    rows = [replace(section, values=named | fiber) for fiber in fibers]
     moduli = np.array([_modulus(row, row.values.get("material"), tables) for row in rows])
     area = np.array([row.real("area") for row in rows])
     y, z = np.array([row.row("coord", 2) for row in rows]).T
@@ -297,14 +288,3 @@ def _shell(element: _Object, corners: list[int], tables: ModelTables) -> None:
         raise section.error("layers have no counterpart; write ElasticMembranePlateSection")
     stuff = tables.material(section, young, ratio, density)
     tables.area(element, corners, stuff, thickness, bending=bending)
-
-
-def _spring(element: _Object, ends: list[int], tables: ModelTables) -> None:
-    axes = np.array(element.values.get("transMatrix", np.eye(3)), dtype=np.float64)
-    materials, ways = (element.values.get(key, ()) for key in ("materials", "dof"))
-    for name, way in zip(materials, ways, strict=True):
-        half, which = divmod(_DIRECTIONS.index(way), 3)
-        along = int(np.abs(axes[which]).argmax())
-        if abs(axes[which, along]) < 1.0 - 1e-6:
-            raise element.error("it acts along no global axis; turn it by -orient")
-        tables.spring(ends[0], ends[1], 3 * half + along, _modulus(element, name, tables))

@@ -2,10 +2,10 @@
 
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from femupdate.building.common import Building, MeshedBuilding
-from femupdate.building.entry import Complaint, Entry
+from femupdate.building.entry import Complaint, Complaints, Entry
 from femupdate.building.members import Material, SensorsAnywhere
 from femupdate.building.quantities import (
     ALL,
@@ -71,21 +71,19 @@ class Part(Entry):
         """Whether the axis leaves the mesh's line somewhere, or part of it is rigid."""
         return self.eccentricity is not None or self.rigid_ends is not None
 
-    @model_validator(mode="after")
-    def _shell_or_beam(self) -> "Part":
+    def _complaints(self) -> Complaints:
         if (self.thickness is None) == (self.section is None):
             text = "give a thickness (the cells are shells) or a section (they are beams)"
-            raise Complaint("thickness", text)
+            yield ("thickness", text)
         wrong = ("column", "beam") if self.thickness is not None else ("wall", "slab")
         if self.kind in wrong:
             what = "shells" if self.thickness is not None else "beams"
-            raise Complaint("kind", f"{self.kind!r} does not fit {what}; correct or remove it")
+            yield ("kind", f"{self.kind!r} does not fit {what}; correct or remove it")
         if self.up is not None and (self.section is None or not any(self.up)):
-            raise Complaint("up", "it is a direction (not 0, 0, 0) across beams; correct it")
+            yield ("up", "it is a direction (not 0, 0, 0) across beams; correct it")
         for name in ("eccentricity", "rigid_ends", "hinges"):
             if self.section is None and getattr(self, name) is not None:
-                raise Complaint(name, "it is for beams, and these cells are shells; remove it")
-        return self
+                yield (name, "it is for beams, and these cells are shells; remove it")
 
 
 class MeshSensors(SensorsAnywhere):
@@ -98,14 +96,12 @@ class MeshSensors(SensorsAnywhere):
     points: tuple[tuple[Coordinate, Coordinate], ...]
     floors: dict[str, tuple[tuple[Coordinate, Coordinate], ...]] = Field(default_factory=dict)
 
-    @model_validator(mode="after")
-    def _somewhere(self) -> "MeshSensors":
+    def _complaints(self) -> Complaints:
         if not self.points:
-            raise Complaint("points", 'the list is empty; name a point, such as ["0 m", "3 m"]')
+            yield ("points", 'the list is empty; name a point, such as ["0 m", "3 m"]')
         for floor, points in self.floors.items():
             if not points:
-                raise Complaint(f"floors.{floor}", "the list is empty; name a point or remove it")
-        return self
+                yield (f"floors.{floor}", "the list is empty; name a point or remove it")
 
     def of(self, floor: str) -> tuple[str, tuple[tuple[float, float], ...]]:
         """Return the key and the points of a floor."""

@@ -44,7 +44,6 @@ _POSSIBLE = {
     "time": (0.0, 1e9),
     "share": (0.0, 1e3),
 }
-_SIGNS = {"positive": 0.0, "not negative": 0.0, "any": -math.inf}
 
 
 def format_quantity(value: float, kind: str) -> str:
@@ -75,7 +74,7 @@ class Quantity:
     def read(self, value: Any, info: ValidationInfo) -> float:
         """Return the SI value, or raise a ValueError with a plain sentence."""
         number = self._number(value, from_file=bool((info.context or {}).get("file")))
-        low = _SIGNS[self.sign]
+        low = -math.inf if self.sign == "any" else 0.0
         if not math.isfinite(number) or number < low or (self.sign == "positive" and number == low):
             raise ValueError(f"{value!r} is not a {self.sign} {self.kind}; correct the figure")
         least, most = _POSSIBLE[self.kind]
@@ -143,10 +142,15 @@ def _names(value: Any) -> tuple[str, ...]:
     return tuple(listed)
 
 
-def _whole(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise ValueError(f"{value!r} is not a whole number; write one, such as 1024")
-    return value
+def _plain(kind: type, complaint: str) -> BeforeValidator:
+    """Values of just one type are taken as they are; the complaint follows another one."""
+
+    def read(value: Any) -> Any:
+        if type(value) is not kind:
+            raise ValueError(f"{value!r} {complaint}")
+        return value
+
+    return BeforeValidator(read)
 
 
 def _label(value: Any) -> str:
@@ -155,12 +159,6 @@ def _label(value: Any) -> str:
     if not value.isprintable():
         text = "TOML reads a backslash in double quotes as the start of a special character"
         raise ValueError(f"{value!r} is not what was meant: {text}; write / or single quotes")
-    return value
-
-
-def _flag(value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise ValueError(f"{value!r} must be true or false, without quotes")
     return value
 
 
@@ -186,8 +184,8 @@ Share = Annotated[float, Quantity("share", "not negative")]
 FrequencyOrZero = Annotated[float, Quantity("frequency", "not negative")]
 Number = Annotated[float, BeforeValidator(_number)]
 PositiveNumber = Annotated[float, BeforeValidator(_positive)]
-Whole = Annotated[int, BeforeValidator(_whole)]
-Flag = Annotated[bool, BeforeValidator(_flag)]
+Whole = Annotated[int, _plain(int, "is not a whole number; write one, such as 1024")]
+Flag = Annotated[bool, _plain(bool, "must be true or false, without quotes")]
 Label = Annotated[str, BeforeValidator(_label)]
 Names = Annotated[
     tuple[str, ...],

@@ -14,7 +14,6 @@ from femupdate.arrays import Floats
 from femupdate.building.csi_model import (
     GRAVITY,
     AreaSection,
-    CsiFile,
     FrameSection,
     MassSource,
     Row,
@@ -24,7 +23,7 @@ from femupdate.building.csi_model import (
     shape_figures,
     units_of,
 )
-from femupdate.building.model_tables import ModelTables, Stuff, file_text
+from femupdate.building.model_tables import ModelFile, ModelTables, Stuff, file_text, known
 from femupdate.errors import BuildingError
 
 _TOKEN = re.compile(r'([^\s=]+)=("[^"]*"|\S*)')
@@ -60,8 +59,8 @@ _WAYS = ("U1", "U2", "U3", "R1", "R2", "R3")
 
 
 @dataclass(frozen=True)
-class SapModel(CsiFile):
-    """A file of SAP2000, as `ModelFile` asks."""
+class SapModel(ModelFile[Row]):
+    """A file of SAP2000."""
 
     program: ClassVar[str] = "SAP2000"
     node_kind: ClassVar[str] = "joint"
@@ -197,9 +196,7 @@ class _SapReading:
         if name in ("", "GLOBAL"):
             return np.zeros(3), np.eye(3)
         systems = {r.text("Name").upper(): r for r in self.file.of("COORDINATE SYSTEMS")}
-        if name not in systems:
-            raise row.error(f"there is no system {name}; add it to COORDINATE SYSTEMS")
-        entry = systems[name]
+        entry = known(row, systems, name, "system")
         axes = np.eye(3)
         for key, (a, b) in (("AboutX", (1, 2)), ("AboutY", (2, 0)), ("AboutZ", (0, 1))):
             turn = np.deg2rad(entry.real(key, usual=0.0))
@@ -265,9 +262,7 @@ class _SapReading:
         return self.source.patterns.get(row.text("LoadPat"), 0.0)
 
     def _material(self, row: Row, name: str) -> tuple[Stuff, float]:
-        entry = self.materials.get(name)
-        if entry is None:
-            raise row.error(f"there is no material {name}; add it to {_MATERIAL}")
+        entry = known(row, self.materials, name, "material")
         young, shear = entry.real("E1"), entry.real("G12", usual=0.0)
         ratio = entry.real("U12", usual=0.5 * young / shear - 1.0 if shear else 0.2)
         tables, weight = self.tables, entry.real("UnitWeight", usual=0.0)
@@ -291,7 +286,7 @@ class _SapReading:
         else:
             figures = shape_figures(self.tables, row, row.text("Shape"), sides)
         modifiers = tuple(row.real(key, usual=1.0) for key in _SECTION_MODIFIERS)
-        return FrameSection(row, figures, stuff, weight, modifiers)
+        return FrameSection(figures, stuff, weight, modifiers)
 
     def frames(self) -> None:
         file, tables = self.file, self.tables
@@ -313,9 +308,7 @@ class _SapReading:
             loads[row.text("Frame")] += self._share(row) * _load(row, "FOverLA", "FOverLB")
         for name, row in once(file.of("CONNECTIVITY - FRAME"), "Frame").items():
             given = assigned.get(name, row)
-            section = given.named("AnalSect")
-            if section not in sections:
-                raise given.error(f"there is no section {section}; add it to {_GENERAL}")
+            section = known(given, sections, given.named("AnalSect"), "section")
             ends = [self.joint(row, key) for key in ("JointI", "JointJ")]
             none = Row(row.file, row.table, row.line, {})
             release, offset, point, change = (
@@ -333,7 +326,7 @@ class _SapReading:
                 tables,
                 row,
                 ends,
-                sections[section],
+                section,
                 self.source,
                 angle=angles.get(name, none).real("Angle", usual=0.0),
                 released=[f"{p}{e}" for p in _PARTS for e in "IJ" if release.flag(f"{p}{e}")],
@@ -356,7 +349,7 @@ class _SapReading:
             bending = 0.0 if "membrane" in kind else row.real("BendThick", usual=thick)
             factors = tuple(row.real(*keys, usual=1.0) for keys in _AREA_SECTION_MODIFIERS)
             sections[name] = AreaSection(
-                row, stuff, weight, thick * tables.length, bending * tables.length, factors
+                name, stuff, weight, thick * tables.length, bending * tables.length, factors
             )
         assigned, modifiers = (
             once(file.of(table), "Area")
@@ -368,17 +361,14 @@ class _SapReading:
         for name, row in once(file.of("CONNECTIVITY - AREA"), "Area").items():
             count = int(row.real("NumJoints"))
             given = assigned.get(name, row)
-            section = given.named("Section")
-            if section not in sections:
-                text = f"there is no section {section}; add it to AREA SECTION PROPERTIES"
-                raise given.error(text)
+            section = known(given, sections, given.named("Section"), "section")
             corners = [self.joint(row, f"Joint{k + 1}") for k in range(count)]
             change = modifiers.get(name, Row(row.file, row.table, row.line, {}))
             add_area(
                 tables,
                 row,
                 corners,
-                sections[section],
+                section,
                 self.source,
                 modifiers=[change.real(*keys, usual=1.0) for keys in _AREA_MODIFIERS],
                 load=loads[name] * tables.force / tables.length**2 / GRAVITY,

@@ -4,9 +4,9 @@ from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from femupdate.building.entry import Complaint, Entry
+from femupdate.building.entry import Complaints, Entry
 from femupdate.building.quantities import Area, Inertia, Label, Length
 
 # Cowper's shear factors (1966, J. Appl. Mech. 33, 335-340) are taken for a Poisson's ratio of zero,
@@ -92,15 +92,13 @@ class TSection(_SectionShape):
     flange_width: Length
     flange_thickness: Length
 
-    @model_validator(mode="after")
-    def _flange_on_web(self) -> "TSection":
+    def _complaints(self) -> Complaints:
         if self.flange_thickness >= self.depth:
             text = f"{self.flange_thickness:g} m must be less than the depth, {self.depth:g} m"
-            raise Complaint("flange_thickness", f"{text}; the depth is that of web and flange")
+            yield ("flange_thickness", f"{text}; the depth is that of web and flange")
         if self.flange_width < self.width:
             text = f"{self.flange_width:g} m must not be less than the web's, {self.width:g} m"
-            raise Complaint("flange_width", f"{text}; correct one of the two")
-        return self
+            yield ("flange_width", f"{text}; correct one of the two")
 
     def figures(self) -> SectionFigures:
         """Return the figures about the centroid.
@@ -138,18 +136,16 @@ class ISection(_SectionShape):
     flange_thickness: Length
     root_radius: Length | None = None
 
-    @model_validator(mode="after")
-    def _thin_enough(self) -> "ISection":
+    def _complaints(self) -> Complaints:
         radius = self.root_radius or 0.0
         if 2.0 * (self.flange_thickness + radius) >= self.depth:
             text = f"two of {self.flange_thickness:g} m leave no web in a depth of {self.depth:g} m"
-            raise Complaint("flange_thickness", f"{text}; correct one of the two")
+            yield ("flange_thickness", f"{text}; correct one of the two")
         if self.web_thickness + 2.0 * radius > self.width:
             text = (
                 f"{self.web_thickness:g} m is more than the width, {self.width:g} m, has room for"
             )
-            raise Complaint("web_thickness", f"{text}; correct one of the two")
-        return self
+            yield ("web_thickness", f"{text}; correct one of the two")
 
     def figures(self) -> SectionFigures:
         """Return the section's figures.
@@ -219,12 +215,10 @@ class PipeSection(_SectionShape):
     diameter: Length
     thickness: Length
 
-    @model_validator(mode="after")
-    def _hollow(self) -> "PipeSection":
+    def _complaints(self) -> Complaints:
         if 2.0 * self.thickness >= self.diameter:
             text = f"two of {self.thickness:g} m fill a diameter of {self.diameter:g} m"
-            raise Complaint("thickness", f'{text}; write a thinner wall, or shape = "circle"')
-        return self
+            yield ("thickness", f'{text}; write a thinner wall, or shape = "circle"')
 
     def figures(self) -> SectionFigures:
         """Return the section's figures; shear areas by Cowper (1966)."""

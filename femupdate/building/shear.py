@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from pydantic import model_validator
 
 from femupdate.arrays import Floats
 from femupdate.building.common import Building
-from femupdate.building.entry import Complaint
+from femupdate.building.entry import Complaints
 from femupdate.building.members import RELEASED, Story
 from femupdate.building.quantities import Flag, Length, Mass, Stiffness, StiffnessPerMass
 from femupdate.errors import BuildingError
@@ -25,12 +24,10 @@ class ShearStory(Story):
     stiffness_per_mass: StiffnessPerMass | None = None
     height: Length | None = None
 
-    @model_validator(mode="after")
-    def _one_stiffness(self) -> "ShearStory":
+    def _complaints(self) -> Complaints:
         if (self.stiffness is None) == (self.stiffness_per_mass is None):
             text = "give either stiffness or stiffness_per_mass, and not both"
-            raise Complaint("stiffness", text)
-        return self
+            yield ("stiffness", text)
 
     @property
     def spring(self) -> float:
@@ -47,16 +44,15 @@ class ShearBuilding(Building):
     stories: tuple[ShearStory, ...]
     masses_known: Flag = True
 
-    @model_validator(mode="after")
-    def _base_of_a_stick(self) -> "ShearBuilding":
+    def _complaints(self) -> Complaints:
         base = "fixed" if self.supports is None else self.supports.base
         if base not in ("fixed", *RELEASED):
-            raise Complaint("supports.base", 'a stick is "fixed", "slides" or is "free"')
+            yield ("supports.base", 'a stick is "fixed", "slides" or is "free"')
         if base == "free" and any(story.height is None for story in self.stories):
-            raise Complaint(
-                "supports", 'base = "free" rocks: give every story its height, or write "slides"'
+            yield (
+                "supports",
+                'base = "free" rocks: give every story its height, or write "slides"',
             )
-        return self
 
 
 @dataclass(frozen=True)
@@ -65,9 +61,6 @@ class ShearOperators:
 
     stiffness_terms: Floats  # (p, n, n) one a story, N/m
     mass: Floats  # (n, n) diagonal, kg
-    floors: tuple[str, ...]  # names of the n floors, bottom to top
-    story_names: tuple[str, ...]  # names of the p = n stories, bottom to top
-    masses_known: bool  # False where masses are nominal and forces therefore relative
 
 
 def shear_operators(building: Building) -> ShearOperators:
@@ -90,9 +83,6 @@ def shear_operators(building: Building) -> ShearOperators:
     return ShearOperators(
         stiffness_terms=springs[:, None, None] * drift[:, :, None] * drift[:, None, :],
         mass=np.diag([story.mass for story in building.stories]),
-        floors=building.floors,
-        story_names=building.story_names,
-        masses_known=building.masses_known,
     )
 
 

@@ -1,6 +1,5 @@
 """A mesh twice as fine: every surface in four, every line in two, in place."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -36,12 +35,10 @@ def split_mesh(mesh: BuildingMesh) -> BuildingMesh:
     centres = [block.nodes for block in model.elements if block.cell_type == "quad"]
     quads = np.concatenate([np.zeros((0, 4), dtype=np.int64), *centres])
     weights = vstack([eye_array(count), _mean_of(edges, count), _mean_of(quads, count)]).tocsr()
-    split = [
-        _split(block, parent.reshape(len(block), -1), first)
-        for block, parent, first in zip(
-            model.elements, middles, _first_centres(model.elements, count + len(edges)), strict=True
-        )
-    ]
+    split, centre = [], count + len(edges)  # node in the middle of the next quadrilateral
+    for block, middle in zip(model.elements, middles, strict=True):
+        split.append(_split(block, middle.reshape(len(block), -1), centre))
+        centre += len(block) if block.cell_type == "quad" else 0
     parents = [edges, quads]
     fixed = np.concatenate([model.fixed, *(model.fixed[parent].all(axis=1) for parent in parents)])
     at_base = np.isin(edges, mesh.base_nodes).all(axis=1)
@@ -81,13 +78,6 @@ def _mean_of(nodes: Integers, count: int) -> csr_array:
     return csr_array((values, (rows, nodes.ravel())), shape=(len(nodes), count))
 
 
-def _first_centres(blocks: tuple[Elements, ...], first: int) -> Iterator[int]:
-    """Number of the node in the middle of the first quadrilateral of each block."""
-    for block in blocks:
-        yield first
-        first += len(block) if block.cell_type == "quad" else 0
-
-
 def _split(block: Elements, middle: Integers, first_centre: int) -> Elements:
     """The parts of elements, those of one beside each other.
 
@@ -98,33 +88,24 @@ def _split(block: Elements, middle: Integers, first_centre: int) -> Elements:
     corner = block.nodes
     if isinstance(block, Beams):
         ends = [np.column_stack(pair) for pair in ((corner[:, 0], middle), (middle, corner[:, 1]))]
-        return _beams(block.taken(np.repeat(np.arange(len(block)), 2)), _beside(ends))
-    before = np.roll(middle, 1, axis=1)
-    if corner.shape[1] == 3:
-        inner = [middle]
-        last: tuple[Integers, ...] = ()
-    else:
-        inner = []
-        last = (first_centre + np.arange(len(block)),)
+        halves = block.taken(np.repeat(np.arange(len(block)), 2))
+        offset, released = halves.offset, halves.released
+        if offset is not None:  # arms and pins are at the ends of the whole beams
+            offset = offset.copy()
+            offset[::2, 1] = offset[1::2, 0] = offset[::2].mean(axis=1)
+        if released is not None:
+            released = released.copy()
+            released[::2, DOF_PER_NODE:] = released[1::2, :DOF_PER_NODE] = False
+        return replace(halves, nodes=_beside(ends), offset=offset, released=released)
+    before, triangle = np.roll(middle, 1, axis=1), corner.shape[1] == 3
+    inner = [middle] if triangle else []
+    last = () if triangle else (first_centre + np.arange(len(block)),)
     parts = [
         np.column_stack([corner[:, k], middle[:, k], *last, before[:, k]])
         for k in range(corner.shape[1])
     ]
     taken = block.taken(np.repeat(np.arange(len(block)), 4))
     return replace(taken, nodes=_beside([*parts, *inner]))
-
-
-def _beams(halves: Beams, nodes: Integers) -> Beams:
-    """Halves of beams, whose arms and pins are at the ends of the whole ones."""
-    offset, released = halves.offset, halves.released
-    if offset is not None:
-        offset = offset.copy()
-        between = offset[::2].mean(axis=1)
-        offset[::2, 1] = offset[1::2, 0] = between
-    if released is not None:
-        released = released.copy()
-        released[::2, DOF_PER_NODE:] = released[1::2, :DOF_PER_NODE] = False
-    return replace(halves, nodes=nodes, offset=offset, released=released)
 
 
 def _beside(parts: list[Integers]) -> Integers:

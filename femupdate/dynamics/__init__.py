@@ -11,14 +11,11 @@ __all__, __getattr__ = public(
         "finer_mesh": "on_finer_mesh on_nodes_of",
         "force_response": "rest_flexibility",
         "history": (
-            "floor_histories history_batches HistorySettings OwnLevel ResponseHistories "
-            "transformed_sensors"
+            "floor_histories history_batches OwnLevel ResponseHistories transformed_sensors"
         ),
         "level": "motion_level",
         "local_basis": "local_structure",
-        "members": (
-            "BaseRecord choose_members CutMember member_forces MemberForces write_member_forces"
-        ),
+        "members": ("choose_members CutMember member_forces MemberForces write_member_forces"),
         "modes": "modal_sum ModalData Modes response",
         "reduced": "BaseRotation lumped reduce_lumped reduced_on ReducedModel ReducedStructure",
         "reduction": "reduce_structure",

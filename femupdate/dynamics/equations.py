@@ -164,23 +164,11 @@ def driven_system(
     found = driven_shapes(
         sprung, whole.mass, forces, structure.floor_rows, top_hz, watched=seen.watched
     )
-    model = _on_shapes(structure, whole, seen, found.frequency_hz, found.shapes)
-    rest = tuple(
-        reduce_terms(found.shapes, replace(terms_of, stiffness=(), springs=None, mass=None))
-        for terms_of in terms
-    )
-    return DrivenSystem(System(model, law, placed, rest), whole, found.frequency_hz, found.shapes)
-
-
-def _on_shapes(
-    structure: Structure, whole: Equations, seen: SensorRows, frequency_hz: Floats, shapes: Floats
-) -> ReducedModel:
-    """A model without stiffness factors, on shapes (n, r) on which it is diagonal."""
-    size, force = shapes.shape[1], shapes.T @ whole.force
-    floors = structure.floor_rows @ shapes
-    return ReducedModel(
+    shapes = found.shapes
+    size, force, floors = shapes.shape[1], shapes.T @ whole.force, structure.floor_rows @ shapes
+    model = ReducedModel(  # without stiffness factors, diagonal
         stiffness_terms=np.zeros((0, size, size)),
-        stiffness_constant=np.diag((2.0 * np.pi * frequency_hz) ** 2),
+        stiffness_constant=np.diag((2.0 * np.pi * found.frequency_hz) ** 2),
         excitation=force[:, TRANSLATION],
         floor_shapes=seen.rows @ shapes,
         floors=seen.names,
@@ -195,3 +183,8 @@ def _on_shapes(
         ),
         dashpots=dashpots_on(structure, shapes),
     )
+    rest = tuple(
+        reduce_terms(shapes, replace(terms_of, stiffness=(), springs=None, mass=None))
+        for terms_of in terms
+    )
+    return DrivenSystem(System(model, law, placed, rest), whole, found.frequency_hz, shapes)

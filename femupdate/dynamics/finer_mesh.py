@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, csr_matrix, diags, eye_array
 
 from femupdate.arrays import Floats, Singles
-from femupdate.building.building_mesh import BuildingMesh
 from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, reduced_on
 from femupdate.dynamics.snapshots import (
     STATIC_WEIGHT,
@@ -50,13 +49,10 @@ def on_finer_mesh(
         target: what `reduced` reproduces.
         thetas: (n, p) at which the finer mesh is solved.
     """
-    shapes = []
     progress.start("Carrying the model over to a finer mesh", len(thetas))
     assert reduced.node_shapes is not None
     task = partial(_moved, fine, reduced, _loads(coarse, reduced.node_shapes, fine), target)
-    for moved in everywhere(task, list(thetas)):
-        shapes.append(moved)
-        progress.advance()
+    shapes = everywhere(task, list(thetas), progress)
     return reduced_on(fine, compressed(fine.mass, shapes, reduced.size))
 
 
@@ -65,7 +61,9 @@ def on_nodes_of(coarse: Structure, reduced: ReducedStructure) -> ReducedModel:
     shapes = reduced.model.node_shapes
     assert shapes is not None
     wanted = _nodes(coarse)
-    if _mesh(reduced.structure).of_coarser is not None:  # it has the nodes of the coarse one first
+    if (
+        reduced.structure.meshed[0].of_coarser is not None
+    ):  # it has the nodes of the coarse one first
         return replace(reduced.model, node_shapes=shapes[: len(wanted)])
     between = interpolation(_nodes(reduced.structure), wanted)
     moved = _interpolated(between, shapes).astype(np.float32)
@@ -112,13 +110,8 @@ def _between(
     return (below, 1.0 - share), (below + 1, share)
 
 
-def _mesh(structure: Structure) -> BuildingMesh:
-    assert structure.mesh is not None
-    return structure.mesh
-
-
 def _nodes(structure: Structure) -> Floats:
-    return _mesh(structure).model.nodes
+    return structure.meshed[0].model.nodes
 
 
 def _interpolated(between: csr_matrix | csr_array, shapes: NDArray[np.float32]) -> Floats:
@@ -128,10 +121,10 @@ def _interpolated(between: csr_matrix | csr_array, shapes: NDArray[np.float32]) 
 
 def _loads(coarse: Structure, shapes: NDArray[np.float32], fine: Structure) -> Floats:
     """Inertial forces (n, r) on the finer mesh per unit acceleration of each coarse shape."""
-    operators, nodes = fine.operators, _nodes(fine)
-    assert operators is not None
+    mesh, operators = fine.meshed
+    nodes = mesh.model.nodes
     moved = np.zeros((len(nodes), DOF_PER_NODE, shapes.shape[2]))
-    between = _mesh(fine).of_coarser
+    between = mesh.of_coarser
     if between is None:
         between = interpolation(_nodes(coarse), nodes)
     moved[:, :3] = _interpolated(between, shapes)

@@ -46,11 +46,7 @@ def rest_flexibility(
     unit = even_points(count, len(lower), 0)
     theta = np.exp(np.log(lower) + (np.log(upper) - np.log(lower)) * unit)
     progress.start("Solving the full model under forces at the floors", count)
-    full = []
-    for response in everywhere(partial(_static, structure), list(theta)):
-        full.append(response)
-        progress.advance()
-    whole = np.stack(full)
+    whole = np.stack(everywhere(partial(_static, structure), list(theta), progress))
     lacked = whole - np.stack([_reduced_static(reduced, sample) for sample in theta])
     # Every sample counts alike, whatever its stiffness.
     scale = whole.reshape(count, -1).max(axis=1)[:, None]

@@ -30,6 +30,15 @@ from femupdate.errors import MeasurementError, StructureError
 from femupdate.progress import SILENT, Progress
 
 Numbers = ArrayLike | Tensor
+# Points a step at which a record is interpolated, band-limited, before the exact integration along
+# straight lines. With 1, straight lines between the samples themselves (Nigam and Jennings 1969),
+# a share 1 - sinc^2(f dt) of the motion at frequency f is lost: 3 % at a tenth of the sampling
+# rate, 19 % at a quarter. With 8 it is 0.05 % and 0.3 %.
+_OVERSAMPLING = 8
+# A mode is integrated when taking it as static could change an absolute acceleration by more than
+# this share of the base acceleration (likewise a shear, a drift).
+_TOLERANCE = 1e-4
+BATCH = 50  # samples at a time
 _STEP = 0.05  # doublings between the levels that are told apart
 _WINDOW = 0.5  # periods of the first mode, in which the structure stays
 # Rounds of response and level: a swelling oscillator is off by a tenth with four, a fourteenth with
@@ -60,21 +69,6 @@ class ResponseHistories:
 
 
 @dataclass(frozen=True)
-class HistorySettings:
-    """How histories are computed."""
-
-    # points a step at which the record is interpolated, band-limited, before the exact integration
-    # along straight lines. 1 draws straight lines between the samples themselves, as Nigam and
-    # Jennings (1969) do, and so loses a share 1 - sinc^2(f dt) of the motion at frequency f: 3 % at
-    # a tenth of the sampling rate, 19 % at a quarter. With 8 it is 0.05 % and 0.3 %.
-    oversampling: int = 8
-    # a mode is integrated when taking it as static could change an absolute acceleration by more
-    # than this share of the base acceleration (likewise a shear, a drift); 0 integrates all modes
-    tolerance: float = 1e-4
-    batch: int = 50  # samples at a time
-
-
-@dataclass(frozen=True)
 class OwnLevel:
     """That a structure follows the level of its motion where effects let it change in a run."""
 
@@ -91,7 +85,8 @@ def floor_histories(
     acceleration: ArrayLike,
     time_step: float,
     *,
-    settings: HistorySettings | None = None,
+    oversampling: int = _OVERSAMPLING,
+    tolerance: float = _TOLERANCE,
 ) -> ResponseHistories:
     """Return the response of every sample, from rest, to one record of base acceleration.
 
@@ -105,13 +100,15 @@ def floor_histories(
         parameters: (S, p + q) stiffness factors, then sizes of the effects.
         zeta: damping ratio, (S,) or one for all.
         acceleration: (n,) base acceleration, m/s2, or (2, n) with its rotation, rad/s2, below.
-        settings: accuracy and batch.
+        oversampling: points a step of the record.
+        tolerance: share of the base acceleration up to which modes are static; 0 integrates all.
 
     Raises:
         MeasurementError: the record is too short, not finite or has no positive time step.
         StructureError: parameters or zeta do not fit, or a stiffness is not positive definite.
     """
-    batches = history_batches(system, parameters, zeta, acceleration, time_step, settings=settings)
+    sample = parameters, zeta, acceleration, time_step
+    batches = history_batches(system, *sample, oversampling=oversampling, tolerance=tolerance)
     return join_histories(list(batches))
 
 
@@ -133,19 +130,19 @@ def history_batches(
     acceleration: ArrayLike,
     time_step: float,
     *,
-    settings: HistorySettings | None = None,
+    oversampling: int = _OVERSAMPLING,
+    tolerance: float = _TOLERANCE,
     level: OwnLevel | None = None,
     progress: Progress = SILENT,
 ) -> Iterator[ResponseHistories]:
-    """Check the input, then yield the histories of `settings.batch` samples at a time.
+    """Check the input, then yield the histories of fifty samples at a time.
 
     Arguments and errors as for `floor_histories`; `progress` advances by one a sample. With a
     `level` a structure whose modes are real follows it; else it stays as at the mean level.
     """
-    chosen = settings or HistorySettings()
     samples, ratios = _checked(parameters, zeta, system)
     record = _check_record(acceleration, time_step, system)
-    task = _Task(system, record, float(time_step), chosen)
+    task = _Task(system, record, float(time_step), oversampling, tolerance)
     if level is not None and system.changes_in_run and not system.complex_modes:
         return _follow(task, samples, ratios, level, progress)
     return _walk(task, samples, ratios, progress)
@@ -158,26 +155,39 @@ class _Task:
     system: System
     record: Floats
     time_step: float
-    settings: HistorySettings
+    oversampling: int = _OVERSAMPLING
+    tolerance: float = _TOLERANCE
 
     def modes(self, parameters: Tensor, zeta: Tensor, first: int) -> tuple[ModalOutputs, Tensor]:
         """Modes of samples, the first of them number `first`, and damping ratios (S, m)."""
         theta, sizes = self.system.split(parameters)
         found = self.system.modes(theta, sizes, story_rows(self.system, sizes))
         _check_stable(found.omega, first)
-        seen = _seen(found, len(self.system.floors), len(self.record))
+        shown = found.rows * found.omega[:, None]  # of unit modal mass
+        floors, stories = len(self.system.floors), len(self.system.model.story_mass)
+        ends, columns = [floors, stories, stories], len(self.record)
+        of_floor, of_inertia, of_drift = shown.split(ends, dim=1)
+        direct = found.direct[:, :, :columns].split(ends, dim=1)
+        none, driven = torch.zeros_like(shown).split(ends, dim=1), found.participation[:, :columns]
+        seen = ModalOutputs(
+            found.omega,
+            driven * found.omega[:, None],
+            torch.cat([none[0], none[1], of_drift], dim=1),
+            torch.cat([of_floor, -of_inertia, none[2]], dim=1),
+            torch.cat([direct[0], -direct[1], torch.zeros_like(direct[2])], dim=1),
+        )
         return self.dynamic(seen, zeta, sizes)
 
     def dynamic(
         self, modes: ModalOutputs, zeta: Tensor, sizes: Tensor
     ) -> tuple[ModalOutputs, Tensor]:
         """The modes that the record moves, and their damping ratios (S, m)."""
-        kept = modes.dynamic(0.5 / self.time_step, self.settings.tolerance)
+        kept = modes.dynamic(0.5 / self.time_step, self.tolerance)
         return kept, self.system.ratio(kept.omega, zeta, sizes)
 
     def outputs(self, modes: ModalOutputs, ratio: Tensor) -> Floats:
         """Outputs (S, o, n) of modes that stay as they are."""
-        factor = self.settings.oversampling
+        factor = self.oversampling
         levels = modes.omega[None], ratio[None]
         steps = Steps.of(*levels, modes.participation, self.time_step, factor)
         windows = steps.windows(record_points(self.record, factor))
@@ -195,7 +205,7 @@ def _walk(
 ) -> Iterator[ResponseHistories]:
     """Histories batch by batch."""
     transform = task.system.complex_modes
-    step = 1 if transform else task.settings.batch
+    step = 1 if transform else BATCH
     for start in range(0, len(parameters), step):
         some, ratios = parameters[start : start + step], zeta[start : start + step]
         if transform:
@@ -218,12 +228,10 @@ def _follow(
     begun = np.zeros((1, -(-(task.record.shape[1] - 1) // window)), dtype=np.int64)
     # All samples have much the same level: one finds it, and the others go on from there.
     _, begun = _settled(task, parameters[:1], zeta[:1], level, period, begun, _ROUNDS, 0)
-    for start in range(0, len(parameters), task.settings.batch):
-        some = parameters[start : start + task.settings.batch]
-        ratios, doublings = (
-            zeta[start : start + task.settings.batch],
-            np.repeat(begun, len(some), axis=0),
-        )
+    for start in range(0, len(parameters), BATCH):
+        rows = slice(start, start + BATCH)
+        some, ratios = parameters[rows], zeta[rows]
+        doublings = np.repeat(begun, len(some), axis=0)
         yield _settled(task, some, ratios, level, period, doublings, _LAST_ROUNDS, start)[0]
         progress.advance(len(some))
 
@@ -239,7 +247,7 @@ def _settled(
     first: int,
 ) -> tuple[ResponseHistories, Integers]:
     """Histories of samples, and the number (S, w) of the level in each window."""
-    sizes, factor = task.system.split(parameters)[1], task.settings.oversampling
+    sizes, factor = task.system.split(parameters)[1], task.oversampling
     modes, ratio = task.modes(parameters, zeta, first)
     omegas, ratios = [], []
     for k in range(-_MOST, _MOST + 1):
@@ -271,7 +279,7 @@ def displacement_histories(
     rows: Rows,
     acceleration: Floats,
     time_step: float,
-    settings: HistorySettings | None = None,
+    oversampling: int = _OVERSAMPLING,
 ) -> Floats:
     """Displacements along rows (S, o, n) relative to the moving base, from rest.
 
@@ -283,7 +291,7 @@ def displacement_histories(
     Raises:
         StructureError: a stiffness is not positive definite.
     """
-    task = _Task(system, np.atleast_2d(acceleration), time_step, settings or HistorySettings())
+    task = _Task(system, np.atleast_2d(acceleration), time_step, oversampling)
     theta, sizes = system.split(samples[0])
     found = system.modes(theta, sizes, rows)
     _check_stable(found.omega, 0)
@@ -328,22 +336,6 @@ def story_rows(system: System, sizes: Tensor) -> Rows:
             wide[0][:, columns] += weight * torch.as_tensor(terms.mass.above)
             wide[1][:, columns] += weight * torch.as_tensor(terms.mass.above_rigid)
     return Rows(*wide)
-
-
-def _seen(modes: Modes, floors: int, columns: int) -> ModalOutputs:
-    """Floor accelerations, story shears and drifts by modes with the rows of `story_rows`."""
-    shown = modes.rows * modes.omega[:, None]  # of unit modal mass
-    ends = [floors, *[(shown.shape[1] - floors) // 2] * 2]
-    of_floor, of_inertia, of_drift = shown.split(ends, dim=1)
-    of_mass, direct = torch.zeros_like(shown), modes.direct[:, :, :columns].split(ends, dim=1)
-    none = of_mass.split(ends, dim=1)
-    return ModalOutputs(
-        modes.omega,
-        modes.participation[:, :columns] * modes.omega[:, None],
-        torch.cat([none[0], none[1], of_drift], dim=1),
-        torch.cat([of_floor, -of_inertia, none[2]], dim=1),
-        torch.cat([direct[0], -direct[1], torch.zeros_like(direct[2])], dim=1),
-    )
 
 
 def transformed_outputs(
@@ -481,8 +473,7 @@ def _check_record(acceleration: ArrayLike, time_step: float, system: System) -> 
 
 def _check_stable(omega: Tensor, first: int) -> None:
     """A building at rest has no negative stiffness, which gives NaN, and no mode at rest."""
-    # What has no mass at all (a base on springs) is infinitely fast.
-    # What has no mass is faster than this, rad/s.
+    # What has no mass at all (a base on springs) is faster than 1e9 rad/s.
     fastest = torch.where(omega < 1e9, omega, 0.0).amax(dim=1)
     slow = omega.amin(dim=1) <= 1e-7 * fastest
     unstable = (slow | omega.isnan().any(dim=1)).nonzero()

@@ -81,9 +81,7 @@ def local_structure(
     shapes += _along_ports(structure, WithSprings(factors, middle.springs), present or ())
     progress.start("Reducing the model for effects", len(questions))
     task = partial(_answer, structure, KnownModes.of(middle, modes), target)
-    for shape in everywhere(task, questions):
-        shapes.append(shape)
-        progress.advance()
+    shapes += everywhere(task, questions, progress)
     return reduced_on(structure, compressed(structure.mass, shapes, size))
 
 
@@ -171,8 +169,7 @@ def _answer(
     structure: Structure, known: KnownModes, target: ReductionTarget, question: Question
 ) -> Singles:
     """See `nearby_shapes`."""
-    added, theta = question
-    equations = equations_at(structure, theta, added)
+    equations = equations_at(structure, question[1], question[0])
     found = nearby_shapes(equations, structure.floor_rows, known, target, structure.dashpots)
     return found.astype(np.float32)
 

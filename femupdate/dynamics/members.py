@@ -179,14 +179,6 @@ class CutMember:
         return beam_end_rows(model, operators, theta, self.what)
 
 
-@dataclass(frozen=True)
-class BaseRecord:
-    """An acceleration history of the base."""
-
-    acceleration: Floats  # (n,) m/s2, along the direction of the sensors
-    time_step: float  # s
-
-
 @dataclass(frozen=True, eq=False)
 class ChosenMembers:
     """Members with the full model that they belong to."""
@@ -198,9 +190,7 @@ class ChosenMembers:
 
     def rows(self, theta: Floats) -> tuple[Floats, ...]:
         """Rows (k, n) of every member's forces at stiffness factors theta (p,)."""
-        mesh, operators = self.structure.mesh, self.structure.operators
-        if mesh is None or operators is None:
-            raise ValueError("a shear building has no members")
+        mesh, operators = self.structure.meshed
         return tuple(member.rows(mesh.model, operators, theta) for member in self.members)
 
 
@@ -288,7 +278,7 @@ def member_forces(
     chosen: ChosenMembers,
     parameters: Floats,
     zeta: Floats,
-    motion: BaseRecord,
+    record: tuple[Floats, float],
     top_hz: float,
     progress: Progress = SILENT,
 ) -> tuple[MemberForces, ...]:
@@ -299,14 +289,12 @@ def member_forces(
 
     Args:
         parameters: (S, p + q) stiffness factors, then sizes of the building's effects.
+        record: acceleration of the base (n,), m/s2, along the sensors, and its time step, s.
         top_hz: up to where the response must be right; what is stiffer follows statically.
     """
-    task = partial(_at_draw, chosen, motion, top_hz)
-    found = []
-    for history in everywhere(task, list(zip(parameters, zeta.tolist(), strict=True))):
-        found.append(history)
-        progress.advance()
-    histories = np.stack(found)
+    task = partial(_at_draw, chosen, record, top_hz)
+    draws = list(zip(parameters, zeta.tolist(), strict=True))
+    histories = np.stack(everywhere(task, draws, progress))
     starts = np.cumsum([len(member.forces) for member in chosen.members])[:-1]
     forces = []
     for member, forces_of in zip(chosen.members, np.split(histories, starts, axis=1), strict=True):
@@ -316,7 +304,7 @@ def member_forces(
 
 
 def _at_draw(
-    chosen: ChosenMembers, motion: BaseRecord, top_hz: float, draw: tuple[Floats, float]
+    chosen: ChosenMembers, record: tuple[Floats, float], top_hz: float, draw: tuple[Floats, float]
 ) -> Floats:
     """Histories of all members' forces at one draw, (k, n)."""
     structure, law = chosen.structure, chosen.law
@@ -328,7 +316,6 @@ def _at_draw(
     # A rigid motion of the base strains no member.
     rows = Rows(shapes, shapes.new_zeros(len(shapes), 2))
     sample = torch.from_numpy(sizes[None]), torch.tensor([draw[1]], dtype=torch.float64)
-    record = motion.acceleration, motion.time_step
     return np.asarray(displacement_histories(found.system, sample, rows, *record)[0])
 
 

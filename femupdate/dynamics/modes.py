@@ -17,14 +17,10 @@ from torch import Tensor
 # How far above the grid's top a mode must lie to be replaced by its power series.
 _ABOVE = 1.05
 SERIES_TERMS = 3
-CACHED = 2**16  # numbers in one intermediate array
-
-
 _TINY = 1e-30
 # What modes far from a band of frequencies add varies smoothly there: it is summed at a few
 # Chebyshev points and interpolated. A pole at 1.5 half widths from the middle leaves an error of
 # 2.6^-20 of it (Trefethen, Approximation Theory and Approximation Practice, theorem 8.2).
-_WIDE = 512  # frequencies
 _POINTS = 20
 _REACH = 1.5  # half widths
 
@@ -149,7 +145,10 @@ def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, columns: Tensor) -> 
         total = torch.complex(*modal_sum(*terms, omega))
     else:
         bands = _bands(omega.numpy().tobytes())
-        near = _near(modes.inverse, bands)
+        # First and one after the last of the modes that are summed at all of each band.
+        ends = modes.inverse.new_tensor([band.ends for band in bands])  # (b, 2)
+        before = (modes.inverse[:, :, None, None] * ends.square() > 1.0).sum(dim=1)  # (N, b, 2)
+        near = before[..., 0].amin(dim=0).tolist(), before[..., 1].amax(dim=0).tolist()
         parts = [_in_band(terms, *pair) for pair in zip(bands, *near, strict=True)]
         total = torch.cat(parts, dim=-1)
     return total.reshape(count, outputs, columns.shape[1], len(omega))
@@ -168,46 +167,30 @@ class _Band:
 @lru_cache(maxsize=8)
 def _bands(grid: bytes) -> tuple[_Band, ...]:
     """The bands of a grid (k,), rad/s, as bytes: one grid serves many responses."""
+    chebyshev_points = chebyshev.chebpts1(_POINTS)
+    # Coefficients (q, q) of the polynomial that is 1 at one of the points.
+    transform = np.linalg.inv(chebyshev.chebvander(chebyshev_points, _POINTS - 1)).T
     bands = []
-    for omega in torch.from_numpy(np.frombuffer(grid).copy()).split(_WIDE):
+    for omega in torch.from_numpy(np.frombuffer(grid).copy()).split(512):
         low, high = float(omega.min()), float(omega.max())
         middle, half = 0.5 * (low + high), max(0.5 * (high - low), _TINY)
         ends = max(middle - _REACH * half, 0.0), middle + _REACH * half
-        points, transform = _chebyshev()
         basis = chebyshev.chebvander((omega.numpy() - middle) / half, _POINTS - 1)
-        nodes = torch.from_numpy(middle + half * points)
+        nodes = torch.from_numpy(middle + half * chebyshev_points)
         bands.append(_Band(omega, ends, nodes, torch.from_numpy(transform @ basis.T)))
     return tuple(bands)
 
 
-def _near(inverse: Tensor, bands: Sequence[_Band]) -> tuple[list[int], list[int]]:
-    """First and one after the last of the modes (N, m) that are summed at all of each band."""
-    ends = inverse.new_tensor([band.ends for band in bands])  # (b, 2)
-    before = (inverse[:, :, None, None] * ends.square() > 1.0).sum(dim=1)  # (N, b, 2)
-    return before[..., 0].amin(dim=0).tolist(), before[..., 1].amax(dim=0).tolist()
-
-
 def _in_band(terms: tuple[Tensor, Tensor, Tensor], band: _Band, first: int, last: int) -> Tensor:
     """Complex sums (N, p, k) of the terms of `modal_sum` in a band; some modes lie near it."""
-    far = [_without(part, first, last) for part in terms]
+    far = [
+        torch.cat([part[..., :first], part[..., last:]], dim=-1) if first else part[..., last:]
+        for part in terms
+    ]
     near = [part[..., first:last] for part in terms]
     rest = modal_sum(far[0], far[1], far[2], band.points)
     inside = modal_sum(near[0], near[1], near[2], band.omega)
     return torch.complex(inside[0] + rest[0] @ band.weights, inside[1] + rest[1] @ band.weights)
-
-
-def _without(values: Tensor, first: int, last: int) -> Tensor:
-    """Values (..., m) but for those from one to before another."""
-    if first == 0:
-        return values[..., last:]
-    return torch.cat([values[..., :first], values[..., last:]], dim=-1)
-
-
-@lru_cache(maxsize=1)
-def _chebyshev() -> tuple[np.ndarray, np.ndarray]:
-    """Chebyshev points (q,), and coefficients (q, q) of the polynomial that is 1 at one of them."""
-    points = chebyshev.chebpts1(_POINTS)
-    return points, np.linalg.inv(chebyshev.chebvander(points, _POINTS - 1)).T
 
 
 @dataclass(frozen=True)
@@ -277,7 +260,7 @@ def modal_sum(
     # Arrays of all modes at all frequencies are by far the largest: some frequencies at a time, so
     # that they stay in the processor's cache.
     # Fewer frequencies at a time would only cost calls.
-    width = max(512, CACHED // max(1, inverse.numel()))
+    width = max(512, 2**16 // max(1, inverse.numel()))
     if omega.numel() > width:
         parts = [modal_sum(inverse, ratio, pairs, some) for some in omega.split(width)]
         real, imaginary = zip(*parts, strict=True)

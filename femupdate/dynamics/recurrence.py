@@ -10,8 +10,6 @@ from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
 
-STEPS_AT_A_TIME = 256  # keeps the states of 50 samples x 60 modes inside a few ten megabytes
-
 
 def interpolate_record(acceleration: Floats, factor: int) -> Floats:
     """Return the band-limited record at `factor` times its sampling rate.
@@ -193,14 +191,14 @@ class Steps:
         return Steps(omega, ratio, transition, load)
 
     def windows(
-        self, points: Tensor, level: Integers | None = None, length: int = STEPS_AT_A_TIME
+        self, points: Tensor, level: Integers | None = None, length: int = 256
     ) -> Iterator[Window]:
         """Yield the states of all modes, a window of steps after the other, starting from rest.
 
         Args:
             points: (n - 1, e (factor + 1)) base acceleration, linear between its points.
             level: (S, w) number of the level in each window; the first throughout where None.
-            length: steps of a window.
+            length: steps of a window; 256 keep 50 samples of 60 modes within a few ten megabytes.
         """
         parts, samples = points.split(length), torch.arange(self.omega.shape[1])
         same = torch.zeros(len(samples), len(parts), dtype=torch.long)

@@ -261,26 +261,20 @@ def reduce_terms(basis: Floats, terms: Terms, matrices: Projections | None = Non
         coupling = np.stack([along(columns.T, basis).T for columns in terms.hinges.coupling])
         parts = coupling, terms.hinges.inner, terms.hinges.spring
         hinges = Hinges(*(torch.as_tensor(part) for part in parts))
+    mass = None
+    if (whole := terms.mass) is not None:
+        sides = along(whole.force.T, basis).T, whole.rigid, along(whole.above, basis)
+        numbers = projected(basis, whole.matrix), *sides, whole.above_rigid
+        mass = MassTerms(*(torch.from_numpy(np.asarray(part)) for part in numbers))
     return Terms(
         stiffness=tuple(stiffness),
         hinges=hinges,
-        mass=None if terms.mass is None else _reduced_mass(basis, terms.mass),
+        mass=mass,
         flexibility=terms.flexibility,
         pitch=terms.pitch,
         port=port,
         constants=terms.constants,
     )
-
-
-def _reduced_mass(basis: Floats, mass: MassTerms) -> MassTerms:
-    parts = (
-        projected(basis, mass.matrix),
-        along(mass.force.T, basis).T,
-        mass.rigid,
-        along(mass.above, basis),
-        mass.above_rigid,
-    )
-    return MassTerms(*(torch.from_numpy(np.asarray(part)) for part in parts))
 
 
 def released_base(structure: Structure) -> ReleasedBase | None:
@@ -342,7 +336,10 @@ def reduce_lumped(
 def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
     """A structure seen through a mass-orthonormal basis (n, r)."""
     floors, force = structure.floor_rows @ basis, basis.T @ structure.rigid_force
-    rigid = structure.story_rigid
+    rigid, nodes = structure.story_rigid, None
+    if structure.operators is not None:
+        full = structure.operators.expand(basis).reshape(-1, DOF_PER_NODE, basis.shape[1])
+        nodes = full[:, :3].astype(np.float32)
     model = ReducedModel(
         stiffness_terms=np.stack([projected(basis, term) for term in structure.stiffness_terms]),
         stiffness_constant=projected(basis, structure.stiffness_constant),
@@ -352,7 +349,7 @@ def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
         story_inertia=structure.story_inertia @ basis,
         story_mass=rigid[:, TRANSLATION],
         story_drift=np.diff(floors, axis=0, prepend=np.zeros((1, basis.shape[1]))),
-        node_shapes=_node_shapes(structure, basis),
+        node_shapes=nodes,
         rotation=BaseRotation(
             force=force[:, ROTATION],
             mass=structure.rigid_mass,
@@ -372,10 +369,3 @@ def dashpots_on(structure: Structure, basis: Floats) -> Floats | None:
     _, size, rows = np.linalg.svd(along(structure.dashpots, basis), full_matrices=False)
     kept = size > 1e-9 * size[0]  # the square of which is rounding
     return np.asarray(size[kept, None] * rows[kept])
-
-
-def _node_shapes(structure: Structure, basis: Floats) -> NDArray[np.float32] | None:
-    if structure.operators is None:
-        return None
-    full = structure.operators.expand(basis).reshape(-1, DOF_PER_NODE, basis.shape[1])
-    return full[:, :3].astype(np.float32)

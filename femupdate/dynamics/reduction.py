@@ -9,7 +9,7 @@ from the parts (`femupdate.dynamics.substructures`), which cost less.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -44,8 +44,6 @@ _ROUNDS, _JOIN = 3, 8  # of a basis that fails, at most; samples where it fails,
 # Samples, and shapes of their responses, whose inertia refines the parts of a structure: with them
 # 230 shapes of the six-story frame err by .0049 rms, and by .0043 with all taken from the full one.
 _REFINE, _REFINED = 6, 60
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +102,7 @@ def reduce_structure(
     taken: Callable[[ReductionTarget, Floats], Floats | Singles]
     taken = partial(_snapshots, asked) if parts is None else partial(_of_parts, parts)
     progress.start("Reducing the model", len(samples) + checks)
-    shapes: list[Floats | Singles] = _each(partial(taken, target), samples, progress)
+    shapes: list[Floats | Singles] = everywhere(partial(taken, target), list(samples), progress)
     for _ in range(_ROUNDS):
         basis = compressed(mass, shapes, _SIZES[-1])
         reduced = whole = reduced_on(structure, basis if parts is None else parts.expanded(basis))
@@ -112,7 +110,7 @@ def reduce_structure(
         unseen = target.lower + (target.upper - target.lower) * unit  # even over the box
         beyond = partial(_beyond, whole, parts)
         judge = partial(_full_log_frf, asked) if whole_only else beyond
-        full = np.stack(_each(partial(judge, target), unseen, progress))
+        full = np.stack(everywhere(partial(judge, target), list(unseen), progress))
         # On the fewest shapes that a few samples do not object to, or on all. A few checks see half
         # as much as many do (50 theta: 1.5 times the rms of four).
         for size in (s for s in _SIZES if least <= s < whole.model.size):
@@ -129,7 +127,7 @@ def reduce_structure(
         least = reduced.model.size + 1
         worst = unseen[CHOOSE + np.argsort(each)[-_JOIN:]]
         progress.start("Reducing the model, on more samples", len(worst) + checks)
-        shapes += _each(partial(taken, target), worst, progress)
+        shapes += everywhere(partial(taken, target), list(worst), progress)
     names = ", ".join(effect.label for effect in placed)
     cure = ", lower the top of the frequency grid, or calibrate with --exact"
     raise StructureError(
@@ -155,15 +153,6 @@ class _Question:
         terms = tuple(reduced.terms(listed) for listed in self.placed)
         system = System(reduced.model, ConstantDamping(), self.placed, terms)
         return _log_frf(system, samples, target)
-
-
-def _each(task: Callable[[Floats], T], samples: Floats, progress: Progress) -> list[T]:
-    """What a model tells at samples (N, p + q), on all processors."""
-    found = []
-    for response in everywhere(task, list(samples)):
-        found.append(response)
-        progress.advance()
-    return found
 
 
 def _full(asked: _Question, target: ReductionTarget, sample: Floats) -> DrivenSystem:
@@ -247,8 +236,7 @@ def _beyond(
     if parts is not None:
         displacement = parts.at(theta).displacement(loads)
     else:
-        assert structure.operators is not None
-        displacement = factorize_held(structure.operators, stiffness).apply(loads)
+        displacement = factorize_held(structure.meshed[1], stiffness).apply(loads)
     fresh, _ = orthonormal(displacement, basis, structure.mass)
     held = symmetric_times(stiffness, fresh)
     between = along(basis, held)

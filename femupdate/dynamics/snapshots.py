@@ -78,8 +78,8 @@ class FeltModes:
             self._moved(0.05**0.5 * shape, moved, w) * (w**2 / width)
             for shape, width in zip(self.floors, size, strict=True)
         ]
-        gram = sum(_real_gram(block) for block in (primal, *dual))
-        energy, directions = eigh(gram)
+        sides = (np.concatenate([b.real, b.imag], axis=1) for b in (primal, *dual))
+        energy, directions = eigh(sum(side @ side.T for side in sides))
         kept = energy > least * energy[-1]
         return directions[:, kept] * np.sqrt(energy[kept] / energy[-1])
 
@@ -92,12 +92,6 @@ class FeltModes:
         held = np.eye(len(rows)) / (1j * w[:, None, None]) + between
         forces = np.linalg.solve(held, (rows @ free).T[:, :, None])[:, :, 0].T
         return np.asarray(free - moved * (rows.T @ forces))
-
-
-def _real_gram(combinations: Complexes) -> Floats:
-    """Real part of C C^H (m, m)."""
-    parts = np.concatenate([combinations.real, combinations.imag], axis=1)
-    return np.asarray(parts @ parts.T)
 
 
 def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) -> Floats:
@@ -113,7 +107,11 @@ def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) 
     """
     count = sum(block.shape[1] for block in shapes)
     # At least 40 combinations more than the basis has shapes.
-    span = _orthonormal(mass, _combined(shapes, min(size + max(size // 2, 40), count)))
+    width, rng = min(size + max(size // 2, 40), count), np.random.default_rng(11)
+    mixed = np.zeros((len(shapes[0]), width))
+    for block in shapes:
+        mixed += block @ rng.standard_normal((block.shape[1], width), dtype=np.float32)
+    span = _orthonormal(mass, mixed)
     forces = symmetric_times(mass, span).T
     single = forces.astype(np.float32)
     parts = [(single if block.dtype == np.float32 else forces) @ block for block in shapes]
@@ -121,15 +119,6 @@ def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) 
     energy, directions = eigh(seen @ seen.T)
     kept = np.flatnonzero(energy > _LEAST_NEW * energy[-1])[::-1][:size]
     return span @ directions[:, kept]
-
-
-def _combined(shapes: Sequence[Floats | Singles], width: int) -> Floats:
-    """Random combinations (n, width) of all shapes."""
-    rng = np.random.default_rng(11)
-    whole = np.zeros((len(shapes[0]), width))
-    for block in shapes:
-        whole += block @ rng.standard_normal((block.shape[1], width), dtype=np.float32)
-    return whole
 
 
 def _orthonormal(mass: csc_matrix, vectors: Floats) -> Floats:

@@ -25,10 +25,6 @@ from femupdate.fe.mechanism import factorize_held
 from femupdate.fe.products import symmetric_times
 from femupdate.fe.solve import modes_below
 
-# Share of joints among the degrees of freedom up to which parts pay: .04 to .09 in buildings with a
-# factor a story; .26 with factors of members, where the joints alone cost as much as the whole.
-_JOINTS = 0.125
-
 
 @dataclass(frozen=True, eq=False)
 class Substructure:
@@ -141,8 +137,7 @@ class Substructures:
         try:
             return Joined(self, factors, cholesky_banded(band, lower=True, overwrite_ab=True))
         except np.linalg.LinAlgError:
-            operators = self.structure.operators
-            assert operators is not None
+            operators = self.structure.meshed[1]
             factorize_held(operators, operators.stiffness(theta))  # names what moves
             raise StructureError("the stiffness of the joints is not positive") from None
 
@@ -191,8 +186,7 @@ def substructures(structure: Structure, top_hz: float) -> Substructures | None:
     Raises:
         StructureError: the structure is a mechanism.
     """
-    operators = structure.operators
-    assert operators is not None
+    operators = structure.meshed[1]
     terms = [
         csc_matrix(term, copy=True)
         for term in (*structure.stiffness_terms, structure.stiffness_constant)
@@ -206,7 +200,9 @@ def substructures(structure: Structure, top_hz: float) -> Substructures | None:
     # Mass that lies across two parts makes joints of what it couples.
     owner[mass.row[(left != right) & (left >= 0) & (right >= 0) & (mass.data != 0.0)]] = -1
     joints = np.flatnonzero(owner < 0)
-    if not 0 < len(joints) <= _JOINTS * len(owner):
+    # Up to this share of joints parts pay: .04 to .09 in buildings with a factor a story; .26 with
+    # factors of members, where the joints alone cost as much as the whole.
+    if not 0 < len(joints) <= 0.125 * len(owner):
         return None
     # In the order in which the parts begin and end, near ones have numbers near to each other.
     ends = touched[::-1, joints].argmax(axis=0), touched[:, joints].argmax(axis=0)
@@ -228,22 +224,18 @@ def substructures(structure: Structure, top_hz: float) -> Substructures | None:
         none = np.zeros((len(inner), 0)), np.zeros(0)
         moved = np.zeros((len(inner), len(at)))
         part = Substructure(inner, border, alone, coupling, moved, held, np.zeros_like(held), *none)
-        if len(inner):
-            part = _with_modes(part, rows[:, at].toarray(), top_hz)
+        if len(inner):  # what the joints move inside, and the modes with the joints held
+            stiffness = rows[:, at].toarray()
+            moved = -part.factors.apply(stiffness)
+            modes = modes_below(with_terms(alone, ()), np.zeros(0), top_hz, part.factors)
+            both = coupling.T @ moved
+            part = replace(
+                part,
+                moved=moved,
+                held=held + stiffness.T @ moved,
+                joint_mass=moved.T @ symmetric_times(alone.mass, moved) + both + both.T,
+                shapes=modes.shapes,
+                squared=(2.0 * np.pi * modes.frequency_hz) ** 2,
+            )
         parts.append(part)
     return Substructures(structure, tuple(parts), joints, structure.mass[joints][:, joints].tocsc())
-
-
-def _with_modes(part: Substructure, stiffness: Floats, top_hz: float) -> Substructure:
-    """With what the joints move inside, by their stiffness (m, b) with it, and with its modes."""
-    moved = -part.factors.apply(stiffness)
-    modes = modes_below(with_terms(part.alone, ()), np.zeros(0), top_hz, part.factors)
-    both = part.coupling.T @ moved
-    return replace(
-        part,
-        moved=moved,
-        held=part.held + stiffness.T @ moved,
-        joint_mass=moved.T @ symmetric_times(part.alone.mass, moved) + both + both.T,
-        shapes=modes.shapes,
-        squared=(2.0 * np.pi * modes.frequency_hz) ** 2,
-    )

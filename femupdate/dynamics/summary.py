@@ -192,6 +192,11 @@ def compare(summary: HistorySummary, estimate: Floats, measured: Floats) -> Comp
     correlation = (best * truth).sum(axis=1) / np.sqrt(
         (best**2).sum(axis=1) * (truth**2).sum(axis=1)
     )
+    # Score of normal bands (Gneiting and Raftery 2007, JASA 102, 359, eq. 21).
+    wide = np.maximum(sd, 1e-12 * np.abs(truth).max())
+    away = (truth - mean) / wide
+    density = np.exp(-0.5 * away**2) / np.sqrt(2.0 * np.pi)
+    score = wide * (away * (2.0 * ndtr(away) - 1.0) + 2.0 * density - np.pi**-0.5)
     peak = np.abs(truth).max(axis=1)
     low, high = np.quantile(summary.peak_acceleration[:, seen], [0.05, 0.95], axis=0)
     return Comparison(
@@ -200,15 +205,6 @@ def compare(summary: HistorySummary, estimate: Floats, measured: Floats) -> Comp
         correlation,
         np.abs(best).max(axis=1) / peak,
         (np.abs(mean - truth) <= 2.0 * sd).mean(axis=1),
-        _score(mean, sd, truth),
+        np.asarray(score.mean(axis=1) / np.sqrt((truth**2).mean(axis=1))),
         (low <= peak) & (peak <= high),
     )
-
-
-def _score(mean: Floats, sd: Floats, truth: Floats) -> Floats:
-    """Mean score of normal bands (Gneiting and Raftery 2007, JASA 102, 359, eq. 21), over rms."""
-    wide = np.maximum(sd, 1e-12 * np.abs(truth).max())
-    away = (truth - mean) / wide
-    density = np.exp(-0.5 * away**2) / np.sqrt(2.0 * np.pi)
-    each = wide * (away * (2.0 * ndtr(away) - 1.0) + 2.0 * density - np.pi**-0.5)
-    return np.asarray(each.mean(axis=1) / np.sqrt((truth**2).mean(axis=1)))

@@ -41,10 +41,6 @@ from femupdate.effects.effect import (
 )
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
-_MATRICES = 2**20  # numbers in the matrices of a batch of eigenproblems
-# Size of one intermediate array (samples x modes x frequencies).
-_CPU_BYTES = 2**20
-_GPU_BYTES = 512 * 2**20
 
 
 class Estimate(Protocol):
@@ -232,7 +228,7 @@ class System:
             float64 data.
         """
         floors, parts = len(self.floors), []
-        step = batch or max(16, min(1024, _MATRICES // self.model.size**2))
+        step = batch or max(16, min(1024, 2**20 // self.model.size**2))
         for rows in parameters.to(torch.float64).split(step):
             found = self.modes(*self.split(rows))
             parts.append(keep_modes(found.omega, found.effect[:, :floors], modes, top_frequency_hz))
@@ -471,7 +467,11 @@ class System:
         terms = torch.from_numpy(model.stiffness_terms).to(theta).reshape(self.factors, size**2)
         constant = torch.from_numpy(model.stiffness_constant).to(theta)
         stiffness = constant + (theta @ terms).reshape(count, size, size)
-        force, rigid = (part.expand(count, -1, -1) for part in _base_forces(model, theta))
+        rotation = model.rotation  # a base without one has no mass here
+        turned = np.zeros_like(model.excitation) if rotation is None else rotation.force
+        at_base = np.zeros((2, 2)) if rotation is None else rotation.mass
+        forces = np.column_stack([model.excitation, turned]), at_base
+        force, rigid = (torch.from_numpy(p).to(theta).expand(count, -1, -1) for p in forces)
         mass = None
         for added, values in zip(self.terms, by_effect, strict=True):
             own_size = values[:, 0] if values.shape[1] else theta.new_ones(count)
@@ -553,17 +553,9 @@ def fast_batch(modal: ModalData, points: int) -> int:
 
     Larger batches are up to seven times slower on a CPU; a GPU wants larger ones.
     """
-    room = _CPU_BYTES if modal.omega.device.type == "cpu" else _GPU_BYTES
+    # Bytes of one intermediate array (samples x modes x frequencies).
+    room = 2**20 if modal.omega.device.type == "cpu" else 2**29
     return max(1, room // (modal.omega.shape[1] * points * modal.omega.element_size()))
-
-
-def _base_forces(model: ReducedModel, like: Tensor) -> tuple[Tensor, Tensor]:
-    """Forces (r, 2) and mass (2, 2) per unit acceleration of the base; no rotation, no mass."""
-    rotation = model.rotation
-    turned = np.zeros_like(model.excitation) if rotation is None else rotation.force
-    mass = np.zeros((2, 2)) if rotation is None else rotation.mass
-    force = np.column_stack([model.excitation, turned])
-    return torch.from_numpy(force).to(like), torch.from_numpy(mass).to(like)
 
 
 def _on_flexible_base(

@@ -131,24 +131,19 @@ class FullModes:
 
     def numbers_of(self, model: ReducedModel, vectors: Floats) -> list[int | None]:
         """Numbers of reduced modes (r, m), None of one that resembles none of the full ones."""
-        shapes = compared_shapes(model, vectors.T)
-        product = np.abs(_unit(shapes) @ _unit(self.shapes).T) ** 2
+        shapes = vectors.T
+        if model.node_shapes is not None:
+            shapes = node_displacements(model, shapes).reshape(len(shapes), -1)
+        first, second = (
+            rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
+            for rows in (shapes, self.shapes)
+        )
+        product = np.abs(first @ second.T) ** 2
         best = product.argmax(axis=1)
         # Two shapes are of one mode above this modal assurance criterion.
         return [
             int(k) + 1 if value[k] >= 0.5 else None for k, value in zip(best, product, strict=True)
         ]
-
-
-def compared_shapes(model: ReducedModel, vectors: Floats) -> Floats:
-    """What is compared of reduced modes (m, r): all displacements (m, d)."""
-    if model.node_shapes is None:
-        return vectors
-    return np.asarray(node_displacements(model, vectors).reshape(len(vectors), -1))
-
-
-def _unit(rows: Floats) -> Floats:
-    return np.asarray(rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300))
 
 
 def stick_modes(model: ReducedModel, direction: int = 0) -> FullModes:
@@ -164,9 +159,7 @@ def stick_modes(model: ReducedModel, direction: int = 0) -> FullModes:
 
 def mesh_modes(structure: Structure) -> FullModes:
     """The lowest modes of a structure that has a mesh."""
-    mesh, operators = structure.mesh, structure.operators
-    assert mesh is not None
-    assert operators is not None
+    _, operators = structure.meshed
     count = max(_LEAST, min(_KEPT, len(operators.free) // 8))
     modes = lowest_modes(operators, np.ones(operators.parameters), count)
     full = operators.expand(modes.shapes).reshape(len(operators.nodes), 6, -1)[:, :3]

@@ -100,7 +100,11 @@ def turning_beams(model: FiniteElementModel, operators: AffineOperators) -> tupl
     ends = joint[beams.nodes]
     rows, inner = beams.bending_ends(model.nodes)
     spring = beams.youngs_modulus * beams.inertia_y / _spans(beams, model.nodes, joint)
-    forces, ratios = _free_ends(rows, inner, ends, spring)
+    # Columns and ratios of what springs at some ends take away.
+    softened = np.where(ends[:, :, None] & ends[:, None, :], inner, 0.0) / spring[:, None, None]
+    ratios, vectors = np.linalg.eigh(softened)
+    ratios = np.maximum(ratios, 0.0)
+    forces = vectors.mT @ (np.where(ends[:, :, None], rows, 0.0) / np.sqrt(spring)[:, None, None])
     return rank_one_terms(
         np.repeat(beams.nodes, 2, axis=0),
         np.repeat(beams.group, 2),
@@ -109,14 +113,6 @@ def turning_beams(model: FiniteElementModel, operators: AffineOperators) -> tupl
         operators,
         sign=-1.0,
     )
-
-
-def _free_ends(rows: Floats, inner: Floats, ends: Flags, spring: Floats) -> tuple[Floats, Floats]:
-    """Columns (n, 2, 12) and ratios (n, 2) of what springs at some ends (n, 2) take away."""
-    softened = np.where(ends[:, :, None] & ends[:, None, :], inner, 0.0) / spring[:, None, None]
-    ratios, vectors = np.linalg.eigh(softened)
-    moments = np.where(ends[:, :, None], rows, 0.0) / np.sqrt(spring)[:, None, None]
-    return vectors.mT @ moments, np.maximum(ratios, 0.0)
 
 
 def _spans(beams: Beams, points: Floats, joint: Flags) -> Floats:

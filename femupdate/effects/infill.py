@@ -11,7 +11,7 @@ from scipy.linalg import solve
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.spatial import cKDTree
 
-from femupdate.arrays import Flags, Floats, Integers
+from femupdate.arrays import Flags
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import mesh_building
@@ -67,8 +67,7 @@ def infills(
         for story in stories:
             walls = shells.taken(np.flatnonzero(here & (shells.group == story)))
             if len(walls):
-                local = _condensed(stiff, walls, known)
-                found.append(Infill(line, story, _placed(*local, operators)))
+                found.append(Infill(line, story, _condensed(stiff, walls, known, operators)))
     return tuple(found)
 
 
@@ -83,8 +82,10 @@ def _is_new(stiff: FiniteElementModel, present: FiniteElementModel) -> Flags:
     return walls & (distance > _SAME)
 
 
-def _condensed(stiff: FiniteElementModel, walls: Shells, known: cKDTree) -> tuple[Integers, Floats]:
-    """Degrees of freedom (m,) of the present model, and the stiffness (m, m) of walls on them."""
+def _condensed(
+    stiff: FiniteElementModel, walls: Shells, known: cKDTree, operators: AffineOperators
+) -> csc_matrix:
+    """Stiffness (n_free, n_free) of walls on the nodes that the present model has."""
     nodes, corners = np.unique(walls.nodes, return_inverse=True)
     corners = corners.reshape(len(walls), -1)
     elements = walls.matrices(stiff.nodes).stiffness
@@ -100,15 +101,9 @@ def _condensed(stiff: FiniteElementModel, walls: Shells, known: cKDTree) -> tupl
     if alone.any():
         rest = rest - coupling.T @ solve(inner, coupling, assume_a="pos")
     number = DOF_PER_NODE * place[:, None] + np.arange(DOF_PER_NODE)
-    return number.ravel()[shared], 0.5 * (rest + rest.T)
-
-
-def _placed(number: Integers, stiffness: Floats, operators: AffineOperators) -> csc_matrix:
-    """A dense matrix on some of all degrees of freedom as one on the independent ones."""
-    rows, columns = np.meshgrid(number, number, indexing="ij")
-    size = (operators.dof, operators.dof)
-    full = coo_matrix((stiffness.ravel(), (rows.ravel(), columns.ravel())), shape=size)
-    return onto_free(csc_matrix(full), operators)
+    rows, columns = np.meshgrid(*[number.ravel()[shared]] * 2, indexing="ij")
+    entries = (0.5 * (rest + rest.T)).ravel(), (rows.ravel(), columns.ravel())
+    return onto_free(csc_matrix(coo_matrix(entries, shape=(operators.dof,) * 2)), operators)
 
 
 def onto_free(full: csc_matrix, operators: AffineOperators) -> csc_matrix:

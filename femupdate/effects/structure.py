@@ -275,7 +275,7 @@ def structure_of(
 
 def _stick(building: ShearBuilding) -> Structure:
     lumped = shear_operators(building)
-    count = len(lumped.floors)
+    count = len(lumped.mass)
     heights = np.cumsum([story.height or 1.0 for story in building.stories])
     shapes = np.column_stack([np.ones(count), heights])
     masses = np.diag(lumped.mass)
@@ -306,7 +306,15 @@ def _frame(
     rows = np.zeros((len(mesh.floors), operators.dof))
     for row, nodes in zip(rows, mesh.floor_nodes.values(), strict=True):
         row[DOF_PER_NODE * np.asarray(nodes) + mesh.direction] = 1.0 / len(nodes)
-    shapes = _rigid_shapes(mesh.model.nodes, mesh.direction)
+    points, direction = mesh.model.nodes, mesh.direction
+    middle = 0.5 * (points[:, direction].min() + points[:, direction].max())
+    rigid = np.zeros((len(points), DOF_PER_NODE, 2))
+    rigid[:, direction, TRANSLATION] = 1.0
+    rigid[:, direction, ROTATION] = points[:, 2] - points[:, 2].min()
+    rigid[:, 2, ROTATION] = middle - points[:, direction]
+    # Forward means about +y for motion along x, and about -x for motion along y.
+    rigid[:, 4 if direction == 0 else 3, ROTATION] = 1.0 if direction == 0 else -1.0
+    shapes = rigid.reshape(-1, 2)
     force = operators.mass_full @ shapes
     return Structure(
         building=building,
@@ -339,18 +347,6 @@ def _dashpots(mesh: BuildingMesh, operators: AffineOperators) -> Floats:
         dof = DOF_PER_NODE * node[there] + springs.direction[damped][there]
         rows[number[there], dof] = sign * np.sqrt(springs.dashpots[damped][there])
     return operators.gather(rows.T).T
-
-
-def _rigid_shapes(nodes: Floats, direction: int) -> Floats:
-    """(6N, 2) unit translation of the base, and unit rotation about its centre."""
-    middle = 0.5 * (nodes[:, direction].min() + nodes[:, direction].max())
-    shapes = np.zeros((len(nodes), DOF_PER_NODE, 2))
-    shapes[:, direction, TRANSLATION] = 1.0
-    shapes[:, direction, ROTATION] = nodes[:, 2] - nodes[:, 2].min()
-    shapes[:, 2, ROTATION] = middle - nodes[:, direction]
-    # Forward means about +y for motion along x, and about -x for motion along y.
-    shapes[:, 4 if direction == 0 else 3, ROTATION] = 1.0 if direction == 0 else -1.0
-    return shapes.reshape(-1, 2)
 
 
 def _points(mesh: BuildingMesh, operators: AffineOperators, shapes: Floats) -> NodeMotions:

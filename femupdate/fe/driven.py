@@ -84,10 +84,15 @@ def driven_shapes(
             modes = NaturalModes(frequency, directions)  # as combinations of the basis
             driven = modes.shapes.T @ along(basis[:, :count], forces)
             # Of watched rows nobody looks for a hundredth of what is smaller than the largest.
-            response = [
-                _response(modes, (group @ basis[:, :count]) @ modes.shapes, driven, top_hz, least)
-                for group, least in ((rows, 0.0), *((some, 1e-3) for some in watched))
-            ]
+            omega = 2.0 * np.pi * frequency[:, None]
+            w = 2.0 * np.pi * top_hz * np.arange(1, _POINTS + 1) / _POINTS
+            flexible = 1.0 / (omega**2 - w**2 + 2j * 0.01 * omega * w)
+            response = []  # ln of the motion (c, o, k) under every force, of each group
+            for group, least in ((rows, 0.0), *((some, 1e-3) for some in watched)):
+                seen = (group @ basis[:, :count]) @ modes.shapes
+                size = np.abs(np.stack([(seen * force) @ flexible for force in driven.T]))
+                floor = least * size.max(axis=(1, 2), keepdims=True) + 1e-300
+                response.append(np.asarray(np.log(size + floor)))
             moves = [  # mean square change of each force's response, of each group of rows
                 ((after - before) ** 2).mean(axis=(1, 2))
                 for after, before in zip(response, last or (), strict=False)
@@ -120,14 +125,3 @@ def orthonormal(fresh: Floats, basis: Floats, mass: csc_matrix) -> tuple[Floats,
         onto = directions[:, kept] / np.sqrt(energy[kept])
         fresh, moved = fresh @ onto, moved @ onto
     return fresh, moved
-
-
-def _response(
-    shapes: NaturalModes, seen: Floats, driven: Floats, top_hz: float, least: float
-) -> Floats:
-    """ln of the magnitude (c, o, k) of the motion of rows under every force."""
-    omega = 2.0 * np.pi * shapes.frequency_hz
-    w = 2.0 * np.pi * top_hz * np.arange(1, _POINTS + 1) / _POINTS
-    flexible = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * 0.01 * omega[:, None] * w)
-    moved = np.abs(np.stack([(seen * force) @ flexible for force in driven.T]))
-    return np.asarray(np.log(moved + least * moved.max(axis=(1, 2), keepdims=True) + 1e-300))

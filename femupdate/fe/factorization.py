@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from scipy.sparse import csc_matrix, tril
@@ -20,6 +20,12 @@ from scipy.sparse.linalg import SuperLU, splu
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import StructureError
 from femupdate.fe.products import symmetric_times
+
+Backend = Literal["superlu", "cholmod"]
+ENVIRONMENT = "FEMUPDATE_SPARSE"
+
+_RESIDUAL = 1e-8  # relative, in coordinates scaled by the diagonal; sound systems give 1e-12
+_TOGETHER = 14  # right-hand sides; a column of many takes half as long again, beyond the cache
 
 
 @cache
@@ -34,115 +40,18 @@ def cholmod_is_there() -> bool:
     return True
 
 
-class CholmodFactors:
-    """L L^T of a real, symmetric and positive definite matrix.
+def default_backend() -> Backend:
+    """The fastest backend at hand for positive definite matrices.
 
-    Args:
-        matrix: (n, n); its lower triangle is read.
-
-    Raises:
-        ArithmeticError: the matrix is not positive definite.
+    The environment variable FEMUPDATE_SPARSE=superlu keeps to SciPy.
     """
-
-    def __init__(self, matrix: csc_matrix) -> None:
-        self._cvxopt: Any = importlib.import_module("cvxopt")
-        self._cholmod: Any = importlib.import_module("cvxopt.cholmod")
-        self._size = matrix.shape[0]
-        lower = tril(matrix, format="coo")
-        rows, columns = lower.row.astype(np.int64), lower.col.astype(np.int64)
-        entries = self._cvxopt.spmatrix(lower.data, rows, columns, matrix.shape)
-        self._factors = self._cholmod.symbolic(entries)
-        self._cholmod.numeric(entries, self._factors)
-
-    def solve(self, rhs: Floats) -> Floats:
-        """Solve for one or more right-hand sides, (n,) or (n, m)."""
-        columns = np.asarray(rhs, dtype=np.float64).reshape(self._size, -1)
-        solution = self._cvxopt.matrix(np.asfortranarray(columns))
-        self._cholmod.solve(self._factors, solution)
-        return np.array(solution).reshape(rhs.shape)
-
-    def pivots(self) -> Floats:
-        """Signs of the pivots, (n,): all positive."""
-        return np.ones(self._size)
-
-    def order(self) -> Integers | None:
-        """None: CHOLMOD keeps it to itself."""
-        return None
-
-
-Backend = Literal["superlu", "cholmod"]
-ENVIRONMENT = "FEMUPDATE_SPARSE"
-
-_RESIDUAL = 1e-8  # relative, in coordinates scaled by the diagonal; sound systems give 1e-12
-_TOGETHER = 14  # right-hand sides; a column of many takes half as long again, beyond the cache
+    if os.environ.get(ENVIRONMENT, "").lower() == "superlu":
+        return "superlu"
+    return "cholmod" if cholmod_is_there() else "superlu"
 
 
 class SingularMatrixError(StructureError):
     """A matrix that cannot be factorised."""
-
-
-class Factors(Protocol):
-    """Factors of a matrix, as a backend computes them."""
-
-    def solve(self, rhs: Floats) -> Floats:
-        """Solve for one or more right-hand sides, (n,) or (n, m)."""
-        ...
-
-    def pivots(self) -> Floats | None:
-        """As `Factorization.pivots`."""
-        ...
-
-    def order(self) -> Integers | None:
-        """As `Factorization.order`."""
-        ...
-
-
-class SuperLUFactors:
-    """Factors L U by SciPy.
-
-    The diagonal pivots in the order of minimum degree suit symmetric matrices.
-
-    Args:
-        matrix: (n, n), real or complex.
-        pivoted: whether to exchange rows.
-        ordered: whether rows and columns come in a good order of elimination; finding one takes a
-            quarter of the time.
-
-    Raises:
-        RuntimeError: a pivot is exactly zero.
-    """
-
-    def __init__(self, matrix: csc_matrix, pivoted: bool = False, ordered: bool = False) -> None:
-        self._pivoted = pivoted
-        # SuperLU's own choice of 20 columns at a time is a third slower on shells.
-        self._factors: SuperLU = (
-            splu(matrix)
-            if pivoted
-            else splu(
-                matrix,
-                permc_spec="NATURAL" if ordered else "MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                panel_size=4,
-                options={"SymmetricMode": True},
-            )
-        )
-
-    def solve(self, rhs: Floats) -> Floats:
-        """Solve for one or more right-hand sides, (n,) or (n, m)."""
-        if rhs.ndim == 1 or rhs.shape[1] <= _TOGETHER:
-            return self._factors.solve(rhs)
-        some = range(0, rhs.shape[1], _TOGETHER)
-        return np.hstack([self._factors.solve(rhs[:, k : k + _TOGETHER]) for k in some])
-
-    def pivots(self) -> Floats | None:
-        """Diagonal of U by degree of freedom, (n,), or None after row exchanges."""
-        if self._pivoted:
-            return None
-        return self._factors.U.diagonal().real[self._factors.perm_c]
-
-    def order(self) -> Integers | None:
-        """Degrees of freedom as they are eliminated, (n,), or None after row exchanges."""
-        return None if self._pivoted else np.argsort(self._factors.perm_c)
 
 
 @dataclass(frozen=True)
@@ -150,11 +59,9 @@ class Factorization:
     """A factorised matrix."""
 
     matrix: csc_matrix  # (n, n) what was factorised, real or complex
-    factors: Factors  # by one of the backends
-
-    def apply(self, rhs: Floats) -> Floats:
-        """Solve without looking at the residual, (n, ...) -> (n, ...)."""
-        return self.factors.solve(rhs)
+    apply: Callable[[Floats], Floats]  # solves (n, ...) without looking at the residual
+    factors: SuperLU | None = None  # with pivots on the diagonal; None by CHOLMOD
+    exchanged: bool = False  # whether rows were
 
     def times(self, shapes: Floats) -> Floats:
         """The matrix times shapes (n, m)."""
@@ -190,24 +97,13 @@ class Factorization:
         Only their signs have a meaning: as many are negative as the matrix has negative
         eigenvalues (Sylvester's law of inertia).
         """
-        return self.factors.pivots()
+        if self.factors is None:
+            return None if self.exchanged else np.ones(self.matrix.shape[0])
+        return self.factors.U.diagonal().real[self.factors.perm_c]
 
     def order(self) -> Integers | None:
-        """Degrees of freedom as they are eliminated, (n,), where that is known.
-
-        It suits every matrix with about the same pattern.
-        """
-        return self.factors.order()
-
-
-def default_backend() -> Backend:
-    """The fastest backend at hand for positive definite matrices.
-
-    The environment variable FEMUPDATE_SPARSE=superlu keeps to SciPy.
-    """
-    if os.environ.get(ENVIRONMENT, "").lower() == "superlu":
-        return "superlu"
-    return "cholmod" if cholmod_is_there() else "superlu"
+        """Degrees of freedom as they are eliminated, (n,), which suits every like pattern."""
+        return None if self.factors is None else np.argsort(self.factors.perm_c)
 
 
 def factorize(
@@ -225,7 +121,8 @@ def factorize(
     Args:
         definite: False where the matrix is known not to be positive definite.
         backend: to try first; default the fastest at hand.
-        ordered: whether rows and columns come in a good order of elimination.
+        ordered: whether rows and columns come in a good order of elimination; finding one takes a
+            quarter of the time.
 
     Raises:
         SingularMatrixError: no factorisation solves a system with it.
@@ -237,18 +134,57 @@ def factorize(
     if chosen == "cholmod" and not cholmod_is_there():
         raise StructureError("CHOLMOD is not installed; install cvxopt or use the backend superlu")
     cholesky = chosen == "cholmod" and definite and not np.iscomplexobj(matrix.data)
-    attempts: list[Callable[[], Factors]] = []
-    if cholesky:
-        attempts.append(lambda: CholmodFactors(matrix))
-    attempts += [
-        lambda: SuperLUFactors(matrix, ordered=ordered),
-        lambda: SuperLUFactors(matrix, pivoted=True),
-    ]
-    for attempt in attempts:
+    attempts: tuple[Callable[[], Factorization], ...] = (
+        lambda: _by_cholmod(matrix),
+        lambda: _by_superlu(matrix, ordered),
+        lambda: Factorization(matrix, _some_at_a_time(splu(matrix)), exchanged=True),
+    )
+    for attempt in attempts[0 if cholesky else 1 :]:
         try:
-            result = Factorization(matrix, attempt())
+            result = attempt()
         except (RuntimeError, ArithmeticError):  # a zero pivot; not positive definite
             continue
         if result.residual(result.apply(probe), probe) < _RESIDUAL:
             return result
     raise SingularMatrixError("the matrix is singular to working precision")
+
+
+def _by_superlu(matrix: csc_matrix, ordered: bool) -> Factorization:
+    """Factors L U: diagonal pivots in the order of minimum degree suit symmetric matrices."""
+    factors = splu(
+        matrix,
+        permc_spec="NATURAL" if ordered else "MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        panel_size=4,  # SuperLU's own choice of 20 columns is a third slower on shells
+        options={"SymmetricMode": True},
+    )
+    return Factorization(matrix, _some_at_a_time(factors), factors)
+
+
+def _some_at_a_time(factors: SuperLU) -> Callable[[Floats], Floats]:
+    def solve(rhs: Floats) -> Floats:
+        if rhs.ndim == 1 or rhs.shape[1] <= _TOGETHER:
+            return factors.solve(rhs)
+        some = range(0, rhs.shape[1], _TOGETHER)
+        return np.hstack([factors.solve(rhs[:, k : k + _TOGETHER]) for k in some])
+
+    return solve
+
+
+def _by_cholmod(matrix: csc_matrix) -> Factorization:
+    """Factors L L^T, from the lower triangle."""
+    cvxopt: Any = importlib.import_module("cvxopt")
+    cholmod: Any = importlib.import_module("cvxopt.cholmod")
+    lower = tril(matrix, format="coo")
+    rows, columns = lower.row.astype(np.int64), lower.col.astype(np.int64)
+    entries = cvxopt.spmatrix(lower.data, rows, columns, matrix.shape)
+    factors = cholmod.symbolic(entries)
+    cholmod.numeric(entries, factors)
+
+    def solve(rhs: Floats) -> Floats:
+        by_column = np.asarray(rhs, dtype=np.float64).reshape(len(rhs), -1)
+        solution = cvxopt.matrix(np.asfortranarray(by_column))
+        cholmod.solve(factors, solution)
+        return np.array(solution).reshape(rhs.shape)
+
+    return Factorization(matrix, solve)

@@ -37,8 +37,15 @@ def link_expansion(model: FiniteElementModel) -> csr_matrix | None:
     links = model.links
     if not len(links):
         return None
-    _check(model)
+    if links.tied.shape != (len(links), DOF_PER_NODE) or links.slave.shape != links.master.shape:
+        raise StructureError("rigid links need one master, one slave and a row of six flags each")
     slaves = slave_dof(links)
+    distinct, times = np.unique(slaves, return_counts=True)
+    _refuse(distinct[times > 1], "follows two masters; remove one of the rigid links")
+    held = distinct[model.fixed.ravel()[distinct]]
+    _refuse(held, "follows a master and is held by a support; remove one of the two")
+    itself = DOF_PER_NODE * links.slave[links.slave == links.master]
+    _refuse(itself, "follows itself; give the rigid link two nodes")
     arms = rigid_arms(model.nodes[links.slave] - model.nodes[links.master])
     link, row, column = np.nonzero(arms * links.tied[:, :, None])
     follow = coo_matrix(
@@ -60,20 +67,6 @@ def link_expansion(model: FiniteElementModel) -> csr_matrix | None:
     raise StructureError(
         f"the rigid links form a ring through node {slaves[0] // DOF_PER_NODE}; let every chain of "
         "links end in a node that follows no other"
-    )
-
-
-def _check(model: FiniteElementModel) -> None:
-    links = model.links
-    if links.tied.shape != (len(links), DOF_PER_NODE) or links.slave.shape != links.master.shape:
-        raise StructureError("rigid links need one master, one slave and a row of six flags each")
-    slaves, times = np.unique(slave_dof(links), return_counts=True)
-    _refuse(slaves[times > 1], "follows two masters; remove one of the rigid links")
-    held = slaves[model.fixed.ravel()[slaves]]
-    _refuse(held, "follows a master and is held by a support; remove one of the two")
-    _refuse(
-        DOF_PER_NODE * links.slave[links.slave == links.master],
-        "follows itself; give the rigid link two nodes",
     )
 
 

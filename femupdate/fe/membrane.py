@@ -114,7 +114,8 @@ def membrane_stiffness(
     penalty = 4.0 * (shear_modulus * thickness)[:, None] * centre.determinant
     stiffness += integrate(slip, slip, penalty)
     coupling = stiffness[:, _INTERNAL, _NODAL]
-    condensed = stiffness[:, _NODAL, _NODAL] - np.swapaxes(coupling, 1, 2) @ _internal(stiffness)
+    relaxed = np.linalg.solve(stiffness[:, _INTERNAL, _INTERNAL], coupling)
+    condensed = stiffness[:, _NODAL, _NODAL] - np.swapaxes(coupling, 1, 2) @ relaxed
     return condensed[:, _NODE_BY_NODE[:, None], _NODE_BY_NODE]
 
 
@@ -142,9 +143,3 @@ def _slip(samples: PlaneSamples, points: Floats, internal: Floats) -> Floats:
         slip[:, :, 0, u] = 0.5 * slopes[:, :, 1]
         slip[:, :, 0, v] = -0.5 * slopes[:, :, 0]
     return slip
-
-
-def _internal(stiffness: Floats) -> Floats:
-    """Load-free amplitudes of the internal modes per corner motion, sign reversed, (n, 4, 12)."""
-    internal, coupling = stiffness[:, _INTERNAL, _INTERNAL], stiffness[:, _INTERNAL, _NODAL]
-    return np.asarray(np.linalg.solve(internal, coupling), dtype=np.float64)

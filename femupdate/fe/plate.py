@@ -22,7 +22,6 @@ _NODAL, _INTERNAL = slice(0, 12), slice(12, 16)
 # 3 x 3 Gauss points integrate the square of a quadratic deflection.
 _LINE = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
 _GAUSS_3 = np.stack([np.repeat(_LINE, 3), np.tile(_LINE, 3)], axis=1)
-_WEIGHTS_3 = np.outer([5.0, 8.0, 5.0], [5.0, 8.0, 5.0]).ravel() / 81.0
 _NODE_BY_NODE = np.arange(12).reshape(3, 4).T.ravel()
 # The edges whose middles tie the covariant shear strains, each from its first to its second node.
 _EDGES_ALONG_XI = ((0, 1), (3, 2))  # eta = -1, +1
@@ -82,9 +81,10 @@ def plate_stiffness(
     bending = plane_stress(youngs_modulus, poisson_ratio) * (thickness**3 / 12.0)[:, None, None]
     stiffness = integrate(curvature, bending[:, None] @ curvature, gauss.determinant)
     stiffness[:, _INTERNAL, _INTERNAL] += integrate(mean, bending[:, None] @ mean, area)
-    shear = np.concatenate(
-        [_tied_shear(plane), np.broadcast_to(_INTERNAL_SHEAR, (len(plane), 4, 2, 4))], axis=3
-    )
+    below, above = (_edge_shear(plane, edge) for edge in _EDGES_ALONG_XI)
+    left, right = (_edge_shear(plane, edge) for edge in _EDGES_ALONG_ETA)
+    tied = np.stack([_between(below, above, _ETA), _between(left, right, _XI)], axis=2)
+    shear = np.concatenate([tied, np.broadcast_to(_INTERNAL_SHEAR, (len(plane), 4, 2, 4))], axis=3)
     shear = gauss.inverse @ shear
     rigidity = SHEAR_CORRECTION * thickness * 0.5 * youngs_modulus / (1.0 + poisson_ratio)
     stiffness += integrate(shear, rigidity[:, None, None, None] * shear, gauss.determinant)
@@ -109,7 +109,8 @@ def plate_mass(plane: Floats, thickness: Floats, density: Floats) -> Floats:
     Returns:
         (n, 12, 12) for w and the rotations about x and y, node by node, kg, kg m and kg m2.
     """
-    determinant = determinants(jacobians(plane, _GAUSS_3)) * _WEIGHTS_3
+    weights = np.outer([5.0, 8.0, 5.0], [5.0, 8.0, 5.0]).ravel() / 81.0
+    determinant = determinants(jacobians(plane, _GAUSS_3)) * weights
     deflection = _linked_deflection(plane, _GAUSS_3)[:, :, None]
     mass = integrate(deflection, deflection, determinant * (density * thickness)[:, None])
     shape = shape_functions(_GAUSS_3)
@@ -137,16 +138,6 @@ def _linked_deflection(plane: Floats, points: Floats) -> Floats:
             deflection[:, :, _RY.start + node] -= sign * side[:, :1] * bubble
             deflection[:, :, _RX.start + node] += sign * side[:, 1:] * bubble
     return deflection
-
-
-def _tied_shear(plane: Floats) -> Floats:
-    """Covariant shear strains per unit coordinate at the Gauss points, (n, g, 2, 12)."""
-    xi, eta = GAUSS_POINTS.T
-    below, above = (_edge_shear(plane, edge) for edge in _EDGES_ALONG_XI)
-    left, right = (_edge_shear(plane, edge) for edge in _EDGES_ALONG_ETA)
-    along_xi = _between(below, above, eta)
-    along_eta = _between(left, right, xi)
-    return np.stack([along_xi, along_eta], axis=2)
 
 
 def _between(first: Floats, second: Floats, position: Floats) -> Floats:

@@ -64,8 +64,7 @@ def lowest_modes(
         StructureError: the structure is a mechanism (without shift), count exceeds the degrees of
             freedom that carry mass, or the solution does not converge.
     """
-    massive = _massive(operators)
-    _check_request(massive, count, shift_hz)
+    _check_request(_massive(operators), count, shift_hz)
     stiffness = operators.stiffness(theta)
     shift = 0.0 if shift_hz is None else -((2.0 * np.pi * shift_hz) ** 2)
     shifted = stiffness if shift_hz is None else (stiffness - shift * operators.mass).tocsc()

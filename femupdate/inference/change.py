@@ -64,13 +64,19 @@ def changes(before: Floats, after: Floats) -> Changes:
     means, variances = (np.array([fit[k] for fit in fits]) for k in (1, 2))
     size = (inside * means).sum(axis=0)
     square = (inside * (variances + means**2)).sum(axis=0) - size**2
+    # Smallest changes that are named, where no other factor changes.
+    information, single = precision.diagonal(), _single(len(shift))
+    needed = math.log(NAMED / (1.0 - NAMED)) + math.log((1.0 - single) / single)
+    square_needed = (2.0 * needed + np.log1p(SCALE**2 * information)) * (
+        information + 1.0 / SCALE**2
+    )
     return Changes(
         none=float(weight[0]),
         alike=float(weight[-1]),
         probability=probability,
         size=size,
         size_sd=np.sqrt(square.clip(0.0)),
-        visible=_visible(precision),
+        visible=np.sqrt(square_needed.clip(0.0)) / information,
     )
 
 
@@ -100,12 +106,3 @@ def _fit(design: Floats, precision: Floats, shift: Floats) -> tuple[float, Float
     evidence = 0.5 * float(pull @ inverse @ pull - determinant)
     spread = np.einsum("pk,kl,pl->p", design, inverse, design)
     return evidence, design @ (inverse @ pull), spread
-
-
-def _visible(precision: Floats) -> Floats:
-    """Smallest changes (p,) that are named, where no other factor changes."""
-    information = precision.diagonal()
-    single = _single(len(information))
-    needed = math.log(NAMED / (1.0 - NAMED)) + math.log((1.0 - single) / single)
-    square = (2.0 * needed + np.log1p(SCALE**2 * information)) * (information + 1.0 / SCALE**2)
-    return np.asarray(np.sqrt(square.clip(0.0)) / information)

@@ -115,31 +115,24 @@ def r_hat(draws: ArrayLike) -> Floats | None:
     Analysis 16, 667). Only chains that ran apart may be compared: draws of one importance sample
     agree however poor they are.
     """
+    # The statistics of scipy take a second to be imported.
+    from scipy.stats import rankdata
+
+    def reduction(chains: Floats) -> float:
+        """Of chains (c, n), by normal scores of their ranks (Blom 1958; Gelman & Rubin 1992)."""
+        rank = rankdata(chains).reshape(chains.shape)
+        scores, count = ndtri((rank - 0.375) / (chains.size + 0.25)), chains.shape[1]
+        within = scores.var(axis=1, ddof=1).mean()
+        between = scores.mean(axis=1).var(ddof=1)
+        ratio = (count - 1) / count + between / within if within > 0.0 else np.nan
+        return float(np.sqrt(ratio))
+
     values = np.asarray(draws, dtype=float)
     if len(values) < 2:
         return None
     half = values.shape[1] // 2
     halves = np.moveaxis(np.concatenate([values[:, :half], values[:, -half:]]), -1, 0)
-    return np.array(
-        [max(_plain(_scores(x)), _plain(_scores(np.abs(x - np.median(x))))) for x in halves]
-    )
-
-
-def _scores(chains: Floats) -> Floats:
-    """Normal scores of the ranks over all chains (Blom 1958)."""
-    # The statistics of scipy take a second to be imported.
-    from scipy.stats import rankdata
-
-    rank = rankdata(chains).reshape(chains.shape)
-    return np.asarray(ndtri((rank - 0.375) / (chains.size + 0.25)))
-
-
-def _plain(chains: Floats) -> float:
-    """Potential scale reduction of chains (c, n) (Gelman & Rubin 1992)."""
-    draws = chains.shape[1]
-    within = chains.var(axis=1, ddof=1).mean()
-    between = chains.mean(axis=1).var(ddof=1)
-    return float(np.sqrt((draws - 1) / draws + between / within)) if within > 0.0 else float("nan")
+    return np.array([max(reduction(x), reduction(np.abs(x - np.median(x)))) for x in halves])
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,15 @@ from torch import Tensor
 from torch.quasirandom import SobolEngine
 
 from femupdate.errors import InferenceError
-from femupdate.inference.importance import WeightedDraws, importance_sample, students
+from femupdate.inference.importance import (
+    EDGE,
+    LogLikelihood,
+    WeightedDraws,
+    importance_sample,
+    students,
+)
 from femupdate.inference.likelihood import Likelihood, Row
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.tempering import EDGE, LogLikelihood
 from femupdate.maximise import (
     Descent,
     Residuals,

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.arrays import Complexes, Floats, Integers
+from femupdate.arrays import Floats, Integers
 from femupdate.errors import StudyError
 from femupdate.inference.error_draws import ErrorDraws, errors_as_groups, errors_from_groups
 from femupdate.inference.event_scatter import (
@@ -154,6 +154,14 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
         "chain": np.arange(posterior.values.shape[0]),
         "draw": np.arange(posterior.values.shape[1]),
     }
+    each = "floor", "frequency_hz"
+    measured: dict[str, Any] = {"valid": (each, observation.valid.astype(np.int8))}
+    for name in ("log_frf", "noise_sd", "phase", "coherence", "scatter"):
+        if (values := getattr(observation, name)) is not None:
+            measured[name] = (each, values)
+    if observation.rotation is not None:
+        parts = np.stack([observation.rotation.real, observation.rotation.imag])
+        measured["rotation"] = (("part", "frequency_hz"), parts)
     draws: dict[str, Any] = {"theta": ((*chain_draw, "parameter"), posterior.theta)}
     if posterior.zeta_samples is not None:
         draws["zeta"] = (chain_draw, posterior.zeta)
@@ -168,7 +176,7 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
             ),
             "/sample_stats": xr.Dataset(stats, coords=coordinates),
             "/observed_data": xr.Dataset(
-                _measured(observation),
+                measured,
                 coords=grid,
                 attrs={
                     "source": observation.source,
@@ -193,26 +201,6 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
     write_tree(tree, path)
 
 
-def _measured(observation: Observation) -> dict[str, Any]:
-    """The variables of an observation, with their dimensions."""
-    each = "floor", "frequency_hz"
-    known = {
-        "log_frf": observation.log_frf,
-        "noise_sd": observation.noise_sd,
-        "valid": observation.valid.astype(np.int8),
-        "phase": observation.phase,
-        "coherence": observation.coherence,
-        "scatter": observation.scatter,
-    }
-    measured: dict[str, Any] = {
-        name: (each, values) for name, values in known.items() if values is not None
-    }
-    if observation.rotation is not None:
-        parts = np.stack([observation.rotation.real, observation.rotation.imag])
-        measured["rotation"] = (("part", "frequency_hz"), parts)
-    return measured
-
-
 def load_posterior(path: Path) -> Posterior:
     """Read what `save_posterior` wrote.
 
@@ -223,7 +211,21 @@ def load_posterior(path: Path) -> Posterior:
         raise StudyError(f"there is no posterior {path}; run `femupdate calibrate` first")
     try:
         posterior = _posterior(read_tree(Path(path)))
-        _check(posterior)
+        arrays = {"theta": posterior.values, "lp": posterior.log_likelihood}
+        shapes = {"theta": "cdp", "lp": "cd"}
+        if posterior.scatter is not None:
+            arrays |= {"sd": posterior.scatter.sd, "shift": posterior.scatter.shift}
+            shapes |= {"sd": "cdq", "shift": "cdq"}
+        check_shapes(arrays, shapes)
+        # Draws of effects may lie beyond what is likely of their sizes, but never far.
+        low, high = posterior.bounds.T
+        width = high - low
+        beyond = (posterior.theta < low - width) | (posterior.theta > high + width)
+        if beyond.any():
+            name = posterior.names[int(np.argwhere(beyond)[0, -1])]
+            raise ValueError(f"draws of {name} lie outside its prior")
+        if not ((posterior.zeta >= 0) & (posterior.zeta < 1)).all():
+            raise ValueError("a damping ratio is not from 0 to 1")
         return posterior
     # Bytes that are wrong somewhere make HDF5 and its layers raise errors of every kind.
     except Exception as error:
@@ -233,45 +235,20 @@ def load_posterior(path: Path) -> Posterior:
         ) from error
 
 
-def _check(posterior: Posterior) -> None:
-    """Refuse draws that no sampler of ours has made."""
-    arrays = {"theta": posterior.values, "lp": posterior.log_likelihood}
-    shapes = {"theta": "cdp", "lp": "cd"}
-    if posterior.scatter is not None:
-        arrays = {**arrays, "sd": posterior.scatter.sd, "shift": posterior.scatter.shift}
-        shapes = {**shapes, "sd": "cdq", "shift": "cdq"}
-    check_shapes(arrays, shapes)
-    # Draws of effects may lie beyond what is likely of their sizes, but never far.
-    low, high = posterior.bounds.T
-    width = high - low
-    beyond = (posterior.theta < low - width) | (posterior.theta > high + width)
-    if beyond.any():
-        name = posterior.names[int(np.argwhere(beyond)[0, -1])]
-        raise ValueError(f"draws of {name} lie outside its prior")
-    if not ((posterior.zeta >= 0) & (posterior.zeta < 1)).all():
-        raise ValueError("a damping ratio is not from 0 to 1")
-
-
 def _posterior(tree: Any) -> Posterior:
     draws, stats, constants, measured = (
         tree[group].to_dataset()
         for group in ("posterior", "sample_stats", "constant_data", "observed_data")
     )
-    known = _parameters(constants)
-    return Posterior(
-        parameters=known,
-        values=_values(draws, known),
-        log_likelihood=stats["lp"].values,
-        drawn=DrawnBy(**json.loads(tree.attrs["drawn_by"])),
-        observation=_observation(measured),
-        settings=json.loads(tree.attrs["settings"]),
-        model_error=errors_from_groups(tree),
-        scatter=scatter_from_group(tree),
-        warnings=tuple(json.loads(tree.attrs["warnings"])),
+    if "prior_kind" not in constants:
+        raise ValueError("an earlier version wrote it")
+    rows = zip(*(constants[f"prior_{of}"].values.tolist() for of in _OF_PRIOR), strict=True)
+    known = Parameters(
+        tuple(
+            Parameter(name=str(name), **dict(zip(_OF_PRIOR, row, strict=True)))
+            for name, row in zip(constants["parameter"].values, rows, strict=True)
+        )
     )
-
-
-def _values(draws: Any, known: Parameters) -> Floats:
     theta, (at,) = draws["theta"].values, known.columns("damping")
     if tuple(map(str, draws["parameter"].values)) != known.of(*_OF_STRUCTURE).names:
         raise ValueError("its draws are of other parameters than its prior")
@@ -282,39 +259,32 @@ def _values(draws: Any, known: Parameters) -> Floats:
     values = np.empty((*theta.shape[:2], len(known.entries)))
     values[..., known.columns(*_OF_STRUCTURE)] = theta
     values[..., at] = zeta
-    return values
-
-
-def _parameters(group: Any) -> Parameters:
-    if "prior_kind" not in group:
-        raise ValueError("an earlier version wrote it")
-    rows = zip(*(group[f"prior_{of}"].values.tolist() for of in _OF_PRIOR), strict=True)
-    pairs = zip(group["parameter"].values, rows, strict=True)
-    return Parameters(
-        tuple(
-            Parameter(name=str(name), **dict(zip(_OF_PRIOR, row, strict=True)))
-            for name, row in pairs
-        )
-    )
-
-
-def _complex(parts: Floats) -> Complexes:
-    """(m,) of real and imaginary parts (2, m)."""
-    return np.asarray(parts[0] + 1j * parts[1])
-
-
-def _observation(group: Any) -> Observation:
-    return Observation(
-        frequency_hz=group["frequency_hz"].values,
-        floors=tuple(str(name) for name in group["floor"].values),
-        log_frf=group["log_frf"].values,
-        noise_sd=group["noise_sd"].values,
-        valid=group["valid"].values.astype(bool),
-        phase=group["phase"].values if "phase" in group else None,
-        coherence=group["coherence"].values if "coherence" in group else None,
-        resolution_hz=float(group.attrs["resolution_hz"]) or None,
-        scatter=group["scatter"].values if "scatter" in group else None,
-        rotation=_complex(group["rotation"].values) if "rotation" in group else None,
-        source=str(group.attrs["source"]),
-        notes=tuple(json.loads(group.attrs["notes"])),
+    optional = {
+        name: measured[name].values
+        for name in ("phase", "coherence", "scatter")
+        if name in measured
+    }
+    if "rotation" in measured:
+        real, imaginary = measured["rotation"].values
+        optional["rotation"] = np.asarray(real + 1j * imaginary)
+    return Posterior(
+        parameters=known,
+        values=values,
+        log_likelihood=stats["lp"].values,
+        drawn=DrawnBy(**json.loads(tree.attrs["drawn_by"])),
+        observation=Observation(
+            frequency_hz=measured["frequency_hz"].values,
+            floors=tuple(str(name) for name in measured["floor"].values),
+            log_frf=measured["log_frf"].values,
+            noise_sd=measured["noise_sd"].values,
+            valid=measured["valid"].values.astype(bool),
+            resolution_hz=float(measured.attrs["resolution_hz"]) or None,
+            source=str(measured.attrs["source"]),
+            notes=tuple(json.loads(measured.attrs["notes"])),
+            **optional,
+        ),
+        settings=json.loads(tree.attrs["settings"]),
+        model_error=errors_from_groups(tree),
+        scatter=scatter_from_group(tree),
+        warnings=tuple(json.loads(tree.attrs["warnings"])),
     )

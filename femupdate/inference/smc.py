@@ -17,15 +17,16 @@ import torch
 from torch import Tensor
 
 from femupdate.errors import InferenceError
-from femupdate.inference.importance import Mixture, fit_mixture
-from femupdate.inference.parameters import Parameters
-from femupdate.inference.tempering import (
+from femupdate.inference.importance import (
     EDGE,
     LogLikelihood,
+    Mixture,
     SamplerRun,
+    fit_mixture,
     next_increment,
     systematic_rows,
 )
+from femupdate.inference.parameters import Parameters
 from femupdate.seeds import Seed, torch_generator
 
 # Moves at the whole likelihood before draws are kept, in which the tuning rests.

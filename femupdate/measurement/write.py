@@ -174,40 +174,36 @@ def write_mapping(
         channels: all of the file.
         unit: of the accelerations, where the file does not say it.
     """
+
+    def quoted(text: str) -> str:
+        escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+
+    def told(channel: RecordedChannel) -> str:
+        azimuth = channel.azimuth_deg
+        words = [channel.location or channel.name, channel.direction]
+        words.append("" if azimuth is None else f"azimuth {azimuth:.0f}")
+        return ", ".join(" ".join(word.split()) for word in words if word)
+
     lines = [_HEAD.format(file=file.name)]
     if unit is not None:
-        lines.append(f"unit = {_quoted(unit)}\n")
+        lines.append(f"unit = {quoted(unit)}\n")
     lines.append("[columns]")
+    by_name = {channel.name: k for k, channel in reversed([*enumerate(channels)])}
     used = set()
     for ours, theirs in columns.items():
-        number = _number(theirs, channels)
+        plain = theirs.removeprefix("-")
+        number = by_name.get(plain)
+        if plain.isdecimal() and int(plain) <= len(channels):
+            number = int(plain) - 1
         used.add(number)
-        value = theirs if theirs.isdecimal() else _quoted(theirs)
-        told = "" if number is None else f"  # {_told(channels[number])}"
-        lines.append(f"{ours if ours.isalnum() else _quoted(ours)} = {value}{told}")
+        value = theirs if theirs.isdecimal() else quoted(theirs)
+        words = "" if number is None else f"  # {told(channels[number])}"
+        lines.append(f"{ours if ours.isalnum() else quoted(ours)} = {value}{words}")
     rest = [k for k in range(len(channels)) if k not in used]
     if rest:
         lines.append("\n# Not used:")
-        lines += [f"# {k + 1}: {_told(channels[k])}" for k in rest]
+        lines += [f"# {k + 1}: {told(channels[k])}" for k in rest]
     with atomic_path(path, MeasurementError) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
     return path
-
-
-def _number(theirs: str, channels: Sequence[RecordedChannel]) -> int | None:
-    plain = theirs.removeprefix("-")
-    if plain.isdecimal() and int(plain) <= len(channels):
-        return int(plain) - 1
-    return next((k for k, channel in enumerate(channels) if channel.name == plain), None)
-
-
-def _told(channel: RecordedChannel) -> str:
-    azimuth = channel.azimuth_deg
-    words = [channel.location or channel.name, channel.direction]
-    words.append("" if azimuth is None else f"azimuth {azimuth:.0f}")
-    return ", ".join(" ".join(word.split()) for word in words if word)
-
-
-def _quoted(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'

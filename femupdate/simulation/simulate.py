@@ -198,16 +198,7 @@ def simulate_observation(
         recorded,
         f"synthetic observation of {building.name}",
     )
-    told = replace(
-        _truth(building, truth, theta, zeta, chosen.seed),
-        effects=tuple((placed.label, values) for placed, values in effects),
-        motion=_told_motion(chosen, motion, fine.direction),
-        noise={
-            "sensor_rms_m_s2": chosen.sensor_noise_m_s2,
-            "quantisation_m_s2": chosen.quantisation_m_s2,
-        },
-    )
-    return Simulation(histories, told)
+    return Simulation(histories, _told(building, chosen, truth, (theta, zeta), motion, effects))
 
 
 def write_simulation(
@@ -325,45 +316,47 @@ def _with_rotation(
     return motion
 
 
-def _truth(
-    building: Building, truth: Truth, theta: Floats, zeta: float | None, seed: int
+def _told(
+    building: Building,
+    settings: SimulationSettings,
+    truth: Truth,
+    sample: tuple[Floats, float | None],
+    motion: GroundMotion,
+    effects: Sequence[tuple[Placed, tuple[float, ...]]],
 ) -> SimulationTruth:
+    """What inference should find, of a sample: stiffness factors and damping ratio."""
     # Modes are named that move a hundredth of the mass.
-    driven = truth.effective_mass >= 0.01
+    driven, fine = truth.effective_mass >= 0.01, truth.fine
+    noise, turns = settings.base_motion is None, motion.rotation is not None
+    places = zip(fine.channels, fine.places, strict=True)
     return SimulationTruth(
         parameters=tuple(factor_ranges(building)),
-        theta=theta,
-        zeta=zeta,
+        theta=sample[0],
+        zeta=sample[1],
         frequency_hz=truth.frequency_hz[driven],
         effective_mass=truth.effective_mass[driven],
         building=building.name,
         building_hash=mechanics_hash(building),
-        mesh_size=truth.fine.mesh_size,
-        dof=truth.fine.dof,
-        places={
-            channel.name: place
-            for channel, place in zip(truth.fine.channels, truth.fine.places, strict=True)
-            if place
+        mesh_size=fine.mesh_size,
+        dof=fine.dof,
+        places={channel.name: place for channel, place in places if place},
+        seed=settings.seed,
+        motion={
+            "title": motion.title,
+            "direction": fine.direction,
+            "duration_s": motion.acceleration.size / settings.sampling_hz,
+            "sampling_hz": settings.sampling_hz,
+            "rms_m_s2": settings.rms_m_s2 if noise else None,
+            "band_hz": list(settings.band_hz) if noise else None,
+            "rotation_rms_rad_s2": settings.rotation_rms,
+            "vertical_sensors_m": list(settings.vertical_at) if turns else [],
         },
-        seed=seed,
+        noise={
+            "sensor_rms_m_s2": settings.sensor_noise_m_s2,
+            "quantisation_m_s2": settings.quantisation_m_s2,
+        },
+        effects=tuple((placed.label, values) for placed, values in effects),
     )
-
-
-def _told_motion(
-    settings: SimulationSettings, motion: GroundMotion, direction: str
-) -> dict[str, Any]:
-    """What moved the base, as JSON holds it."""
-    noise = settings.base_motion is None
-    return {
-        "title": motion.title,
-        "direction": direction,
-        "duration_s": motion.acceleration.size / settings.sampling_hz,
-        "sampling_hz": settings.sampling_hz,
-        "rms_m_s2": settings.rms_m_s2 if noise else None,
-        "band_hz": list(settings.band_hz) if noise else None,
-        "rotation_rms_rad_s2": settings.rotation_rms,
-        "vertical_sensors_m": [] if motion.rotation is None else list(settings.vertical_at),
-    }
 
 
 _RAMP_S = 1.0  # a table starts and stops smoothly

@@ -258,9 +258,7 @@ def truth_of(
         share = (vectors.T @ reduced.model.excitation) ** 2
         frequency = np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi)
         return Truth(fine, system, theta, values, frequency, share / share.sum())
-    mesh, operators = structure.mesh, structure.operators
-    assert mesh is not None
-    assert operators is not None
+    mesh, operators = structure.meshed
     nodes = np.concatenate([mesh.floor_nodes[floor] for floor in mesh.floors])
     rows = np.zeros((len(nodes), operators.dof))
     rows[np.arange(len(nodes)), DOF_PER_NODE * nodes + structure.direction] = 1.0

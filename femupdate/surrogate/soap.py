@@ -71,60 +71,37 @@ class Soap:
     def _step(
         self, weight: Tensor, gradient: Tensor, group: dict[str, Any], state: dict[str, Tensor]
     ) -> None:
-        if not state:
+        first = not state
+        if first:
             state["step"] = torch.zeros(())
             state["mean"], state["square"] = torch.zeros_like(weight), torch.zeros_like(weight)
-        first = float(state["step"]) == 0.0
         state["step"] += 1.0
-        if group["rotate"]:
-            _accumulate(state, gradient, group["shape_beta"], first)
-            turned = _turn(gradient, state)
-        else:
-            turned = gradient
+        turned, rotated, bases = gradient, group["rotate"], ("rows basis", "columns basis")
+        if rotated:
+            # Covariances of the gradient's rows and columns, and at first their eigenbases.
+            products = {"rows": gradient @ gradient.T, "columns": gradient.T @ gradient}
+            for name, product in products.items():
+                if first:
+                    state[name] = product
+                    state[f"{name} basis"] = torch.linalg.eigh(product)[1].contiguous()
+                else:
+                    state[name].lerp_(product, 1.0 - group["shape_beta"])
+            left, right = (state[name] for name in bases)
+            turned = left.T @ gradient @ right
         mean_beta, square_beta = group["betas"]
         state["mean"].lerp_(gradient, 1.0 - mean_beta)
         state["square"].mul_(square_beta).addcmul_(turned, turned, value=1.0 - square_beta)
         # Running means start from zero, so they are scaled up at first.
         count = float(state["step"])
         mean = state["mean"] / (1.0 - mean_beta**count)
-        square = state["square"] / (1.0 - square_beta**count)
-        if group["rotate"]:
-            step = _turn_back(_turn(mean, state) / (square.sqrt() + _EPSILON), state)
-        else:
-            step = mean / (square.sqrt() + _EPSILON)
+        root = (state["square"] / (1.0 - square_beta**count)).sqrt() + _EPSILON
+        step = left @ ((left.T @ mean @ right) / root) @ right.T if rotated else mean / root
         weight.mul_(1.0 - group["lr"] * group["weight_decay"]).sub_(step, alpha=group["lr"])
-        if group["rotate"] and count % group["every"] == 0.0:
-            _follow(state)
-
-
-def _accumulate(state: dict[str, Any], gradient: Tensor, beta: float, first: bool) -> None:
-    """Update the covariances of the gradient's rows and columns; make the first basis."""
-    for name, product in (("rows", gradient @ gradient.T), ("columns", gradient.T @ gradient)):
-        if first:
-            state[name], state[f"{name} basis"] = (
-                product,
-                torch.linalg.eigh(product)[1].contiguous(),
-            )
-        else:
-            state[name].lerp_(product, 1.0 - beta)
-
-
-def _turn(matrix: Tensor, state: dict[str, Any]) -> Tensor:
-    """Rotate into the eigenbasis."""
-    turned: Tensor = state["rows basis"].T @ matrix @ state["columns basis"]
-    return turned
-
-
-def _turn_back(matrix: Tensor, state: dict[str, Any]) -> Tensor:
-    turned: Tensor = state["rows basis"] @ matrix @ state["columns basis"].T
-    return turned
-
-
-def _follow(state: dict[str, Any]) -> None:
-    """Update the eigenbases by one power iteration, largest eigenvalue first."""
-    for axis, name in enumerate(("rows", "columns")):
-        basis, covariance = state[f"{name} basis"], state[name]
-        image = covariance @ basis
-        order = (basis * image).sum(0).argsort(descending=True)
-        state["square"] = state["square"].index_select(axis, order)
-        state[f"{name} basis"] = torch.linalg.qr(image[:, order])[0].contiguous()
+        if rotated and count % group["every"] == 0.0:
+            # The eigenbases follow by one power iteration, largest eigenvalue first.
+            for axis, name in enumerate(("rows", "columns")):
+                basis = state[f"{name} basis"]
+                image = state[name] @ basis
+                order = (basis * image).sum(0).argsort(descending=True)
+                state["square"] = state["square"].index_select(axis, order)
+                state[f"{name} basis"] = torch.linalg.qr(image[:, order])[0].contiguous()

@@ -14,7 +14,6 @@ from typing import Any
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
-from torch import Tensor
 
 from femupdate.building.document import Building, mechanics_hash
 from femupdate.errors import SurrogateError
@@ -86,7 +85,10 @@ class Surrogate:
 
 def save_surrogate(surrogate: Surrogate, path: Path) -> None:
     """Write a surrogate, atomically."""
-    tensors = {name: _packed(name, tensor) for name, tensor in surrogate.mvae.state_dict().items()}
+    tensors = {}
+    for name, tensor in surrogate.mvae.state_dict().items():
+        kind = torch.float16 if name.startswith(_HALF_PRECISION) else torch.float32
+        tensors[name] = tensor.detach().to("cpu", kind).contiguous()
     header = {"sizes": asdict(surrogate.mvae.sizes), **asdict(surrogate.info)}
     if not surrogate.info.calibration:
         del header["calibration"], header["likelihood_power"]
@@ -103,33 +105,24 @@ def load_surrogate(path: Path) -> Surrogate:
         with safe_open(path, framework="pt") as file:
             header = json.loads((file.metadata() or {})["femupdate"])
             state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
-        mvae = _filled(header.pop("sizes"), state)
-        return Surrogate(mvae, SurrogateInfo(**{**header, "floors": tuple(header["floors"])}))
+        sizes, held = header.pop("sizes"), sum(value.numel() for value in state.values())
+        asked = NetworkSizes(**sizes)
+        if min(sizes.values()) < 0 or asked.least_weights > held:
+            raise ValueError(f"{held} weights are not of its sizes")
+        # The weights that they start from are drawn at random: leave the caller's state alone.
+        with torch.random.fork_rng(devices=[]):
+            mvae = Mvae(asked)
+        mvae.load_state_dict(state)
+        wrong = [name for name, value in state.items() if not torch.isfinite(value).all()]
+        if wrong:
+            raise ValueError(f"{wrong[0]} holds a value that is no number")
+        info = SurrogateInfo(**{**header, "floors": tuple(header["floors"])})
+        return Surrogate(mvae.eval(), info)
     except _UNREADABLE as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise SurrogateError(
             f"{path} is not a trained surrogate of femupdate ({reason}); run `femupdate train`"
         ) from error
-
-
-def _filled(sizes: Mapping[str, Any], state: Mapping[str, Tensor]) -> Mvae:
-    """Networks with these weights."""
-    asked, held = NetworkSizes(**sizes), sum(value.numel() for value in state.values())
-    if min(sizes.values()) < 0 or asked.least_weights > held:
-        raise ValueError(f"{held} weights are not of its sizes")
-    # The weights that they start from are drawn at random: leave the caller's random state alone.
-    with torch.random.fork_rng(devices=[]):
-        mvae = Mvae(asked)
-    mvae.load_state_dict(state)
-    wrong = [name for name, value in state.items() if not torch.isfinite(value).all()]
-    if wrong:
-        raise ValueError(f"{wrong[0]} holds a value that is no number")
-    return mvae.eval()
-
-
-def _packed(name: str, tensor: Tensor) -> Tensor:
-    half = name.startswith(_HALF_PRECISION)
-    return tensor.detach().to("cpu", torch.float16 if half else torch.float32).contiguous()
 
 
 TRAINED = StudyPart(
@@ -145,7 +138,15 @@ TRAINED = StudyPart(
 def find_surrogate(study: Study, building: Building) -> tuple[Surrogate, Path] | None:
     """The study's own surrogate, or the shipped one, if it was trained for this building."""
     kept = study.kept(TRAINED, {"building": mechanics_hash(building)})
-    return _shipped(building) if kept is None else (kept, study.path(TRAINED.file))
+    if kept is not None:
+        return kept, study.path(TRAINED.file)
+    resource = files("femupdate.models") / f"{building.name}.safetensors"
+    if not resource.is_file():
+        return None
+    with as_file(resource) as path:
+        surrogate = load_surrogate(path)
+        fits = surrogate.info.mechanics_hash == mechanics_hash(building)
+        return (surrogate, path) if fits else None
 
 
 def require_surrogate(study: Study, building: Building, asked: str | None = None) -> Surrogate:
@@ -166,13 +167,3 @@ def require_surrogate(study: Study, building: Building, asked: str | None = None
             f"{options}` (once for each building), or calibrate with --exact"
         )
     return found[0]
-
-
-def _shipped(building: Building) -> tuple[Surrogate, Path] | None:
-    resource = files("femupdate.models") / f"{building.name}.safetensors"
-    if not resource.is_file():
-        return None
-    with as_file(resource) as path:
-        surrogate = load_surrogate(path)
-        fits = surrogate.info.mechanics_hash == mechanics_hash(building)
-        return (surrogate, path) if fits else None

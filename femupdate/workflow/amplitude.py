@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats, Integers
-from femupdate.dynamics.history import HistorySettings, floor_histories
+from femupdate.dynamics.history import BATCH, floor_histories
 from femupdate.dynamics.level import RunLevels, levels_in_run, motion_level
 from femupdate.dynamics.system import System, changes_in_run
 from femupdate.effects.effect import Placed
@@ -219,7 +219,7 @@ def at_own_level(
         )
         return AtOwnLevel(theta, zeta, np.zeros(len(theta)), note)
     all_draws = _Draws(system, *draws, keep_damping)
-    found, start, batch = [], 0.0, HistorySettings().batch
+    found, start, batch = [], 0.0, BATCH
     for first in range(0, len(theta), batch):
         some = all_draws.rows(slice(first, first + batch))
         found.append(own_level(partial(some.reached, motion, reference), len(some.theta), start))

@@ -11,10 +11,9 @@ from femupdate.arrays import Complexes, Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.frf import estimate_frf, on_grid
 from femupdate.measurement.histories import Histories
-from femupdate.measurement.kinds import kind_in
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import Observation
-from femupdate.measurement.reader import read_measured
+from femupdate.measurement.reader import kind_in, read_measured
 from femupdate.progress import SILENT
 from femupdate.result import Item, Note, Result
 from femupdate.study import Study

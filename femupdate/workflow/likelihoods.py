@@ -22,6 +22,7 @@ from femupdate.inference.frf_data import (
     that_says,
     together,
 )
+from femupdate.inference.importance import SamplerRun
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import Data, Likelihood, cost_of_scatter, likelihood_of
 from femupdate.inference.maxima import Settled, settled
@@ -30,7 +31,6 @@ from femupdate.inference.model_error import COARSE_ERROR, MODEL_ERROR, WILD, Err
 from femupdate.inference.parameters import Parameters, damping_parameter, theta_prior
 from femupdate.inference.posterior import DrawnBy
 from femupdate.inference.smc import SmcSettings
-from femupdate.inference.tempering import SamplerRun
 from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, torch_generator

@@ -12,7 +12,6 @@ from femupdate.arrays import Floats, Integers
 from femupdate.building.shear import require_heights
 from femupdate.dynamics.history import OwnLevel, history_batches
 from femupdate.dynamics.members import (
-    BaseRecord,
     MemberForces,
     Place,
     choose_members,
@@ -28,7 +27,7 @@ from femupdate.inference.next_event import EventErrors
 from femupdate.inference.parameters import Values
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.histories import Histories
-from femupdate.measurement.kinds import read_observation_file
+from femupdate.measurement.reader import read_observation_file
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.progress import SILENT, Progress
 from femupdate.report.prediction import Prediction, read_prediction, save_prediction
@@ -329,7 +328,7 @@ def _members(
         chosen,
         values.of_structure[few].numpy(),
         values.zeta[few].numpy(),
-        BaseRecord(motion.acceleration, motion.time_step),
+        (motion.acceleration, motion.time_step),
         1.3 * float(model.frequency_hz[-1]),
         progress,
     )

@@ -9,13 +9,12 @@ import numpy as np
 import torch
 
 from femupdate.errors import InferenceError
-from femupdate.inference.importance import Counted, draws_about_particles
+from femupdate.inference.importance import Counted, SamplerRun, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import TRUSTED, draws_about
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import Hamiltonian, SmcSettings, TemperedSmc
-from femupdate.inference.tempering import SamplerRun
 from femupdate.maximise import Descent
 from femupdate.progress import SILENT, Percent, Progress
 from femupdate.seeds import Seed, spawn

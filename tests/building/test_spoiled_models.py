@@ -81,7 +81,7 @@ SPOILED = {
         "CORD2R  9       9",
         "in a circle .9 to 9.; correct",
     ),
-    "bdf: missing system": ("GRID    12      9", "GRID    12      8", "no system 8; add CORD2R 8"),
+    "bdf: missing system": ("GRID    12      9", "GRID    12      8", "no CORD2R 8; add it"),
     "bdf: flat system": ("+       1000.", "+       0.   ", "lie on one line"),
     "bdf: no number": (
         "GRID    6               4000.",
@@ -164,7 +164,7 @@ SPOILED = {
         r"line \d+: CONNECTIVITY - LINK GLOBAL: .*; replace",
     ),
     "s2k: missing joint": ("JointI=99", "JointI=98", "there is no joint 98; add"),
-    "s2k: missing section": ('AnalSect="COL"', 'AnalSect="COL2"', "no section COL2; add it to"),
+    "s2k: missing section": ('AnalSect="COL"', 'AnalSect="COL2"', "no section COL2; add it"),
     "s2k: missing material": (
         "Material=C30   Shape",
         "Material=C31   Shape",

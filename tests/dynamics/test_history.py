@@ -6,7 +6,6 @@ from scipy.integrate import solve_ivp
 
 from femupdate.dynamics import (
     ConstantDamping,
-    HistorySettings,
     RayleighDamping,
     ReducedModel,
     System,
@@ -16,7 +15,7 @@ from femupdate.dynamics import (
 from femupdate.dynamics.recurrence import interpolate_record
 from femupdate.errors import MeasurementError, StructureError
 
-STRAIGHT = HistorySettings(oversampling=1, tolerance=0.0)
+STRAIGHT = {"oversampling": 1, "tolerance": 0.0}
 MASS = np.array([3000.0, 2000.0, 1700.0, 900.0])
 SPRING = np.array([9e6, 5e6, 4e6, 1.5e6])
 THETA = np.array([[1.0, 1.0, 1.0, 1.0], [0.5, 2.1, 0.8, 1.3], [2.7, 0.4, 1.9, 0.6]])
@@ -103,9 +102,7 @@ def step_response(omega: float, zeta: float, t: np.ndarray) -> np.ndarray:
 def test_free_response_to_a_step_is_exact_for_any_time_step(zeta, step_over_period):
     omega = 2.0 * np.pi * 1.7
     step = step_over_period / 1.7
-    found = floor_histories(
-        oscillator(omega), [[1.0]], zeta, np.full(60, 0.8), step, settings=STRAIGHT
-    )
+    found = floor_histories(oscillator(omega), [[1.0]], zeta, np.full(60, 0.8), step, **STRAIGHT)
     exact = 0.8 * step_response(omega, zeta, np.arange(60) * step)
     # Round-off of the matrix exponential grows with the 60 steps.
     np.testing.assert_allclose(found.story_drift[0, 0], exact, atol=1e-11 * np.abs(exact).max())
@@ -130,7 +127,7 @@ def test_chain_against_scipy(sample):
     M, K = chain_matrices(THETA[sample])
     relative, absolute = integrate(M, K, modal_damping_matrix(M, K, zeta), record, step)
     found = floor_histories(
-        shear_building(MASS, SPRING), THETA, [zeta] * 3, record, step, settings=STRAIGHT
+        shear_building(MASS, SPRING), THETA, [zeta] * 3, record, step, **STRAIGHT
     )
     drift = np.diff(relative, axis=1, prepend=0.0).T
     shear = -np.cumsum((MASS * absolute)[:, ::-1], axis=1)[:, ::-1].T
@@ -148,9 +145,8 @@ def test_rayleigh_damping_against_scipy():
     M, K = chain_matrices(THETA[1])
     C = law.mass_coefficient * M + law.stiffness_coefficient * K
     _, absolute = integrate(M, K, C, record, step)
-    chosen = HistorySettings(oversampling=1, tolerance=0.0)
     found = floor_histories(
-        shear_building(MASS, SPRING, law=law), THETA[1:2], 0.9, record, step, settings=chosen
+        shear_building(MASS, SPRING, law=law), THETA[1:2], 0.9, record, step, **STRAIGHT
     )
     scale = np.abs(absolute).max()
     np.testing.assert_allclose(found.floor_acceleration[0], absolute.T, atol=1e-7 * scale)

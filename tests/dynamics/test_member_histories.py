@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import from_document, to_document
-from femupdate.dynamics import BaseRecord, ConstantDamping, choose_members, member_forces
+from femupdate.dynamics import ConstantDamping, choose_members, member_forces
 from femupdate.errors import BuildingError
 
 MASS, HEIGHT = 40e3, 3.0
@@ -96,7 +96,7 @@ def wall_frame():
 def slow():
     """A ground acceleration that rises to 1 m/s2 and falls again within 20 s."""
     t = np.linspace(0.0, 20.0, 1001)
-    return BaseRecord(np.sin(np.pi * t / 20.0) ** 2, 0.02)
+    return np.sin(np.pi * t / 20.0) ** 2, 0.02
 
 
 def forces(building, theta, zeta, wanted, motion=None):

@@ -8,7 +8,6 @@ from scipy.sparse.linalg import splu
 from femupdate.building import from_document
 from femupdate.dynamics import (
     ConstantDamping,
-    HistorySettings,
     Rows,
     SensorRows,
     driven_system,
@@ -68,8 +67,8 @@ def displacements(found, rows, zeta, record, time_step, oversampling=8):
     shapes = torch.from_numpy(rows @ found.shapes)
     sample = torch.zeros(1, 0, dtype=torch.float64), torch.tensor([zeta], dtype=torch.float64)
     wanted = Rows(shapes, torch.zeros(len(rows), 2, dtype=torch.float64))
-    how = HistorySettings(oversampling=oversampling)
-    return displacement_histories(found.system, sample, wanted, record, time_step, how)[0]
+    motion = record, time_step, oversampling
+    return displacement_histories(found.system, sample, wanted, *motion)[0]
 
 
 def smooth_motion(time_step, count=600):

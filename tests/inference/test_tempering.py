@@ -6,7 +6,7 @@ import torch
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from femupdate.inference.tempering import effective_sample_size, next_increment, systematic_rows
+from femupdate.inference.importance import effective_sample_size, next_increment, systematic_rows
 
 gains = st.lists(st.one_of(st.floats(-1e4, 1e4), st.just(-np.inf)), min_size=2, max_size=60).filter(
     lambda values: max(values) > -np.inf

@@ -11,7 +11,7 @@ from femupdate.measurement import (
     inspect_file,
     pair_findings,
 )
-from femupdate.measurement.next_step import next_step
+from femupdate.measurement.inspection import next_step
 
 RATE = 100.0
 

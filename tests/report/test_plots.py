@@ -137,22 +137,19 @@ FIGURES = {
     "frf with errors": lambda: frf_fit(
         response_curves(prediction(), observation(), (log_frf() - 0.5, log_frf() + 0.5))
     ),
-    "frf prior only": lambda: frf_fit(response_curves(prediction(5), unseen(5))),
     "frf roof alone": lambda: frf_fit(response_curves(prediction(1), unseen(1))),
     **{
         f"pairs {p}": lambda p=p: posterior_pairs(cases(p), names(p), bounds(p), np.ones(p))
-        for p in (1, 2, 4, 7)
+        for p in (1, 7)
     },
     "pairs of one case": lambda: posterior_pairs(cases(4)[:1], names(4), bounds(4)),
     "pairs with a constant": lambda: posterior_pairs(
         [SampleSet("fixed", np.hstack([samples(2, 0.1), np.ones((600, 1))]))], names(3), bounds(3)
     ),
     "intervals": lambda: theta_intervals(names(6), cases(6), bounds(6)),
-    "intervals of one": lambda: theta_intervals(names(4), cases(4)[:1], bounds(4)),
     "history": lambda: bands(measured=gappy_motion()),
     "history of parameters": lambda: bands(alone=(motion(), 0.05 * np.abs(motion()))),
     "shear drift 6": lambda: shear_drift(6, 100),
-    "shear drift 3": lambda: shear_drift(3, 1),
     "shear drift 1": lambda: shear_drift(1, 5),
     "sticks": lambda: stick_mode_shapes(
         np.arange(5) * 3.0,

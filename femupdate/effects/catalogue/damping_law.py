@@ -12,7 +12,6 @@ _LAWS = {
     "proportional": "a law proportional to frequency",
     "mass": "the mass part of Rayleigh's law, which falls with frequency",
 }
-_ANCHORS = (1.0, 6.0)  # of the first frequency
 
 
 class OtherDampingLaw(Effect):
@@ -55,7 +54,7 @@ class OtherDampingLaw(Effect):
     ) -> Tensor:
         """zeta (1 + s (g - 1)), g = 1 at the first frequency (both anchors for Rayleigh's)."""
         first, law = constants
-        low, high = _ANCHORS
+        low, high = 1.0, 6.0  # anchors, of the first frequency
         relative = omega / first
         shapes = (low * high / relative + relative) / (low + high), relative, 1.0 / relative
         shape = shapes[int(law)]

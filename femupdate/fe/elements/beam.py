@@ -23,12 +23,8 @@ BEAM_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 
 _AXIAL = np.array([0, 6])
 _TORSION = np.array([3, 9])
-_PLANE_XY = np.array([1, 5, 7, 11])  # v and rz, where rz = +dv/dx
-_PLANE_XZ = np.array([2, 4, 8, 10])  # w and ry, where ry = -dw/dx
-_SIGN_XZ = np.array([1.0, -1.0, 1.0, -1.0])
 _ARMS_HEAD = ("rigid arms: first x", "y", "z", "second x", "y", "z")
 _ENDS_Y = np.array([4, 10])
-_PINNED = np.isin(np.arange(12), (4, 5, 10, 11))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +144,7 @@ class Beams(Elements):
         """
         pinned = np.zeros(len(self), dtype=np.bool_)
         if self.released is not None:
-            pinned = (self.released == _PINNED).all(axis=1)
+            pinned = (self.released == np.isin(np.arange(12), (4, 5, 10, 11))).all(axis=1)
             self.refuse(
                 self.released.any(axis=1) & ~pinned,
                 "has a released end, which the OpenSees script cannot hold; export the building "
@@ -246,10 +242,11 @@ def _local_matrices(length: Floats, beams: Beams) -> tuple[Floats, Floats]:
     line = beams.density * length / 6.0
     mass[:, _AXIAL[:, None], _AXIAL] = _bar(line * beams.area, 2.0, 1.0)
     mass[:, _TORSION[:, None], _TORSION] = _bar(line * polar, 2.0, 1.0)
-    for index, sign, inertia, shear_area in (
-        (_PLANE_XY, np.ones(4), beams.inertia_z, beams.shear_area_y),
-        (_PLANE_XZ, _SIGN_XZ, beams.inertia_y, beams.shear_area_z),
+    for plane, turn, inertia, shear_area in (
+        ((1, 5, 7, 11), 1.0, beams.inertia_z, beams.shear_area_y),  # v and rz = +dv/dx
+        ((2, 4, 8, 10), -1.0, beams.inertia_y, beams.shear_area_z),  # w and ry = -dw/dx
     ):
+        index, sign = np.array(plane), np.array([1.0, turn, 1.0, turn])
         flexural = beams.youngs_modulus * inertia
         ratio = 12.0 * flexural / (shear_modulus * shear_area * length**2)
         flip = np.outer(sign, sign)

@@ -9,9 +9,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from femupdate.measurement.header import finite, fixed_columns, positive
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
-from femupdate.measurement.text import TextFile, read_text
+from femupdate.measurement.text import TextFile, finite, fixed_columns, positive, read_text
 
 READS = "COSMOS Volumes 0 to 2"
 

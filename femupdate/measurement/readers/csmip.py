@@ -8,9 +8,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from femupdate.measurement.header import fixed_columns, positive
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
-from femupdate.measurement.text import TextFile, read_text
+from femupdate.measurement.text import TextFile, fixed_columns, positive, read_text
 
 READS = "CSMIP/CESMD Volumes 1 and 2"
 

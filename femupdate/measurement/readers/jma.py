@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from femupdate.measurement.header import header_value, positive
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
 from femupdate.measurement.table import Row, cells_of, drop_trailing_blanks, is_number, parse_rows
-from femupdate.measurement.text import TextFile, read_text
+from femupdate.measurement.text import TextFile, header_value, positive, read_text
 
 READS = "JMA strong-motion CSV"
 

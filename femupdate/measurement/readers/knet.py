@@ -3,9 +3,8 @@
 import re
 from pathlib import Path
 
-from femupdate.measurement.header import finite, header_value, positive, wrapped_numbers
 from femupdate.measurement.recording import RecordedChannel, Recording, azimuth_of
-from femupdate.measurement.text import read_text
+from femupdate.measurement.text import finite, header_value, positive, read_text, wrapped_numbers
 
 READS = "K-NET and KiK-net ASCII"
 

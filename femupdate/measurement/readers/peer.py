@@ -4,9 +4,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from femupdate.measurement.header import positive, wrapped_numbers
 from femupdate.measurement.recording import RecordedChannel, Recording
-from femupdate.measurement.text import TextFile, read_text
+from femupdate.measurement.text import TextFile, positive, read_text, wrapped_numbers
 
 READS = "PEER NGA records (AT2)"
 

@@ -7,9 +7,8 @@ characters to a line; the volume stands in the first line.
 import re
 from pathlib import Path
 
-from femupdate.measurement.header import finite, fixed_columns, positive
 from femupdate.measurement.recording import RecordedChannel, Recording
-from femupdate.measurement.text import TextFile, read_text
+from femupdate.measurement.text import TextFile, finite, fixed_columns, positive, read_text
 
 READS = "SMC files of the USGS"
 

@@ -10,11 +10,10 @@ from femupdate.dynamics import Responses
 from femupdate.inference import STATED
 from femupdate.inference.diagnostics import PredictiveCheck, predictive_check
 from femupdate.inference.frf_data import base_logs
-from femupdate.inference.importance import draws_about_particles
+from femupdate.inference.importance import SamplerRun, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Likelihood, cost_of_scatter, likelihood_of
 from femupdate.inference.smc import LogLikelihood, TemperedSmc
-from femupdate.inference.tempering import SamplerRun
 from femupdate.measurement import Observation
 from femupdate.surrogate import Surrogate
 from femupdate.surrogate.storage import ANY_FLOORS

@@ -13,7 +13,7 @@ import numpy as np
 from femupdate.arrays import Flags, Floats
 from femupdate.building import FrameBuilding, load_building
 from femupdate.building.quantities import ALL
-from femupdate.dynamics import HistorySettings, ReducedModel, System, damping_law, floor_histories
+from femupdate.dynamics import ReducedModel, System, damping_law, floor_histories
 from femupdate.measurement import FloorChannel, GroundMotion, Histories, write_observation_histories
 from femupdate.measurement.names import BASE
 from femupdate.simulation import fine_model, truth_of
@@ -201,7 +201,8 @@ def written(
         zeta,
         base.acceleration,
         base.time_step,
-        settings=HistorySettings(oversampling=16, tolerance=0.0),
+        oversampling=16,
+        tolerance=0.0,
     ).floor_acceleration[0]
     exact = np.vstack([base.acceleration, moved])
     noise = rng.uniform(*_NOISE) * base.acceleration.std()

@@ -15,11 +15,10 @@ from femupdate.arrays import Floats
 from femupdate.building import shear_operators
 from femupdate.inference import STATED
 from femupdate.inference.frf_data import base_logs
-from femupdate.inference.importance import WeightedDraws, draws_about_particles
+from femupdate.inference.importance import LogLikelihood, WeightedDraws, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import likelihood_of
 from femupdate.inference.smc import TemperedSmc
-from femupdate.inference.tempering import LogLikelihood
 from femupdate.measurement import Observation
 from femupdate.surrogate import Surrogate
 from femupdate.workflow import StudyModel

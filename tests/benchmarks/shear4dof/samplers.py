@@ -8,9 +8,8 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats
-from femupdate.inference.importance import draws_about_particles
+from femupdate.inference.importance import LogLikelihood, draws_about_particles
 from femupdate.inference.smc import SmcSettings, TemperedSmc
-from femupdate.inference.tempering import LogLikelihood
 
 from .case import Case, Shear4dof, case_modes, data_likelihood
 from .metrics import MmdReference, total_variation
