@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from femupdate.progress import waiting
+
 _ALIKE = 10  # units of work and more are pieces alike; fewer are steps of any length
 
 
@@ -93,15 +95,7 @@ class _Log:
             self._told = now
             past = now - self._started
             left = past * (self._total - self._done) / self._done
-            parts = [f"{100.0 * self._done / self._total:.0f} %", f"{_in_words(left)} left", note]
+            parts = [f"{100.0 * self._done / self._total:.0f} %", f"{waiting(left)} left", note]
             if few:
-                parts[:2] = [f"{self._done} of {self._total} steps", f"{_in_words(past)} so far"]
+                parts[:2] = [f"{self._done} of {self._total} steps", f"{waiting(past)} so far"]
         click.echo(f"  {self._label}: {', '.join(part for part in parts if part)}", err=True)
-
-
-def _in_words(seconds: float) -> str:
-    """A time to wait, such as "about 4 min"."""
-    if seconds < 90.0:
-        return f"about {max(5.0, 5.0 * round(seconds / 5.0)):.0f} s"
-    minutes = seconds / 60.0
-    return f"about {minutes:.0f} min" if minutes < 90.0 else f"about {minutes / 60.0:.1f} h"

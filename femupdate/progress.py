@@ -63,3 +63,11 @@ class Percent:
         percent = max(round(100.0 * share), self._shown)
         self._progress.advance(percent - self._shown, note)
         self._shown = percent
+
+
+def waiting(seconds: float) -> str:
+    """A time to wait, such as "about 4 min"."""
+    if seconds < 90.0:
+        return f"about {max(5.0, 5.0 * round(seconds / 5.0)):.0f} s"
+    minutes = seconds / 60.0
+    return f"about {minutes:.0f} min" if minutes < 90.0 else f"about {minutes / 60.0:.1f} h"

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path, PurePath
 from typing import Any, Generic, TypeVar
 
@@ -33,6 +34,7 @@ _OF_A_POSTERIOR = ("posterior", "prediction")  # artefacts that every posterior 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,40}")
 
 _RUNNING: ContextVar[tuple[str, ...]] = ContextVar("words of the running command", default=())
+_READING = ("--unit", "--columns", "--mapping", "--sensors", "--band", "--force", "--mode-error")
 _LONGEST_SHOWN = 80  # characters of a wrong value in a message
 
 
@@ -69,6 +71,12 @@ def typed(words: str, file: Path) -> str:
     if named and words.split()[0] in ("predict", "report"):
         words += f" --posterior {shlex.quote(file.parent.name)}"
     return f"femupdate {words}" + ("" if folder == "study" else f" --study {folder}")
+
+
+def on_files(command: str, files: Sequence[Path]) -> str:
+    """Words of a command on files, read as the running command was told to."""
+    told = [pair for pair in pairwise(_RUNNING.get()) if pair[0] in _READING]
+    return shlex.join([command, *map(str, files), *(word for pair in told for word in pair)])
 
 
 def _are_texts(value: Any) -> bool:

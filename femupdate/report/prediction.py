@@ -120,9 +120,8 @@ class Prediction(Result):
         largest = [
             f"{quantity.name} {range_text(quantity.values[:, at])} {quantity.unit} "
             f"({quantity.places[at]})"
-            for quantity in found
+            for quantity in (self.quantities[key] for key in ("acceleration", "drift", "base"))
             for at in [int(quantity.statistics.mean.argmax())]
-            if quantity.name.startswith("peak")
         ]
         yield from first_lines(
             f"{verdict}).",

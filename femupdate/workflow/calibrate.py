@@ -54,7 +54,7 @@ def calibrate_study(
     if not exact and (why := unserved(model.building)):
         why = f"{model.building.name} {why}: the likelihood of the data themselves was sampled."
     elif not exact and find_surrogate(study, model.building) is None:
-        progress.say("No surrogate is trained: sampling the likelihood of the data, up to minutes")
+        progress.say("No surrogate is trained: sampling the likelihood of the data")
         why = (
             f"No surrogate of {model.building.name} is trained, so the likelihood of the data "
             "themselves was sampled; many calibrations are quicker after `femupdate train`."

@@ -1,7 +1,6 @@
 """What a calibration gives, and what it says of itself."""
 
 import json
-import shlex
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -22,7 +21,7 @@ from femupdate.report.quantities import DrawnQuantity, floor_table, tidy_table
 from femupdate.report.scale import range_text
 from femupdate.result import Item, Note, Notes, Picture, Result, first_lines, plain, took
 from femupdate.seeds import spawn
-from femupdate.study import Study, as_written, typed, write_text
+from femupdate.study import Study, as_written, on_files, typed, write_text
 from femupdate.tables import Table
 from femupdate.units import percent
 from femupdate.workflow.calibrate_draws import predictive_log_frf
@@ -129,7 +128,7 @@ class CalibrationReport(Result):
         """Verdict, intervals, what to do, warnings; then the table, what it is worth, and notes."""
         posterior, seen = self.posterior, self.posterior.observation
         drawn, zeta, draws = posterior.drawn, posterior.zeta_samples, posterior.samples
-        look = typed(shlex.join(("diagnose", *map(str, self.files))), self.path)
+        look = typed(on_files("diagnose", self.files), self.path)
         go, page = typed("predict --record RECORD", self.path), typed("report", self.path)
         ahead = f"`{look}` looks for what is missing"
         if not posterior.warnings:

@@ -1,7 +1,6 @@
 """diagnose: where model and measurement disagree, and what the model may lack."""
 
 import json
-import shlex
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +39,7 @@ from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
 from femupdate.report.scale import with_unit
 from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
-from femupdate.study import Study, typed, write_text
+from femupdate.study import Study, on_files, typed, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
 from femupdate.workflow.effects import finder_basis
@@ -93,7 +92,7 @@ class DiagnosisReport(Result):
             most = max(found.residuals, key=lambda cell: cell.excess)
             where = ", most at {} from {:.3g} to {:.3g} Hz".format(most.floor, *most.band_hz)
         named = found.verdict in (NAMED, PARTLY)
-        words = (f"repair {shlex.join(map(str, self.files))}", "adds what is missing")
+        words = on_files("repair", self.files), "adds what is missing"
         command, does = words if named else ("report", "writes the page with the maps")
         yield from first_lines(
             f"Verdict: {found.verdict}. {found.sentence}",

@@ -1,6 +1,7 @@
 """From a likelihood to draws: about its maxima, else by particles from the prior."""
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,8 +17,8 @@ from femupdate.inference.maxima import TRUSTED, draws_about
 from femupdate.inference.parameters import Parameters
 from femupdate.inference.smc import Hamiltonian, SmcSettings, TemperedSmc
 from femupdate.maximise import Descent
-from femupdate.progress import SILENT, Percent, Progress
-from femupdate.seeds import Seed, spawn
+from femupdate.progress import SILENT, Percent, Progress, waiting
+from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.study import Study
 from femupdate.surrogate.storage import find_surrogate, require_surrogate
 from femupdate.units import percent
@@ -93,7 +94,12 @@ def sampled_about_maxima(
     """
     assert target.maxima is not None
     # Rounds of fitting take some hundred draws a parameter.
-    show.start("Importance sampling (data-space likelihood)", count + 200 * target.prior.size)
+    total, few = count + 200 * target.prior.size, target.prior.sample(64, torch_generator(0))
+    started = time.monotonic()
+    target.likelihood(few)
+    ahead = waiting((time.monotonic() - started) * total / len(few))
+    show.say(f"Sampling takes {ahead}: {total:,} responses of the building")
+    show.start("Importance sampling (data-space likelihood)", total)
     drawing, choosing = spawn(seed, 2)
     # A thousand at a time: all processors start and end together.
     counted = Counted(target.likelihood, show, rows=1024)

@@ -1,10 +1,15 @@
 """What users report of their files, and the first day of one: each file is told what is right."""
 
+import importlib.resources
 import shlex
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 from femupdate.cli.main import group
+
+import femupdate
+from femupdate.building import load_building
 
 FOUR = ("--columns", "base=1,2F=2,3F=3,RF=4")
 THREE = ("--columns", "base=1,2F=2,RF=3")
@@ -83,3 +88,103 @@ def test_a_building_that_is_wrong_is_refused_in_a_sentence(shared_file, name, tm
     assert "Error: " in output
     assert REFUSED[name] in output
     assert not (study / "reduced_model.npz").exists()
+
+
+# Building files that are taken, and what is asked about their figures.
+ASKED = {
+    "reports/slabs_9m_bays.toml": "bays of 9 by 9 m bend from about 3.6 Hz",
+    "first_day/story_order.toml": "their names count downwards",
+    **{f"first_day/{name}.toml": "" for name in ("rc3", "steel8", "stick", "tower20")},
+    "reports/mezzanine_diagonal_modes.toml": "",
+}
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_a_building_is_asked_about_or_taken_in_silence(shared_file, name, caplog):
+    load_building(shared_file(f"cases/{name}"))
+    assert ASKED[name] in caplog.text
+    assert caplog.text == "" or ASKED[name]
+
+
+# What `calibrate` says first, beyond `inspect`; its exit code.
+CALIBRATED = {
+    "modes_foreign.csv": ("mode 2 at 6.3 Hz is left out", 0),
+    "modes_damping_negative.csv": ("leave the cell blank", 1),
+    "modes_no_sd.csv": ("Verdict: the data are explained", 0),
+    "damping_0.001.csv": ("presses against the prior's lower limit", 0),
+    "theta1_0.2_below_prior.csv.gz": ("change lower of [prior.theta]", 1),
+    "roof_clock_4000ppm.csv": ("RF (11 % of its points)", 0),
+    "clean_seed3_120s.csv.gz": ("story S1 0.897", 0),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CALIBRATED)
+def test_calibrate_says_what_is_right(shared_file, name, tmp_path):
+    path, (words, code) = shared_file(f"cases/reports/{name}"), CALIBRATED[name]
+    how = "--building shear_3dof --particles 300 --no-pictures --quiet"
+    output, ended = told(shlex.split(f"calibrate {path} --study {tmp_path / 's'} {how}"))
+    assert (words in output, ended) == (True, code), output
+
+
+def test_every_file_is_ticked_off(shared_file):
+    shared = shared_file("cases/reports/README.md").parents[1]
+    files = {
+        f"{f.parent.name}/{f.name}"
+        for d in ("reports", "first_day")
+        for f in (shared / d).iterdir()
+    }
+    code = {"reports/README.md", "first_day/make_stick_data.py"}
+    assert files - code == {*SAID, *REFUSED, *ASKED}
+
+
+# The twenty frictions of a first day: a command each, or what is read, and words it must have.
+# 3 and 13 are files above, 6 is test_pages.py, 8 is test_any_file.py.
+FRICTIONS = {
+    1: ("inspect {shared}/first_day/names_en.csv", ("base=Ground", "RF=Roof")),
+    2: ("simulate -o x.csv --study none", ("has no building yet; name one",)),
+    4: ("predict --help", ("--member",)),
+    5: ("build-model shear_3dof --study b --no-pictures", ("Heaviest modes: 3.880 Hz (X)",)),
+    7: (
+        "calibrate run.csv --study s --exact --particles 200 --no-pictures",
+        ("Sampling takes about",),
+    ),
+    9: ("page", ("What is assumed", "damping, law", "Client: Kobe", "Author: me")),
+    10: ("page", ("Verdict:", "counter(page)", "prefers-color-scheme", "How it was made")),
+    11: ("page", ("The model at rest", 'alt="model"')),
+    12: ("page", ("share of the mass",)),
+    14: (
+        "inspect {shared}/first_day/quoted_thousands.csv",
+        ("Times in ms are called time_s (ms)",),
+    ),
+    15: ("calibrate run.csv --study s --columns x=y", ("--columns",)),
+    17: ("list", ("infill_stiffness",)),
+    18: ("calibrate run.csv --study s --particles 200 --no-pictures", ("Verdict:", "Next:")),
+    19: ("site", ("Home: index.md", "Tutorial:", "How-to:", "Reference:", "Explanation:")),
+    20: ("simulate --help", ("--overwrite", "--quiet")),
+}
+JARGON = ("MVAE", "validation loss", "Gaussians", "effective sample size", "power")
+
+
+@pytest.mark.slow
+def test_the_twenty_frictions_of_a_first_day_are_gone(shared_file, tmp_path, monkeypatch):
+    shared = shared_file("cases/reports/README.md").parents[1]
+    monkeypatch.chdir(tmp_path)
+    little = "--duration 30 --sampling 100 --band 0.3,40"
+    told(shlex.split(f"simulate -o run.csv --building shear_3dof {little}"))
+    first, _ = told(
+        shlex.split("calibrate run.csv --building shear_3dof --study s --exact --no-pictures")
+    )
+    assert not [word for word in JARGON if word in first]
+    told(shlex.split("report --study s --client Kobe --author me -o page.html"))
+    texts = {"page": tmp_path / "page.html", "site": Path(__file__).parents[2] / "mkdocs.yml"}
+    for number, (command, words) in FRICTIONS.items():
+        if command in texts:
+            said = texts[command].read_text()
+        else:
+            said, _ = told(shlex.split(command.format(shared=shared)))
+        assert [word for word in words if word not in said] == [], f"{number}: {said[:2000]}"
+    # 16: a Python to live with.
+    assert {"calibrate", "Observation"} <= {*dir(femupdate)}
+    assert importlib.resources.files("femupdate").joinpath("py.typed").is_file()
+    assert len(repr(femupdate.status("s"))) < 2000
