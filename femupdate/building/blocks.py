@@ -194,11 +194,7 @@ def pinned(count: int) -> Flags:
 def _touched(
     lattice: Lattice, rigid_ends: tuple[float, float] | None, axis: int, points: Integers
 ) -> Integers:
-    """Return those of the crossings along a member that its elements join.
-
-    A rigid end reaches from the first node into the element that ends outside it; the member does
-    not touch the nodes that it passes on the way.
-    """
+    """Crossings along a member that its elements join; rigid ends pass those on their way."""
     place = lattice.coordinates(points)[:, axis]
     first, last = rigid_ends or (0.0, 0.0)
     inside = (place > place[0] + first) & (place < place[-1] - last)

@@ -140,15 +140,29 @@ class MassSource:
         return self
 
 
-def shape_figures(
-    tables: ModelTables, row: Row, shape: str, sides: Mapping[str, float]
-) -> SectionFigures:
-    """Figures of a section that its sides give, in the file's units: D, B, TF, TW.
+def material_of(tables: ModelTables, row: Row) -> tuple[Stuff, float]:
+    """A material, by the keys of either program, and its weight, N/m3."""
+    young, shear = row.real("E", "E1"), row.real("G12", usual=0.0)
+    ratio = row.real("U", "U12", usual=0.5 * young / shear - 1.0 if shear else 0.2)
+    weight = row.real("WEIGHTPERVOLUME", "UnitWeight", usual=0.0)
+    density = row.real("MASSPERVOLUME", "UnitMass", usual=weight * tables.length / GRAVITY)
+    stuff = tables.material(row, young, ratio, density, shear)
+    return stuff, weight * tables.force / tables.length**3
+
+
+def frame_figures(tables: ModelTables, row: Row) -> SectionFigures:
+    """Figures of a section, as they are given or as its sides make them, by either's keys.
 
     Raises:
         BuildingError: the shape is not known, or the sides make none.
     """
-    d, b, flange, web = (tables.length * sides.get(key, 0.0) for key in ("D", "B", "TF", "TW"))
+    keys = (("D", "t3"), ("B", "t2"), ("TF", "tf", "T"), ("TW", "tw", "T"))
+    d, b, flange, web = (tables.length * row.real(*names, usual=0.0) for names in keys)
+    shape = row.text("SHAPE", "Shape")
+    if row.text("AREA", "Area"):
+        names = (("I33",), ("I22",), ("J", "TorsConst"), ("AS2",), ("AS3",))
+        i33, i22, torsion, *shear = (row.real(*keys_of, usual=0.0) for keys_of in names)
+        return tables.section(row, row.real("AREA", "Area"), (i33, i22), torsion, shear)
     words = shape.lower()
     known = {
         "rectangular": ("BAR", (b, d)),

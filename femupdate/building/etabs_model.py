@@ -22,8 +22,9 @@ from femupdate.building.csi_model import (
     Row,
     add_area,
     add_frame,
+    frame_figures,
+    material_of,
     once,
-    shape_figures,
     units_of,
 )
 from femupdate.building.model_tables import ModelFile, ModelTables, Stuff, file_text, known
@@ -220,29 +221,14 @@ class _EtabsReading:
         return found
 
     def _material(self, row: Row) -> tuple[Stuff, float]:
-        name, tables = row.named("MATERIAL"), self.tables
+        name = row.named("MATERIAL")
         entry = known(row, self.file.merged["MATERIAL"], name, "MATERIAL")
-        weight = entry.real("WEIGHTPERVOLUME", usual=0.0)
-        density = entry.real("MASSPERVOLUME", usual=weight * tables.length / GRAVITY)
-        stuff = tables.material(entry, entry.real("E"), entry.real("U", usual=0.2), density)
-        return stuff, weight * tables.force / tables.length**3
+        return material_of(self.tables, entry)
 
     def _frame_section(self, row: Row, name: str) -> FrameSection:
         entry = known(row, self.file.merged["FRAMESECTION"], name, "FRAMESECTION")
         stuff, weight = self._material(entry)
-        keys = ("I33", "I22", "J", "AS2", "AS3")
-        if entry.text("AREA"):
-            i33, i22, torsion, as2, as3 = (entry.real(key, usual=0.0) for key in keys)
-            area = entry.real("AREA")
-            figures = self.tables.section(entry, area, (i33, i22), torsion, (as2, as3))
-        else:
-            sides = {
-                "D": entry.real("D", usual=0.0),
-                "B": entry.real("B", usual=0.0),
-                "TF": entry.real("TF", "T", usual=0.0),
-                "TW": entry.real("TW", "T", usual=0.0),
-            }
-            figures = shape_figures(self.tables, entry, entry.text("SHAPE"), sides)
+        figures = frame_figures(self.tables, entry)
         return FrameSection(figures, stuff, weight, _modifiers(entry, FRAME_MODIFIERS))
 
     def lines(self) -> None:

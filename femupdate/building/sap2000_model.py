@@ -19,8 +19,9 @@ from femupdate.building.csi_model import (
     Row,
     add_area,
     add_frame,
+    frame_figures,
+    material_of,
     once,
-    shape_figures,
     units_of,
 )
 from femupdate.building.model_tables import ModelFile, ModelTables, Stuff, file_text, known
@@ -263,28 +264,13 @@ class _SapReading:
 
     def _material(self, row: Row, name: str) -> tuple[Stuff, float]:
         entry = known(row, self.materials, name, "material")
-        young, shear = entry.real("E1"), entry.real("G12", usual=0.0)
-        ratio = entry.real("U12", usual=0.5 * young / shear - 1.0 if shear else 0.2)
-        tables, weight = self.tables, entry.real("UnitWeight", usual=0.0)
-        density = entry.real("UnitMass", usual=weight / (GRAVITY / tables.length))
-        stuff = tables.material(entry, young, ratio, density, shear)
-        return stuff, weight * tables.force / tables.length**3
+        return material_of(self.tables, entry)
 
     def _frame_section(self, row: Row) -> FrameSection:
         stuff, weight = self._material(row, row.named("Material"))
-        sides = {k: row.real(key, usual=0.0) for k, key in _SIDES}
-        if row.text("Area"):
-            figures = self.tables.section(
-                row,
-                row.real("Area"),
-                (row.real("I33", usual=0.0), row.real("I22", usual=0.0)),
-                row.real("TorsConst", usual=0.0),
-                (row.real("AS2", usual=0.0), row.real("AS3", usual=0.0)),
-            )
-            if row.real("I23", usual=0.0):
-                raise row.error("I23 couples both ways of bending; give principal axes")
-        else:
-            figures = shape_figures(self.tables, row, row.text("Shape"), sides)
+        figures = frame_figures(self.tables, row)
+        if row.text("Area") and row.real("I23", usual=0.0):
+            raise row.error("I23 couples both ways of bending; give principal axes")
         modifiers = tuple(row.real(key, usual=1.0) for key in _SECTION_MODIFIERS)
         return FrameSection(figures, stuff, weight, modifiers)
 
@@ -376,7 +362,6 @@ class _SapReading:
             )
 
 
-_SIDES = (("D", "t3"), ("B", "t2"), ("TF", "tf"), ("TW", "tw"))
 _MASS_KEYS = tuple(
     (f"{name}{k + 1}", _WAYS[k + 3 * (name == "MMI")]) for name in ("Mass", "MMI") for k in range(3)
 )

@@ -79,12 +79,7 @@ def _mean_of(nodes: Integers, count: int) -> csr_array:
 
 
 def _split(block: Elements, middle: Integers, first_centre: int) -> Elements:
-    """The parts of elements, those of one beside each other.
-
-    Args:
-        middle: (n, e) nodes in the middle of their edges.
-        first_centre: node in the middle of the first, of quadrilaterals.
-    """
+    """Parts, one element's beside each other; `middle` (n, e) are nodes on the edges."""
     corner = block.nodes
     if isinstance(block, Beams):
         ends = [np.column_stack(pair) for pair in ((corner[:, 0], middle), (middle, corner[:, 1]))]
@@ -114,11 +109,7 @@ def _beside(parts: list[Integers]) -> Integers:
 
 
 def _with_edge_joints(model: FiniteElementModel, count: int) -> RigidLinks:
-    """The links, and those that beams at the edges of shells need as soon as these are split.
-
-    Args:
-        count: nodes before the split, at which beams end.
-    """
+    """The links, and those of beams at edges of shells, which ended at the first `count` nodes."""
     links = model.links
     rigid = links.tied.all(axis=1)
     bound = {*links.master[rigid].tolist(), *links.slave[rigid].tolist()}

@@ -308,8 +308,7 @@ def keep_modes(
 def _importance(omega: Tensor, effect: Tensor, top: float) -> Tensor:
     """Largest change that leaving a mode out can make to any floor's H.
 
-    In the band that is the resonance peak, taken at a damping ratio of .01; above it what the
-    first terms of the power series leave at the top of the grid.
+    In the band that is the resonance peak, at a damping ratio of .01; above it the series' rest.
     """
     size = effect.abs().amax(dim=1)
     ratio = top / omega.clamp_min(1e-9)

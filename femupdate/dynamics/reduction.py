@@ -217,11 +217,9 @@ def _of_parts(parts: Substructures, target: ReductionTarget, theta: Floats) -> F
 def _beyond(
     reduced: ReducedStructure, parts: Substructures | None, target: ReductionTarget, theta: Floats
 ) -> Floats:
-    """ln|H| (f, k) of the full model at a theta (p,), at the lowest damping.
-
-    From a step of inverse iteration that starts from the responses of a reduced model, and from
-    those: in the six-story frame it leaves a tenth of what 230 shapes err by.
-    """
+    """ln|H| (f, k) of the full model at a theta (p,), at the lowest damping."""
+    # From a step of inverse iteration that starts from the responses of a reduced model, and from
+    # those: in the six-story frame it leaves a tenth of what 230 shapes err by.
     structure, model, basis = reduced.structure, reduced.model, reduced.basis
     squared, vectors = np.linalg.eigh(model.stiffness(theta))
     none = np.zeros(len(model.floors))

@@ -107,14 +107,11 @@ def joint_links(model: FiniteElementModel, joints: tuple[EdgeJoint, ...]) -> Rig
 
 @dataclass(frozen=True)
 class _Sheets:
-    """Shells and triangles as quadrilaterals (a triangle repeats its last node).
-
-    `normal` (n, 3) are unit vectors, `middle` (n, 3) means of the corners.
-    """
+    """Shells and triangles as quadrilaterals (a triangle repeats its last node)."""
 
     nodes: Integers
-    normal: Floats
-    middle: Floats
+    normal: Floats  # (n, 3) unit vectors
+    middle: Floats  # (n, 3) means of the corners
 
 
 @dataclass(frozen=True)

@@ -80,15 +80,7 @@ def largest_of_inverse(
 
 
 class _Recurrence:
-    """The vectors found so far, the small matrix on them, and the next block with what links it.
-
-    Args:
-        solve, mass, start: as for `largest_of_inverse`.
-        most: vectors to make room for.
-
-    Raises:
-        LinAlgError: the vectors depend on each other; `advance` raises it too.
-    """
+    """The vectors so far, at most `most`, the small matrix on them, and the next block."""
 
     def __init__(
         self, solve: Callable[[Floats], Floats], mass: csc_matrix, start: Floats, most: int
@@ -141,11 +133,7 @@ class _Recurrence:
 
 
 class _Watch:
-    """Tells when new vectors are no longer orthogonal to the old ones, without using all of them.
-
-    A vector that is not orthogonal to some of them is hardly ever orthogonal to all of a few random
-    combinations of them.
-    """
+    """Tells by a few random combinations of old vectors when new ones are not orthogonal to them."""
 
     def __init__(self, size: int) -> None:
         self._signs = np.random.default_rng(20240)

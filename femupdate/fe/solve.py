@@ -173,10 +173,7 @@ def _check_request(massive: int, count: int, shift_hz: float | None) -> None:
 
 
 def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
-    """Modes from the flexibility of the few degrees of freedom that carry mass.
-
-    With M = R R^T the eigenvalues of R^T K^-1 R are those of K^-1 M that are not zero.
-    """
+    """Modes by R^T K^-1 R, M = R R^T, where few degrees of freedom carry mass."""
     massive = np.flatnonzero(problem.mass.diagonal() > 0.0)
     masses, directions = eigh(problem.mass[massive][:, massive].toarray())
     root = np.zeros((problem.mass.shape[0], len(massive)))

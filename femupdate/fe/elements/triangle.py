@@ -241,11 +241,7 @@ def _plate_curvature(shape: _Shape, extra: Floats) -> Floats:
 
 
 def _plate_shear(direction: Floats, flexible: Floats, extra: Floats) -> Floats:
-    """Shear strains (xz, yz) at the middles of the sides, (n, 3, 2, 9).
-
-    Each corner has the shear vector whose components along its two sides are theirs; between the
-    corners it is linear.
-    """
+    """Shear (xz, yz) at the middles of sides (n, 3, 2, 9), linear between that of the corners."""
     along = -2.0 / 3.0 * flexible[..., None] * extra  # (n, side, 9)
     corners = []
     for leaving, arriving in zip(_LEAVING, _ARRIVING, strict=True):
