@@ -133,7 +133,7 @@ class _Recurrence:
 
 
 class _Watch:
-    """Tells by a few random combinations of old vectors when new ones are not orthogonal to them."""
+    """Tells by a few random mixtures of old vectors when new ones are not orthogonal to them."""
 
     def __init__(self, size: int) -> None:
         self._signs = np.random.default_rng(20240)
