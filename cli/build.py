@@ -7,36 +7,43 @@ import click
 
 from femupdate.study import Study
 
-from .answer import Answer
 from .bars import Bars
-from .common import building_option, check_free, device_option, study_options
+from .common import (
+    NEW_FILE,
+    Answer,
+    building_option,
+    check_free,
+    device_option,
+    flag,
+    option,
+    study_options,
+)
 from .group import GroupedCommand
-from .parameters import BuildingName
+from .parameters import BUILDING_NAME
 
 
 @click.command("build-model", cls=GroupedCommand)
-@click.argument("building", type=BuildingName(), required=False)
-@click.option(
+@click.argument("building", type=BUILDING_NAME, required=False)
+@option(
     "--units",
+    "Units of another program's model, such as N,mm, where it does not tell them.",
     metavar="FORCE,LENGTH",
-    help="Units of another program's model, such as N,mm, where it does not tell them.",
 )
-@click.option(
+@option(
     "--draft",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Write a building file for a model, to add sensors and priors to; build that.",
+    "Write a building file for a model, to add sensors and priors to; build that.",
+    NEW_FILE,
 )
-@click.option(
+@option(
     "--export",
-    type=click.Choice(["opensees", "nastran"]),
-    help="Also write the model for another program: a script for OpenSeesPy, or bulk data.",
+    "Also write the model for another program: a script for OpenSeesPy, or bulk data.",
+    click.Choice(["opensees", "nastran"]),
 )
-@click.option(
+@option(
     "--shell",
-    type=click.Choice(["ASDShellQ4", "ShellMITC4", "ShellDKGQ"]),
-    default="ASDShellQ4",
-    show_default=True,
-    help="Shell element of the exported script.",
+    "Shell element of the exported script.",
+    click.Choice(["ASDShellQ4", "ShellMITC4", "ShellDKGQ"]),
+    "ASDShellQ4",
 )
 @study_options(shares=True)
 def build_model(
@@ -48,7 +55,6 @@ def build_model(
     study: Study,
     seed: int,
     bars: Bars,
-    pictures: bool,
 ) -> Answer:
     """Build the model of BUILDING: mesh, checks, modes, pictures, reduced model.
 
@@ -64,7 +70,6 @@ def build_model(
     """
     from femupdate.building.model_draft import write_draft
     from femupdate.workflow.build import build_study, export_nastran, export_opensees
-    from femupdate.workflow.render import draw_model
 
     if draft is not None:
         if building is None:
@@ -72,57 +77,39 @@ def build_model(
         check_free(draft, overwrite=False)
         building = str(write_draft(building, units, draft))
     report = build_study(study, building, bars, units)
-    drawn = draw_model(study, report.model, report.modes, bars) if pictures else ()
-    files = [draft] if draft is not None else []
+    files = [] if draft is None else [draft]
     if export == "opensees":
         files.append(export_opensees(study, report.model.building, shell=shell))
     elif export:
         files.append(export_nastran(study, report.model.building))
-    return Answer(report, drawn, {"exported": files, "study": study.folder}, files)
+    return Answer(report, {"exported": files, "study": study.folder}, files=tuple(files))
 
 
 @click.command("train", cls=GroupedCommand)
 @building_option
-@click.option(
-    "--thorough",
-    is_flag=True,
-    help="Twice the samples and three times the epochs: some six times as long.",
-)
-@click.option(
+@flag("--thorough", "Twice the samples and three times the epochs: some six times as long.")
+@option(
     "--samples",
-    type=click.IntRange(min=100),
+    "Simulated responses to learn from: more make the surrogate more precise.",
+    click.IntRange(100),
     show_default="50000; 100000 with --thorough",
-    help="Simulated responses to learn from: more make the surrogate more precise.",
 )
-@click.option(
+@option(
     "--epochs",
-    type=click.IntRange(min=1),
+    "Passes of the training over all samples (epochs).",
+    click.IntRange(1),
     show_default="16; 45 with --thorough",
-    help="Passes of the training over all samples (epochs).",
 )
-@click.option(
-    "--batch",
-    type=click.IntRange(min=8),
-    default=512,
-    show_default=True,
-    help="Samples in one step of the training.",
-)
-@click.option(
-    "--learning-rate",
-    type=click.FloatRange(min=1e-7),
-    default=3e-3,
-    show_default=True,
-    help="Largest learning rate.",
-)
-@click.option(
+@option("--batch", "Samples in one step of the training.", click.IntRange(8), 512)
+@option("--learning-rate", "Largest learning rate.", click.FloatRange(1e-7), 3e-3)
+@option(
     "--roof-share",
-    type=click.FloatRange(0.0, 1.0),
-    default=0.4,
-    show_default=True,
-    help="Share of the samples for which only the roof is observed.",
+    "Share of the samples for which only the roof is observed.",
+    click.FloatRange(0.0, 1.0),
+    0.4,
 )
-@click.option("--start", type=click.Path(path_type=Path), help="Weights to start from.")
-@click.option("--fresh", is_flag=True, help="Train even where a fitting surrogate exists.")
+@option("--start", "Weights to start from.", click.Path(path_type=Path))
+@flag("--fresh", "Train even where a fitting surrogate exists.")
 @device_option
 @study_options(draws=False, shares=True)
 def train(study: Study, bars: Bars, **asked: Any) -> Answer:
@@ -143,5 +130,4 @@ def train(study: Study, bars: Bars, **asked: Any) -> Answer:
     from femupdate import interface
 
     given = {name: value for name, value in asked.items() if value is not None}
-    report = interface.train(study, progress=bars, **given)
-    return Answer(report, more={"study": study.folder})
+    return Answer(interface.train(study, progress=bars, **given), {"study": study.folder})

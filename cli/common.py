@@ -1,11 +1,13 @@
-"""What all commands share: options, progress, errors and JSON output."""
+"""What all commands share: options, progress, errors, and what is printed."""
 
+import errno
 import functools
+import json
 import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,22 +15,53 @@ import click
 
 from femupdate.errors import FemupdateError
 from femupdate.progress import SILENT
-from femupdate.result import Result
+from femupdate.result import Result, plain
 from femupdate.study import MAIN_POSTERIOR, Study, copied, locked
 from femupdate.tables import require_xlsx, write_tables
 
-from .answer import Answer
 from .bars import Bars
 from .parameters import (
-    Band,
-    BuildingName,
-    Channel,
-    Columns,
+    BAND,
+    BUILDING_NAME,
+    CHANNEL,
+    COLUMNS,
+    INPUT_FILE,
+    NAMES,
+    STUDY_FOLDER,
     Input,
-    InputFile,
-    Names,
-    StudyFolder,
 )
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command prints when its work is done.
+
+    Attributes:
+        pictures: files drawn; None of a command that draws none of its own.
+        more: goes into the JSON object as well.
+        files: other files written, named beside the pictures.
+        tables: CSV files written, named to those who ask for more; None where none could be.
+    """
+
+    result: Result
+    more: dict[str, Any] = field(default_factory=dict)
+    pictures: tuple[Path, ...] | None = None
+    files: tuple[Path, ...] = ()
+    tables: tuple[Path, ...] | None = None
+
+    def show(self, as_json: bool, details: bool = False) -> None:
+        """Print it, for scripts or for people, the path of each file once."""
+        if as_json:
+            made = {"pictures": self.pictures, "tables": self.tables}
+            written = {key: paths for key, paths in made.items() if paths is not None}
+            content = {**self.result.as_dict(), **plain({**written, **self.more})}
+            click.echo(json.dumps(content, indent=2))
+            return
+        click.echo("\n".join(self.result.lines(details)))
+        tables = (self.tables or ()) if details else ()
+        for path in dict.fromkeys((*(self.pictures or ()), *self.files, *tables)):
+            click.echo(f"  {path}")
+
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -43,43 +76,35 @@ class Failure(click.ClickException):
         click.echo(f"Error: {self.format_message()}", err=True)
 
 
-study_option = click.option(
-    "--study",
-    type=StudyFolder(),
-    default="study",
-    show_default=True,
-    help="Folder that holds everything for one building.",
-)
-"""Adds --study to a command that takes care of the rest itself."""
+def option(
+    names: str, text: str, kind: Any = None, default: Any = None, **more: Any
+) -> Callable[[F], F]:
+    """An option by its names, help, type and default, which the help shows."""
+    more = {"show_default": default is not None, **more}
+    return click.option(*names.split(), type=kind, default=default, help=text, **more)
 
-building_option = click.option(
-    "--building", type=BuildingName(), help="Shipped name or TOML file, for a new study."
-)
-observations_argument = click.argument("observations", type=InputFile(), nargs=-1, required=True)
-device_option = click.option(
-    "--device", default="cpu", show_default=True, help="Device for torch: cpu, cuda, ..."
-)
-unit_option = click.option("--unit", help="Unit of the accelerations, where the file gives none.")
-channel_option = click.option(
-    "--channel", type=Channel(), help="Channel of the record, by name or number."
-)
-scale_option = click.option(
-    "--scale", type=float, default=1.0, show_default=True, help="Factor on the record."
-)
-overwrite_option = click.option(
-    "--overwrite", "--replace", "overwrite", is_flag=True, help="Overwrite an existing file."
-)
+
+def flag(names: str, text: str) -> Callable[[F], F]:
+    """An option that is there or not."""
+    return click.option(*names.split(), is_flag=True, help=text)
+
+
+NEW_FILE = click.Path(dir_okay=False, path_type=Path)
+
+building_option = option("--building", "Shipped name or TOML file, for a new study.", BUILDING_NAME)
+observations_argument = click.argument("observations", type=INPUT_FILE, nargs=-1, required=True)
+device_option = option("--device", "Device for torch: cpu, cuda, ...", default="cpu")
+unit_option = option("--unit", "Unit of the accelerations, where the file gives none.")
+channel_option = option("--channel", "Channel of the record, by name or number.", CHANNEL)
+scale_option = option("--scale", "Factor on the record.", float, 1.0)
+overwrite_option = flag("--overwrite --replace overwrite", "Overwrite an existing file.")
 """Of commands that write one file, with `check_free`; --replace is what it was called before."""
+no_pictures_option = flag("--no-pictures", "Draw no pictures.")
 
 
 def output_option(text: str, *, required: bool = True) -> Callable[[F], F]:
-    """Add --output of a command that writes one file.
-
-    Args:
-        text: for the help.
-    """
-    path = click.Path(dir_okay=False, path_type=Path)
-    return click.option("-o", "--output", type=path, required=required, help=text)
+    """Add --output of a command that writes one file."""
+    return option("-o --output", text, NEW_FILE, required=required)
 
 
 def check_free(output: Path, overwrite: bool) -> None:
@@ -92,83 +117,96 @@ def check_free(output: Path, overwrite: bool) -> None:
         raise Failure(f"{output} is there already; choose another name, or add --overwrite")
 
 
-_POSTERIOR = click.option(
+_STUDY = option("--study", "Folder that holds everything for one building.", STUDY_FOLDER, "study")
+_POSTERIOR = option(
     "--posterior",
-    metavar="NAME",
+    "Posterior of the study to use, as `calibrate --name` named it.",
     default=MAIN_POSTERIOR,
-    show_default=True,
-    help="Posterior of the study to use, as `calibrate --name` named it.",
+    metavar="NAME",
 )
-_OUTPUT = click.option(
-    "--output",
-    "copy",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Only read the study; work in a copy of it in this new folder.",
+_OUTPUT = option(
+    "--output copy",
+    "Only read the study; work in a copy of it in this new folder.",
+    click.Path(file_okay=False, path_type=Path),
 )
-_DASK = click.option(
+_DASK = option(
     "--dask",
+    "Share the work out by Dask: address of a scheduler, or local for processes.",
     metavar="ADDRESS",
-    help="Share the work out by Dask: address of a scheduler, or local for processes.",
 )
-_NO_PICTURES = click.option("--no-pictures", is_flag=True, help="Draw no pictures.")
-
-
-def posterior_options(function: Callable[..., Answer]) -> Callable[..., Answer]:
-    """Add --study and --posterior; the function gets the study with that posterior chosen."""
-
-    @study_option
-    @_POSTERIOR
-    @functools.wraps(function)
-    def wrapper(*args: Any, study: Study, posterior: str, **kwargs: Any) -> Answer:
-        return function(*args, study=Study(study.folder, posterior), **kwargs)
-
-    return wrapper
+_XLSX = flag("--xlsx", "Also write the tables as one XLSX workbook.")
 
 
 def study_options(
-    needs: str | None = None, writes: bool = True, draws: bool = True, shares: bool = False
+    *,
+    needs: str = "",
+    posterior: bool = False,
+    writes: bool = True,
+    draws: bool = True,
+    shares: bool = False,
+    seeded: bool = True,
+    workbook: str = "",
 ) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
     """Add --study, --seed, --json and -v, print the answer, turn errors into exit code 1.
 
-    The function gets `study`, `seed` and `bars`, the progress; and, where it draws pictures that
-    can be left out, `pictures`.
+    The function gets `study`, `seed` and `bars`, the progress. Pictures and tables of what it
+    found are drawn and written beside the other results of the posterior.
 
     Args:
         needs: artefact that the study must hold, made by `femupdate calibrate`; of a posterior,
             whose name is asked for as well.
+        posterior: ask for the name of a posterior, which the study may lack.
         writes: the command writes into the study; add --output, which leaves the study as it is.
         draws: add --no-pictures.
         shares: add --dask, which says where the work is done.
+        seeded: add --seed.
+        workbook: name of the XLSX file that holds all tables; add --xlsx.
     """
-    options = [
-        *([_POSTERIOR] if needs is not None else []),
-        *([_OUTPUT] if writes else []),
-        *([_NO_PICTURES] if draws else []),
-        *([_DASK] if shares else []),
-    ]
+    asked = {
+        _POSTERIOR: posterior or bool(needs),
+        _OUTPUT: writes,
+        no_pictures_option: draws,
+        _DASK: shares,
+        _XLSX: bool(workbook),
+    }
 
     def decorate(function: Callable[..., Answer]) -> Callable[..., None]:
-        @study_option
-        @running
+        @_STUDY
+        @(running if seeded else reporting)
         @functools.wraps(function)
         def wrapper(*args: Any, study: Study, as_json: bool, **kwargs: Any) -> None:
             study = Study(study.folder, kwargs.pop("posterior", MAIN_POSTERIOR))
-            if needs is not None:
+            if needs:
                 study.require(needs, "calibrate")
-            if draws:
-                kwargs["pictures"] = not kwargs.pop("no_pictures")
+            pictures = draws and not kwargs.pop("no_pictures")
+            if xlsx := kwargs.pop("xlsx", False):
+                require_xlsx()
             with ExitStack() as stack:
                 if copy := kwargs.pop("copy", None):
                     study = copied(study, copy)
                 if writes:
                     study.check_writable()
-                    stack.enter_context(locked(study.folder, _command_name()))
+                    what = click.get_current_context().info_name or "command"
+                    stack.enter_context(locked(study.folder, what))
                 stack.enter_context(shared_out(kwargs.pop("dask", None)))
                 bars = progress_bars(stack)
                 answer = function(*args, study=study, bars=bars, **kwargs)
+                study = Study(study.folder, kwargs.get("name", study.posterior))
+                if writes and (workbook or answer.result.tables()):
+                    book = workbook if xlsx else None
+                    written = write_tables(study.result("tables"), answer.result.tables(), book)
+                    answer = replace(answer, tables=written)
+                if pictures:
+                    from femupdate.report.figure import draw
+
+                    drawn = draw(answer.result, study.result("pictures"), bars)
+                    answer = replace(answer, pictures=drawn)
+                elif draws:
+                    answer = replace(answer, pictures=())
             answer.show(as_json, asked_for("verbose"))
 
-        return functools.reduce(lambda made, option: option(made), options, wrapper)
+        options = [add for add, wanted in asked.items() if wanted]
+        return functools.reduce(lambda made, add: add(made), options, wrapper)
 
     return decorate
 
@@ -199,14 +237,10 @@ def progress_bars(stack: ExitStack) -> Any:
     return SILENT if asked_for("quiet") else stack.enter_context(Bars())
 
 
-def _command_name() -> str:
-    return click.get_current_context().info_name or "command"
-
-
 def plain_options(function: Callable[..., Answer]) -> Callable[..., None]:
     """Add --json and -v to a command that needs no study, and print its answer."""
 
-    @_reporting
+    @reporting
     @functools.wraps(function)
     def wrapper(*args: Any, as_json: bool, **kwargs: Any) -> None:
         function(*args, **kwargs).show(as_json, asked_for("verbose"))
@@ -217,26 +251,19 @@ def plain_options(function: Callable[..., Answer]) -> Callable[..., None]:
 def reading_options(function: F) -> F:
     """Add the options for reading observation files."""
 
-    @click.option(
-        "--sensors",
-        type=Names(),
-        default=(),
-        help="Floors to use, such as RF or 2F,RF; default all.",
-    )
-    @click.option("--band", type=Band(), help="Frequency range, such as 0.5,18 (Hz).")
+    @option("--sensors", "Floors to use, such as RF or 2F,RF; default all.", NAMES, ())
+    @option("--band band_hz", "Frequency range, such as 0.5,18 (Hz).", BAND)
     @unit_option
     @columns_options
-    @click.option(
+    @option(
         "--mode-error",
-        type=click.FloatRange(min=0.0, max=0.5, min_open=True),
-        help="Error of the model's own natural frequencies, as a ratio; default 0.01.",
+        "Error of the model's own natural frequencies, as a ratio; default 0.01.",
+        click.FloatRange(0.0, 0.5, min_open=True),
     )
-    @click.option("--force", help="Floor that was hit or shaken, where column names do not say it.")
+    @option("--force", "Floor that was hit or shaken, where column names do not say it.")
     @functools.wraps(function)
     def wrapper(*args: Any, **kwargs: Any) -> Any:
-        names = ("sensors", "unit", "columns", "mode_error", "force")
-        reading = {name: kwargs.pop(name) for name in names}
-        return function(*args, **reading, band_hz=kwargs.pop("band"), **kwargs)
+        return function(*args, **kwargs)
 
     return wrapper  # type: ignore[return-value]
 
@@ -244,10 +271,8 @@ def reading_options(function: F) -> F:
 def columns_options(function: F) -> F:
     """Add --columns and --mapping, passed on as `columns`, and fill a `unit` that is missing."""
 
-    @click.option("--columns", type=Columns(), help="Column names: ours=theirs,...")
-    @click.option(
-        "--mapping", type=InputFile(), help="File that says which channel is which floor."
-    )
+    @option("--columns", "Column names: ours=theirs,...", COLUMNS)
+    @option("--mapping", "File that says which channel is which floor.", INPUT_FILE)
     @functools.wraps(function)
     def wrapper(*args: Any, columns: Any, mapping: Any, **kwargs: Any) -> Any:
         if mapping is None:
@@ -267,71 +292,22 @@ def columns_options(function: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
-def drawn(result: Result, folder: Path, wanted: bool, bars: Bars) -> tuple[Path, ...]:
-    """The pictures of a result, drawn into a folder where they are wanted."""
-    if not wanted:
-        return ()
-    from femupdate.report.figure import draw
-
-    return draw(result, folder, bars)
-
-
-@dataclass(frozen=True)
-class Tables:
-    """Writes tables of a command into its study.
-
-    Attributes:
-        workbook: name of the XLSX file that holds them all; None where there is none.
-    """
-
-    workbook: str | None
-
-    def write(self, study: Study, result: Result) -> tuple[Path, ...]:
-        """Write those of a result beside the others of the chosen posterior."""
-        return write_tables(study.result("tables"), result.tables(), self.workbook)
-
-
-def table_options(workbook: str) -> Callable[[F], F]:
-    """Add --xlsx to a command that writes tables; the function gets `tables`.
-
-    Args:
-        workbook: name of the XLSX file.
-    """
-
-    def decorate(function: F) -> F:
-        @click.option("--xlsx", is_flag=True, help="Also write the tables as one XLSX workbook.")
-        @functools.wraps(function)
-        def wrapper(*args: Any, xlsx: bool, **kwargs: Any) -> Any:
-            if xlsx:
-                require_xlsx()
-            return function(*args, tables=Tables(workbook if xlsx else None), **kwargs)
-
-        return wrapper  # type: ignore[return-value]
-
-    return decorate
-
-
 def running(function: F) -> F:
     """Add --seed, --json and -v, and turn the library's errors into exit code 1."""
-    seed = click.option(
-        "--seed",
-        type=click.IntRange(0, 2**32 - 1),
-        default=0,
-        show_default=True,
-        help="Random seed.",
-    )
-    return seed(_reporting(function))
+    return option("--seed", "Random seed.", click.IntRange(0, 2**32 - 1), 0)(reporting(function))
 
 
-def _reporting(function: F) -> F:
-    """Add --json and -v, and turn the library's errors into exit code 1."""
+def reporting(function: F) -> F:
+    """Add --json, -v and -q, and turn the library's errors into exit code 1."""
 
-    @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+    @flag("--json as_json", "Print one JSON object on stdout.")
     @click.option("-v", "--verbose", count=True, help="Say more; -vv for debugging.")
-    @click.option("-q", "--quiet", is_flag=True, help="Show no progress, only the answer.")
+    @flag("-q --quiet", "Show no progress, only the answer.")
     @functools.wraps(function)
     def wrapper(*args: Any, verbose: int, quiet: bool, **kwargs: Any) -> Any:
-        _start_logging(verbose)
+        level = {0: logging.WARNING, 1: logging.INFO}.get(verbose, logging.DEBUG)
+        logging.basicConfig(level=logging.WARNING, format="%(message)s", stream=sys.stderr)
+        logging.getLogger("femupdate").setLevel(level)
         try:
             _require_inputs()
             return function(*args, **kwargs)
@@ -342,7 +318,13 @@ def _reporting(function: F) -> F:
         except BrokenPipeError:  # such as `| head`; click ends quietly
             raise
         except OSError as error:
-            raise Failure(_os_failure(error)) from error
+            where, why = error.filename or "a file", error.strerror or error
+            full = error.errno == errno.ENOSPC
+            raise Failure(
+                f"cannot write {where}: the disk is full; free some space and run the command again"
+                if full
+                else f"{where}: {why}; check the path and its permissions"
+            ) from error
 
     return wrapper  # type: ignore[return-value]
 
@@ -355,18 +337,3 @@ def _require_inputs() -> None:
         if isinstance(parameter.type, Input) and value is not None:
             for item in value if isinstance(value, tuple) else (value,):
                 parameter.type.require(item)
-
-
-def _start_logging(verbose: int) -> None:
-    level = {0: logging.WARNING, 1: logging.INFO}.get(verbose, logging.DEBUG)
-    logging.basicConfig(level=logging.WARNING, format="%(message)s", stream=sys.stderr)
-    logging.getLogger("femupdate").setLevel(level)
-
-
-def _os_failure(error: OSError) -> str:
-    import errno
-
-    where = error.filename or "a file"
-    if error.errno == errno.ENOSPC:
-        return f"cannot write {where}: the disk is full; free some space and run the command again"
-    return f"{where}: {error.strerror or error}; check the path and its permissions"

@@ -63,22 +63,16 @@ def group() -> None:
     """
 
 
-def _wait_without_spinning() -> None:
-    """Let threads that wait for each other sleep soon, unless the user has said how they wait.
-
-    GNU's OpenMP, which torch is built with, reads this when it is loaded. On busy processors its
-    threads else spin for longer than they work; on idle ones it makes no difference.
-    """
-    if "OMP_WAIT_POLICY" not in os.environ:
-        os.environ.setdefault("GOMP_SPINCOUNT", "1000")
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command with these arguments, by default those of the process.
 
     Errors meant for the user are one sentence and exit code 1.
     """
-    _wait_without_spinning()
+    # Threads that wait for each other sleep soon, unless the user has said how they wait. GNU's
+    # OpenMP, which torch is built with, reads this when it is loaded. On busy processors its
+    # threads else spin for longer than they work; on idle ones it makes no difference.
+    if "OMP_WAIT_POLICY" not in os.environ:
+        os.environ.setdefault("GOMP_SPINCOUNT", "1000")
     try:
         group.main(arguments, prog_name="femupdate", standalone_mode=False)
     except click.exceptions.Exit as request:

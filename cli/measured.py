@@ -6,32 +6,35 @@ import click
 
 from femupdate.errors import ReportError
 
-from .answer import Answer
 from .common import (
+    NEW_FILE,
+    Answer,
     Failure,
     check_free,
     columns_options,
+    no_pictures_option,
+    option,
     output_option,
     overwrite_option,
     plain_options,
     unit_option,
 )
 from .group import GroupedCommand
-from .parameters import Band, InputFile
+from .parameters import BAND, INPUT_FILE
 
 
 @click.command("inspect", cls=GroupedCommand)
-@click.argument("files", type=InputFile(), nargs=-1, required=True)
+@click.argument("files", type=INPUT_FILE, nargs=-1, required=True)
 @unit_option
-@click.option(
+@option(
     "--picture",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Draw histories, spectra, response to the base and coherence of one file into a PNG.",
+    "Draw histories, spectra, response to the base and coherence of one file into a PNG.",
+    NEW_FILE,
 )
-@click.option(
+@option(
     "--write-mapping",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Write the proposed floors of one file's channels as TOML, for --mapping.",
+    "Write the proposed floors of one file's channels as TOML, for --mapping.",
+    NEW_FILE,
 )
 @columns_options
 @plain_options
@@ -70,10 +73,10 @@ def inspect(
             pictures = (draw_inspection(report.files[0], picture),)
         except ReportError as error:  # what is in the file is said all the same
             problems.append(str(error))
-    written = []
+    written: tuple[Path, ...] = ()
     if write_mapping is not None and report.files:
-        written.append(propose_mapping(report.files[0], write_mapping, unit))
-    answer = Answer(report, pictures, files=written)
+        written = (propose_mapping(report.files[0], write_mapping, unit),)
+    answer = Answer(report, pictures=pictures, files=written)
     if problems:
         if report.files or report.models:
             answer.show(click.get_current_context().params["as_json"])
@@ -82,19 +85,13 @@ def inspect(
 
 
 @click.command("identify", cls=GroupedCommand)
-@click.argument("record", type=InputFile())
+@click.argument("record", type=INPUT_FILE)
 @output_option("CSV file of the modes to write; a picture goes beside it.")
 @columns_options
-@click.option("--band", type=Band(), help="Frequency range of the modes, such as 0.5,18 (Hz).")
-@click.option(
-    "--order",
-    type=click.IntRange(10, 120),
-    default=40,
-    show_default=True,
-    help="Largest order of the models.",
-)
+@option("--band", "Frequency range of the modes, such as 0.5,18 (Hz).", BAND)
+@option("--order", "Largest order of the models.", click.IntRange(10, 120), 40)
 @overwrite_option
-@click.option("--no-pictures", is_flag=True, help="Draw no pictures.")
+@no_pictures_option
 @plain_options
 def identify(
     record: Path,
@@ -116,11 +113,12 @@ def identify(
       femupdate identify ambient.csv -o modes.csv
       femupdate calibrate modes.csv --building my_building.toml
     """
-    from femupdate.workflow.identify import draw_identified
-    from femupdate.workflow.identify import identify as identify_file
+    from femupdate.workflow.inspect_files import identify as identify_file
 
     check_free(output, overwrite)
     report = identify_file(record, output, columns=columns, band_hz=band, order=order)
     if no_pictures:
         return Answer(report)
-    return Answer(report, (draw_identified(report, output.with_suffix(".png")),))
+    from femupdate.report.figure import save_figure
+
+    return Answer(report, pictures=(save_figure(report.plot(), output.with_suffix(".png")),))

@@ -8,63 +8,48 @@ import click
 
 from femupdate.study import MAIN_POSTERIOR, Study
 
-from .answer import Answer
 from .bars import Bars
 from .common import (
+    Answer,
     F,
-    Tables,
     building_option,
     device_option,
-    drawn,
+    flag,
     observations_argument,
+    option,
     reading_options,
     study_options,
-    table_options,
 )
 from .group import GroupedCommand
-from .parameters import InputFile
+from .parameters import INPUT_FILE
 
 
 @click.command("calibrate", cls=GroupedCommand)
 @observations_argument
 @building_option
-@click.option("--exact", is_flag=True, help="Sample the likelihood of the data themselves.")
-@click.option(
+@flag("--exact", "Sample the likelihood of the data themselves.")
+@option(
     "--particles",
-    type=click.IntRange(min=200),
-    default=5000,
-    show_default=True,
-    help="Draws of the posterior (particles): more give smoother intervals and take longer.",
+    "Draws of the posterior (particles): more give smoother intervals and take longer.",
+    click.IntRange(200),
+    5000,
 )
-@click.option(
+@option(
     "--chains",
-    type=click.IntRange(min=1),
-    default=4,
-    show_default=True,
-    help="Runs of the sampler apart, whose agreement is checked.",
+    "Runs of the sampler apart, whose agreement is checked.",
+    click.IntRange(1),
+    4,
 )
-@click.option(
+@option(
     "--name",
+    "Name of the posterior; a study keeps any number of them.",
     default=MAIN_POSTERIOR,
-    show_default=True,
-    help="Name of the posterior; a study keeps any number of them.",
 )
 @device_option
-@click.option(
-    "--anyway", is_flag=True, help="Keep a posterior even where the file is unlike the building."
-)
+@flag("--anyway", "Keep a posterior even where the file is unlike the building.")
 @reading_options
-@study_options(shares=True)
-@table_options("posterior")
-def calibrate(
-    observations: tuple[Path, ...],
-    name: str,
-    tables: Tables,
-    study: Study,
-    bars: Bars,
-    pictures: bool,
-    **asked: Any,
-) -> Answer:
+@study_options(shares=True, workbook="posterior")
+def calibrate(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
 
     Each file is a CSV table of histories (time_s, base, 2F, ..., RF), of FRFs (frequency_hz, 2F,
@@ -81,37 +66,31 @@ def calibrate(
     """
     from femupdate import interface
 
-    study = Study(study.folder, name)
-    report = interface.calibrate(study, *observations, name=name, progress=bars, **asked)
-    written = tables.write(study, report)
-    return Answer(report, drawn(report, study.result("pictures"), pictures, bars), tables=written)
+    return Answer(interface.calibrate(study, *observations, progress=bars, **asked))
 
 
 def finder_options(function: F) -> F:
-    """Add what both commands take beside files and building.
+    """Add what both commands take beside files and building; what is left out is not passed on."""
+    share = click.FloatRange(0.0, 1.0)
 
-    The function gets `second`, `use_phase` and, in `noticed`, what an engineer would notice; what
-    is left out is not in it.
-    """
-    share = click.FloatRange(min=0.0, max=1.0)
-
-    @click.option("--second", type=InputFile(), help="Second record at another level of motion.")
-    @click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
-    @click.option(
+    @option("--second", "Second record at another level of motion.", INPUT_FILE)
+    @flag("--no-phase", "Use the amplitude alone.")
+    @option(
         "--least-frequency",
-        type=share,
-        help="Change of a frequency that is of consequence, as a ratio; default 0.01.",
+        "Change of a frequency that is of consequence, as a ratio; default 0.01.",
+        share,
     )
-    @click.option(
+    @option(
         "--least-response",
-        type=share,
-        help="Change or error of a response that is, as a ratio; default 0.02.",
+        "Change or error of a response that is, as a ratio; default 0.02.",
+        share,
     )
     @functools.wraps(function)
     def wrapper(*args: Any, no_phase: bool, **kwargs: Any) -> Any:
-        given = {name: kwargs.pop(name) for name in ("least_frequency", "least_response")}
-        noticed = {name: value for name, value in given.items() if value is not None}
-        return function(*args, noticed=noticed, use_phase=not no_phase, **kwargs)
+        for name in ("least_frequency", "least_response"):
+            if kwargs[name] is None:
+                del kwargs[name]
+        return function(*args, use_phase=not no_phase, **kwargs)
 
     return wrapper  # type: ignore[return-value]
 
@@ -121,17 +100,8 @@ def finder_options(function: F) -> F:
 @building_option
 @finder_options
 @reading_options
-@study_options(shares=True)
-@table_options("diagnosis")
-def diagnose(
-    observations: tuple[Path, ...],
-    noticed: dict[str, Any],
-    tables: Tables,
-    study: Study,
-    bars: Bars,
-    pictures: bool,
-    **asked: Any,
-) -> Answer:
+@study_options(shares=True, workbook="diagnosis")
+def diagnose(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Find where the model and the measured files OBSERVATIONS disagree, and what is missing.
 
     Every effect of the catalogue is tested at every place. The leading ones are fitted, and their
@@ -147,27 +117,18 @@ def diagnose(
     """
     from femupdate import interface
 
-    report = interface.diagnose(study, *observations, progress=bars, **noticed, **asked)
-    written = tables.write(study, report)
-    made = drawn(report, study.path("pictures"), pictures, bars)
-    return Answer(report, made, {"diagnosis": report.path}, tables=written)
+    report = interface.diagnose(study, *observations, progress=bars, **asked)
+    return Answer(report, {"diagnosis": report.path})
 
 
 @click.command("repair", cls=GroupedCommand)
 @observations_argument
 @building_option
-@click.option("--holdout", type=InputFile(), help="Data that are only predicted, before and after.")
+@option("--holdout", "Data that are only predicted, before and after.", INPUT_FILE)
 @finder_options
 @reading_options
 @study_options(shares=True)
-def repair(
-    observations: tuple[Path, ...],
-    noticed: dict[str, Any],
-    study: Study,
-    bars: Bars,
-    pictures: bool,
-    **asked: Any,
-) -> Answer:
+def repair(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Add to the model what the measured files OBSERVATIONS show to be missing.
 
     At most four effects are added, each only on clear evidence. The repaired building is a study
@@ -181,6 +142,5 @@ def repair(
     """
     from femupdate import interface
 
-    report = interface.repair(study, *observations, progress=bars, **noticed, **asked)
-    made = drawn(report, study.path("pictures"), pictures, bars)
-    return Answer(report, made, {"repair": report.path})
+    report = interface.repair(study, *observations, progress=bars, **asked)
+    return Answer(report, {"repair": report.path})

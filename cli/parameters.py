@@ -165,3 +165,8 @@ class SizedEffect(click.ParamType):
         if "@" not in label:
             self.fail("write name@place=size, such as added_mass@3F=0.1", param, ctx)
         return label.strip(), values
+
+
+INPUT_FILE, BUILDING_NAME, STUDY_FOLDER = InputFile(), BuildingName(), StudyFolder()
+NAMES, NUMBERS, BAND, COLUMNS = Names(), Numbers(), Band(), Columns()
+CHANNEL, MEMBER, SIZED_EFFECT = Channel(), Member(), SizedEffect()

@@ -6,9 +6,8 @@ import click
 
 from femupdate.study import Study
 
-from .answer import Answer
 from .bars import Bars
-from .common import Tables, plain_options, study_options
+from .common import Answer, plain_options, study_options
 from .group import GroupedCommand
 
 
@@ -23,7 +22,7 @@ def listing() -> Answer:
     Example:
       femupdate list
     """
-    from femupdate.workflow.listing import list_all
+    from femupdate.workflow.shipped import list_all
 
     return Answer(list_all())
 
@@ -41,7 +40,7 @@ def examples(folder: Path) -> Answer:
       femupdate examples
       femupdate calibrate examples/six_story_white_noise.csv
     """
-    from femupdate.workflow.examples import copy_examples
+    from femupdate.workflow.shipped import copy_examples
 
     return Answer(copy_examples(folder))
 
@@ -55,8 +54,10 @@ def demo(study: Study, seed: int, bars: Bars) -> Answer:
     Example:
       femupdate demo --study demo
     """
-    from femupdate.workflow.demo import draw_demo, run_demo
+    from femupdate.report.figure import draw
+    from femupdate.workflow.demo import run_demo
 
     report = run_demo(study, seed, bars)
-    drawn = draw_demo(study, report, bars)
-    return Answer(report, drawn, tables=Tables(None).write(study, report))
+    drawn = draw(report, study.path("pictures"), bars)
+    modes = tuple(mode["picture"] for mode in report.parts[-1].as_dict()["modes"])
+    return Answer(report, pictures=(*drawn, *map(Path, modes)))

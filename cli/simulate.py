@@ -7,11 +7,12 @@ import click
 
 from femupdate.study import Study
 
-from .answer import Answer
 from .bars import Bars
 from .common import (
+    Answer,
     channel_option,
     check_free,
+    option,
     output_option,
     overwrite_option,
     scale_option,
@@ -19,77 +20,37 @@ from .common import (
     unit_option,
 )
 from .group import GroupedCommand
-from .parameters import Band, BuildingName, InputFile, Numbers, SizedEffect
+from .parameters import BAND, BUILDING_NAME, INPUT_FILE, NUMBERS, SIZED_EFFECT
 
 
 @click.command("simulate", cls=GroupedCommand)
 @output_option("CSV file to write; the truth goes beside it as .truth.json.")
-@click.option(
-    "--building", type=BuildingName(), help="Shipped name or TOML file; default: that of the study."
+@option("--building", "Shipped name or TOML file; default: that of the study.", BUILDING_NAME)
+@option("--theta", "Stiffness factors; default: random.", NUMBERS)
+@option("--zeta", "Damping ratio of all modes.", click.FloatRange(0.0, 1.0))
+@option("--mesh-size", "Mesh size, m; default: .4 of the building's own.", float)
+@option("--duration duration_s", "Length, s.", float, 80.0)
+@option("--sampling sampling_hz", "Samples per second.", float, 200.0)
+@option("--rms rms_m_s2", "Rms acceleration of the base, m/s2.", float, 0.3)
+@option("--band band_hz", "Frequency range of the base motion, Hz.", BAND, "0.5,50")
+@option(
+    "--rotation rotation_rms",
+    "Rms rotation of the base, rad/s2, which two vertical sensors record.",
+    float,
 )
-@click.option("--theta", type=Numbers(), help="Stiffness factors; default: random.")
-@click.option("--zeta", type=click.FloatRange(0.0, 1.0), help="Damping ratio of all modes.")
-@click.option("--mesh-size", type=float, help="Mesh size, m; default: .4 of the building's own.")
-@click.option(
-    "--duration", "duration_s", type=float, default=80.0, show_default=True, help="Length, s."
-)
-@click.option(
-    "--sampling",
-    "sampling_hz",
-    type=float,
-    default=200.0,
-    show_default=True,
-    help="Samples per second.",
-)
-@click.option(
-    "--rms",
-    "rms_m_s2",
-    type=float,
-    default=0.3,
-    show_default=True,
-    help="Rms acceleration of the base, m/s2.",
-)
-@click.option(
-    "--band",
-    "band_hz",
-    type=Band(),
-    default="0.5,50",
-    show_default=True,
-    help="Frequency range of the base motion, Hz.",
-)
-@click.option(
-    "--rotation",
-    "rotation_rms",
-    type=float,
-    help="Rms rotation of the base, rad/s2, which two vertical sensors record.",
-)
-@click.option(
-    "--vertical-at",
-    type=Numbers(),
-    default="-2,2",
-    show_default=True,
-    help="Places of these sensors along the motion, m.",
-)
-@click.option("--record", type=InputFile(), help="Ground motion to use instead of noise.")
+@option("--vertical-at", "Places of these sensors along the motion, m.", NUMBERS, "-2,2")
+@option("--record", "Ground motion to use instead of noise.", INPUT_FILE)
 @channel_option
 @unit_option
 @scale_option
-@click.option(
-    "--effect",
-    "effects",
+@option(
+    "--effect effects",
+    "Hidden effect and its size, such as added_mass@3F=0.1; may be given several times.",
+    SIZED_EFFECT,
     multiple=True,
-    type=SizedEffect(),
-    help="Hidden effect and its size, such as added_mass@3F=0.1; may be given several times.",
 )
 @overwrite_option
-@click.option(
-    "--sensor-noise",
-    "sensor_noise_m_s2",
-    type=float,
-    default=0.003,
-    show_default=True,
-    help="Rms noise of every sensor, m/s2.",
-)
+@option("--sensor-noise sensor_noise_m_s2", "Rms noise of every sensor, m/s2.", float, 0.003)
 @study_options(writes=False, draws=False)
 def command(
     output: Path,

@@ -1,6 +1,6 @@
 """femupdate status, compare and report: what a study says."""
 
-from contextlib import ExitStack
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -8,23 +8,17 @@ import click
 
 from femupdate.study import Study, locked
 
-from .answer import Answer
-from .common import (
-    Failure,
-    output_option,
-    plain_options,
-    posterior_options,
-    progress_bars,
-    study_option,
-)
+from .bars import Bars
+from .common import NEW_FILE, Answer, Failure, option, output_option, study_options
 from .group import GroupedCommand
-from .parameters import InputFile
+from .parameters import INPUT_FILE
+
+_reading = study_options(posterior=True, writes=False, draws=False, seeded=False)
 
 
 @click.command("status", cls=GroupedCommand)
-@plain_options
-@posterior_options
-def status(study: Study) -> Answer:
+@_reading
+def status(study: Study, bars: Bars) -> Answer:
     """Say what a study holds, what is stale, and what to do next. Changes nothing.
 
     \b
@@ -40,14 +34,9 @@ def status(study: Study) -> Answer:
 @click.command("compare", cls=GroupedCommand)
 @click.argument("before")
 @click.argument("after")
-@click.option(
-    "--picture",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Draw the intervals of both into a PNG.",
-)
-@study_option
-@plain_options
-def compare(before: str, after: str, picture: Path | None, study: Study) -> Answer:
+@option("--picture", "Draw the intervals of both into a PNG.", NEW_FILE)
+@study_options(writes=False, draws=False, seeded=False)
+def compare(before: str, after: str, picture: Path | None, study: Study, bars: Bars) -> Answer:
     """Say which stories changed from BEFORE to AFTER an event.
 
     Both are posteriors of one building, each from a measurement of its own. They are named as
@@ -74,24 +63,23 @@ def compare(before: str, after: str, picture: Path | None, study: Study) -> Answ
         raise Failure("modes and FRFs are compared in tables alone; leave --picture out")
     from femupdate.report.figure import save_figure
 
-    return Answer(report, (save_figure(report.intervals(), picture),))
+    return Answer(report, pictures=(save_figure(report.intervals(), picture),))
 
 
 @click.command("report", cls=GroupedCommand)
 @output_option("HTML file to write; default report.html in the study.", required=False)
-@click.option("--title", help="Title of the page; default that of the building.")
-@click.option("--author", help="Who wrote it; stands below the title.")
-@click.option("--client", help="For whom it is; stands below the title.")
-@click.option("--logo", type=InputFile(), help="Picture beside the title, PNG or JPEG.")
-@click.option(
+@option("--title", "Title of the page; default that of the building.")
+@option("--author", "Who wrote it; stands below the title.")
+@option("--client", "For whom it is; stands below the title.")
+@option("--logo", "Picture beside the title, PNG or JPEG.", INPUT_FILE)
+@option(
     "--add",
-    type=InputFile(),
+    "Picture (PNG, JPEG) or text (.md, .txt) as a section; may be given several times.",
+    INPUT_FILE,
     multiple=True,
-    help="Picture (PNG, JPEG) or text (.md, .txt) as a section; may be given several times.",
 )
-@plain_options
-@posterior_options
-def report(study: Study, output: Path | None, **more: Any) -> Answer:
+@_reading
+def report(study: Study, output: Path | None, bars: Bars, **more: Any) -> Answer:
     """Write one HTML page with everything that a study says, to hand on.
 
     The page needs no network and nothing beside it. It shows what was done and from which files,
@@ -105,9 +93,7 @@ def report(study: Study, output: Path | None, **more: Any) -> Answer:
     """
     from femupdate import interface
 
-    with ExitStack() as stack:
-        if output is None:
-            study.check_writable()
-            stack.enter_context(locked(study.folder, "report"))
-        bars = progress_bars(stack)
+    if output is None:
+        study.check_writable()
+    with nullcontext() if output else locked(study.folder, "report"):
         return Answer(interface.write_report(study, output, progress=bars, **more))

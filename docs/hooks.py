@@ -92,7 +92,7 @@ def _command(command: click.Command, context: click.Context) -> Iterator[str]:
 def _effects() -> Iterator[str]:
     """Every effect of the catalogue."""
     from femupdate.effects.registry import CATALOGUE
-    from femupdate.workflow.listing import list_all
+    from femupdate.workflow.shipped import list_all
 
     places = {row["name"]: row["places"] for row in list_all().as_dict()["effects"]}
     for name in sorted(CATALOGUE):

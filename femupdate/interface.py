@@ -21,18 +21,15 @@ if TYPE_CHECKING:
     from femupdate.measurement.observation import Observation
     from femupdate.measurement.record import GroundMotion
     from femupdate.report.prediction import Prediction
+    from femupdate.result import Told
     from femupdate.simulation.simulate import WrittenSimulation
     from femupdate.workflow.calibration_report import CalibrationReport
     from femupdate.workflow.compare import CompareReport
-    from femupdate.workflow.compare_frfs import FrfComparison
-    from femupdate.workflow.compare_modes import ModeComparison
     from femupdate.workflow.diagnose import DiagnosisReport
     from femupdate.workflow.inspect_files import InspectedFiles
     from femupdate.workflow.model import StudyModel
     from femupdate.workflow.repair import RepairReport
-    from femupdate.workflow.report import ReportReport
     from femupdate.workflow.status import StatusReport
-    from femupdate.workflow.train import TrainReport
 
 Folder = Study | Path | str
 File = Path | str
@@ -145,7 +142,7 @@ def train(
     device: str = "cpu",
     progress: Progress = SILENT,
     **settings: Unpack[Training],
-) -> "TrainReport":
+) -> "Told":
     """Train the surrogate of a study's building; resumes, and skips what is there already.
 
     Args:
@@ -326,9 +323,7 @@ def repair(
     return repair_study(opened, model, source, kept_out, chosen, progress, use_phase, other)
 
 
-def compare(
-    study: Folder, before: str, after: str
-) -> "CompareReport | ModeComparison | FrfComparison":
+def compare(study: Folder, before: str, after: str) -> "CompareReport | Told":
     """Which stories changed between two posteriors, or how alike two sets of modes or FRFs are.
 
     Args:
@@ -346,8 +341,7 @@ def compare(
     measured = [file for file in files if file.is_file() and file.suffix != ".nc"]
     if measured:
         from femupdate.measurement.reader import read_measured
-        from femupdate.workflow.compare_frfs import compare_frfs
-        from femupdate.workflow.compare_modes import compare_modes
+        from femupdate.workflow.compare_tests import compare_frfs, compare_modes
 
         read = [read_measured(file) for file in measured]
         if len(read) == 2 and any(one.modes or one.mode_table is not None for one in read):
@@ -413,7 +407,7 @@ def write_report(
     logo: File | None = None,
     add: Sequence[File] = (),
     progress: Progress = SILENT,
-) -> "ReportReport":
+) -> "Told":
     """Write everything that a study says on one HTML page.
 
     Args:

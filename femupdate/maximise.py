@@ -293,7 +293,7 @@ def maximise(
         gain, moved, reached = (
             (before - tried.objective)[better],
             rows[better],
-            _some(tried, better),
+            tried[better.nonzero()[:, 0]],
         )
         was = now[moved]
         now.put(moved, reached)
@@ -305,7 +305,7 @@ def maximise(
         anew = (small | (share > _LARGE) | (not how.mended)) & ~done & how.renewed
         _renew(problem, now, moved[anew])
         follow = ~done & ~anew
-        _mend(problem, now, _some(was, follow), moved[follow], how)
+        _mend(problem, now, was[follow.nonzero()[:, 0]], moved[follow], how)
         mended[again], mended[moved[anew]], mended[moved[follow]] = False, False, True
     if how.renewed:
         _renew(problem, now, (mended | (old & (not how.mended))).nonzero()[:, 0])
@@ -318,10 +318,6 @@ def _at(problem: LeastSquares, z: Tensor) -> Maxima:
     residual, away = problem.whitened(raw), z - problem.mean
     objective = residual.square().sum(1) + ((away @ problem.precision) * away).sum(1)
     return Maxima(z.clone(), raw, residual, z[:, None, :0], objective)
-
-
-def _some(points: Maxima, rows: Tensor) -> Maxima:
-    return points[rows.nonzero()[:, 0]]
 
 
 def _tried(

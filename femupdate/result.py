@@ -177,6 +177,28 @@ def first_lines(verdict: str, figures: str, then: str) -> Iterable[Note]:
     yield Note(f"Next: {then}; -v tells more.", page=False)
 
 
+class Told(Result):
+    """A result by its items alone; its figures are attributes, by their keys in JSON."""
+
+    def __init__(self, items: Iterable[Item], figures: Iterable[Picture] = ()) -> None:
+        self._items, self._figures = tuple(items), tuple(figures)
+
+    def items(self) -> Iterable[Item]:
+        """As they were given."""
+        return self._items
+
+    def figures(self) -> Iterable[Picture]:
+        """As they were given."""
+        return self._figures
+
+    def __getattr__(self, name: str) -> Any:
+        for item in () if name.startswith("_") else self._items:
+            content = item.as_dict() if isinstance(item, Table) else item.content
+            if name in content:
+                return content[name]
+        raise AttributeError(f"there is no figure {name!r}; known: {', '.join(self.as_dict())}")
+
+
 def took(seconds: float) -> str:
     """How long something took, after a comma; nothing of what was read back."""
     return "" if math.isnan(seconds) else f", {seconds:.1f} s"

@@ -128,10 +128,15 @@ def atomic_path(path: Path | str, failure: type[FemupdateError] = StudyError) ->
     try:
         yield temporary
         os.replace(temporary, path)
+    except OSError as error:
+        raise failure(write_failure(path, error)) from error
+    except FemupdateError:
+        raise
     except Exception as error:
-        reported = _system_error(error)
-        if reported is None:
+        number = _NUMBER.search(str(error))
+        if number is None:
             raise
+        reported = OSError(int(number[1]), os.strerror(int(number[1])))
         raise failure(write_failure(path, reported)) from error
     finally:
         with contextlib.suppress(OSError):
@@ -174,16 +179,6 @@ def write_failure(path: Path, error: OSError) -> str:
             "and run the command again"
         )
     return f"cannot write {path}: {error.strerror or error}; check the folder and its permissions"
-
-
-def _system_error(error: Exception) -> OSError | None:
-    """The operating system's error behind an exception, if there is one."""
-    if isinstance(error, OSError):
-        return error
-    if isinstance(error, FemupdateError):
-        return None
-    match = _NUMBER.search(str(error))
-    return OSError(int(match[1]), os.strerror(int(match[1]))) if match else None
 
 
 class ArchiveError(ValueError):
@@ -322,20 +317,15 @@ def refuse_endless(path: Path) -> None:
     if not path.stat().st_size:
         return
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        at = data.find(_HEAP)
+        at, head = data.find(_HEAP), _OBJECT.size
         while at >= 0:
-            _check_heap(data, at)
+            end = min(at + int.from_bytes(data[at + 8 : at + head], "little"), len(data))
+            place = at + head
+            while place + head <= end:
+                number, size = _OBJECT.unpack_from(data, place)
+                # The size of the free space holds its own head; others are filled up to eight.
+                step = head + -(-size // 8) * 8 if number else size
+                if not head <= step <= end - place:
+                    raise ValueError("a heap of texts in it is damaged")
+                place += step
             at = data.find(_HEAP, at + len(_HEAP))
-
-
-def _check_heap(data: mmap.mmap, at: int) -> None:
-    head = _OBJECT.size
-    end = min(at + int.from_bytes(data[at + 8 : at + head], "little"), len(data))
-    place = at + head
-    while place + head <= end:
-        number, size = _OBJECT.unpack_from(data, place)
-        # The size of the free space holds its own head; others are filled up to eight bytes.
-        step = head + -(-size // 8) * 8 if number else size
-        if not head <= step <= end - place:
-            raise ValueError("a heap of texts in it is damaged")
-        place += step

@@ -142,17 +142,12 @@ def _artefact(entry: Mapping[str, Any]) -> Artefact:
         raise ValueError(f"{artefact.file} lies outside the study")
     if not all(isinstance(value, str) for value in artefact.made_from.values()):
         raise ValueError(f"what {artefact.file} was made from is not told by hashes")
-    _check_settings(artefact)
-    return artefact
-
-
-def _check_settings(artefact: Artefact) -> None:
-    """Refuse settings that no command wrote."""
     for key, can_be in _SETTINGS.items():
         if key in artefact.settings and not can_be(artefact.settings[key]):
             value = repr(artefact.settings[key])
             value = value if len(value) < _LONGEST_SHOWN else f"{value[:_LONGEST_SHOWN]} ..."
             raise ValueError(f"{key} of {artefact.file} is {value}, which no command wrote")
+    return artefact
 
 
 @contextmanager
@@ -501,7 +496,14 @@ def locked(folder: Path, what: str) -> Iterator[None]:
     except OSError as error:
         raise StudyError(write_failure(folder / _LOCK, error)) from error
     try:
-        _write_owner(folder, what)
+        owner = {
+            "command": what,
+            "process": os.getpid(),
+            "machine": socket.gethostname(),
+            "since": datetime.now(UTC).isoformat(timespec="seconds"),
+        }
+        with contextlib.suppress(OSError):  # a courtesy: the lock is held without it
+            (folder / _OWNER).write_text(json.dumps(owner) + "\n", encoding="utf-8")
         for inner in _INNER:
             for place in folder.glob(inner) if inner else (folder,):
                 remove_parts(place)
@@ -514,17 +516,6 @@ def locked(folder: Path, what: str) -> Iterator[None]:
         with contextlib.suppress(OSError):
             for path in made:
                 path.rmdir()
-
-
-def _write_owner(folder: Path, what: str) -> None:
-    owner = {
-        "command": what,
-        "process": os.getpid(),
-        "machine": socket.gethostname(),
-        "since": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-    with contextlib.suppress(OSError):  # the name is a courtesy, the lock is held without it
-        (folder / _OWNER).write_text(json.dumps(owner) + "\n", encoding="utf-8")
 
 
 def _taken(folder: Path) -> str:

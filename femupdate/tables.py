@@ -121,16 +121,13 @@ class Table:
         columns = {column.key: column.values for column in self.columns if column.key}
         if not self.key:
             return columns
-        return {self.key: [dict(zip(columns, row, strict=True)) for row in _rows(columns.values())]}
+        rows = zip(*columns.values(), strict=True)
+        return {self.key: [dict(zip(columns, row, strict=True)) for row in rows]}
 
     def sheet(self) -> tuple[list[str], list[tuple[Any, ...]]]:
         """Head and rows for a spreadsheet, one observation a row; empty where there are none."""
         columns = {column.csv: column.plain for column in self.columns if column.csv}
-        return list(columns), _rows(columns.values())
-
-
-def _rows(columns: Iterable[Any]) -> list[tuple[Any, ...]]:
-    return list(zip(*columns, strict=True))
+        return list(columns), list(zip(*columns.values(), strict=True))
 
 
 def table(
@@ -145,14 +142,12 @@ def table(
     """
     left = {0, len(head) - 1} if words_last else {0}
     widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
-    lines = []
-    for row in [head, *rows]:
-        cells = [
-            cell.ljust(width) if k in left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append("  " + "  ".join(cells).rstrip())
-    return "\n".join(lines)
+    sides = [str.ljust if k in left else str.rjust for k in range(len(head))]
+    aligned = [
+        [put(cell, width) for put, cell, width in zip(sides, row, widths, strict=True)]
+        for row in [head, *rows]
+    ]
+    return "\n".join("  " + "  ".join(cells).rstrip() for cells in aligned)
 
 
 def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

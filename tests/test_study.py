@@ -19,8 +19,7 @@ from femupdate.study import (
     owner_of,
     write_text,
 )
-from femupdate.workflow.effects import NEAR_BASIS
-from femupdate.workflow.mesh_error import MESH_ERROR
+from femupdate.workflow.effects import MESH_ERROR, NEAR_BASIS
 from femupdate.workflow.model import FINER
 
 MADE_FROM = {"building": "ab12", "observation": "cd34"}

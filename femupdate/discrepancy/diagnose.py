@@ -235,7 +235,14 @@ def _fitted(
             other = settle(problem, fit(sharp, fitted.placed, fitted.z))
             return max(fitted, other, key=lambda either: log_posterior(problem, either))
 
-        fits = _better_of(in_threads(sharpened, fits), _at_large_sizes(base, fits, scores))
+        # In place of each the one begun with a large size of the same effect, if it is likelier.
+        likeliest = {fitted.placed[-1].label: fitted for fitted in in_threads(sharpened, fits)}
+        for other in _at_large_sizes(base, fits, scores):
+            label, of = other.placed[-1].label, other.likelihood
+            same = likeliest.get(label)
+            if same is None or log_posterior(of, other) > log_posterior(of, same):
+                likeliest[label] = other
+        fits = list(likeliest.values())
     if much_left(fits):
         # Without an exchange of channels theta may lie far off.
         progress.advance(note="trying exchanged channels")
@@ -314,33 +321,21 @@ def _at_large_sizes(base: Fit, fits: list[Fit], scores: list[Score]) -> list[Fit
         steps = small.with_effects(together).prior.steps.holding(z[len(base.z) :])
         return _further(fit(small, together, fit(small, together, z, STEPS, steps).z, 0))
 
-    begun = [(test.placed, size) for test in tests for size in _sizes_about(test.placed)]
+    # One and two deviations of the prior to either side of no effect, within the limits.
+    begun, away = list[tuple[Placed, float]](), np.array([-2, -1, 1, 2])
+    for placed in (test.placed for test in tests):
+        first = placed.effect.parameters[0]
+        tried = np.clip(first.neutral + first.scale * away, first.lower, first.upper)
+        begun += [(placed, size) for size in np.unique(tried[tried != first.neutral]).tolist()]
     if not begun:
         return []
-    tried = sorted(in_threads(lambda pair: held(*pair), begun), key=lambda near: near.misfit)
+    sized = sorted(in_threads(lambda pair: held(*pair), begun), key=lambda near: near.misfit)
     known = min(fit(small, fitted.placed, fitted.z, 0).misfit for fitted in ahead[:2])
     return [
         settle(problem, fit(problem, near.placed, near.z))
-        for near in tried[:2]
+        for near in sized[:2]
         if near.misfit < known
     ]
-
-
-def _sizes_about(placed: Placed) -> Floats:
-    """One and two deviations of the prior to either side of no effect, within the limits."""
-    size = placed.effect.parameters[0]
-    tried = np.clip(size.neutral + size.scale * np.array([-2, -1, 1, 2]), size.lower, size.upper)
-    return np.unique(tried[tried != size.neutral])
-
-
-def _better_of(fits: list[Fit], others: list[Fit]) -> list[Fit]:
-    """The fits, in place of each the one of the others with the same effect if it is likelier."""
-    best = {fitted.placed[-1].label: fitted for fitted in fits}
-    for other in others:
-        label, problem = other.placed[-1].label, other.likelihood
-        if label not in best or log_posterior(problem, other) > log_posterior(problem, best[label]):
-            best[label] = other
-    return list(best.values())
 
 
 def _leading(scores: list[Score], count: int, distant: Fit | None) -> list[Score]:
@@ -609,17 +604,17 @@ def _best_pair(found: Diagnosis, settings: DiagnosisSettings, progress: Progress
     pairs = [pair for pair in combinations(able, 2) if pair[0] in strong]
     if not pairs:
         return None
-    each = counted(_log_evidence, progress, "fitting pairs", len(pairs))
+
+    def log_evidence(pair: Pair) -> float:
+        both = _both(*pair)
+        return laplace(both.likelihood, both)
+
+    each = counted(log_evidence, progress, "fitting pairs", len(pairs))
     values = dict(zip(pairs, in_threads(each, pairs), strict=True))
     best = max(pairs, key=lambda pair: values[pair])
     with_first = [pair for pair in pairs if found.leading in pair]
     other = max(with_first, key=lambda pair: values[pair], default=best)
     return best if values[best] - values[other] > settings.margin(values[best]) else other
-
-
-def _log_evidence(pair: Pair) -> float:
-    both = _both(*pair)
-    return laplace(both.likelihood, both)
 
 
 def _both(first: Finding, second: Finding) -> Fit:

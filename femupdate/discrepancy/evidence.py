@@ -151,16 +151,22 @@ def gain_elsewhere(elsewhere: Likelihood, before: Fit, after: Fit) -> float:
     Args:
         elsewhere: the other data, for the structure of the fits.
     """
-    known = after.likelihood
-    alike = [kind.name for kind in elsewhere.data] == [kind.name for kind in known.data]
+    fitted_to = after.likelihood
+    alike = [kind.name for kind in elsewhere.data] == [kind.name for kind in fitted_to.data]
     if alike:
-        elsewhere = replace(elsewhere, error=elsewhere.error.with_rows_of(known.error))
+        elsewhere = replace(elsewhere, error=elsewhere.error.with_rows_of(fitted_to.error))
     event = about(elsewhere, before)
     row = before.likelihood.row if alike else event.error.start
     without = settle(event, as_event(event.at_row(row), before))
     row = after.likelihood.row if alike else without.likelihood.row
     with_it = settle(event, as_event(event.at_row(row), after))
-    return _log_predictive(event, with_it) - _log_predictive(event, without)
+    predicted = []
+    for fitted in (with_it, without):
+        # By the prior of the event, in Laplace's approximation.
+        gained = torch.linalg.slogdet(fitted.hessian()).logabsdet
+        known = torch.linalg.slogdet(fitted.steps.precision).logabsdet
+        predicted.append(log_posterior(event, fitted) - 0.5 * float(gained - known))
+    return predicted[0] - predicted[1]
 
 
 def as_event(elsewhere: Likelihood, fitted: Fit) -> Fit:
@@ -171,13 +177,6 @@ def as_event(elsewhere: Likelihood, fitted: Fit) -> Fit:
         covariance[steps.stories, steps.stories] += float(DEFAULT.damping) ** 2
     prior = steps.about(fitted.z, covariance)
     return fit(elsewhere.of(fitted.likelihood), fitted.placed, fitted.z, steps=prior)
-
-
-def _log_predictive(problem: Likelihood, event: Fit) -> float:
-    """Log density of the data by the prior of an event, in Laplace's approximation."""
-    gained = torch.linalg.slogdet(event.hessian()).logabsdet
-    known = torch.linalg.slogdet(event.steps.precision).logabsdet
-    return log_posterior(problem, event) - 0.5 * float(gained - known)
 
 
 def least_log_e_value(values: list[float], tried: int, false_share: float) -> float:

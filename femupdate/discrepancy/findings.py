@@ -5,13 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femupdate.arrays import Floats
 from femupdate.discrepancy.evidence import Consequence, Tested, laplace
 from femupdate.discrepancy.fit import Cell, Fit, Remains, with_more
 from femupdate.discrepancy.further_measurements import MeasurementValue
 from femupdate.discrepancy.score import Score
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
-from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.effect import Effect, Placed, Sway
 from femupdate.effects.structure import Structure
 from femupdate.effects.tolerances import USUAL
@@ -111,9 +109,18 @@ class Finding:
             return self.size, self.size_sd
         model, theta = of.reduced.model, self.fitted.theta()[0]
         floor = self.placed.place.partition("/")[0]
-        place = model.floors.index(floor) if floor in model.floors else 0
-        units = (effect.unit(_sway(model, factors), place) for factors in (theta**0.0, theta))
-        share = next(units) / next(units)
+        place, units = model.floors.index(floor) if floor in model.floors else 0, []
+        for factors in (theta**0.0, theta):
+            # As `Structure.static` and `Structure.fundamental` have it.
+            stiffness = model.stiffness(factors)
+            static = shape = np.linalg.solve(stiffness, model.excitation)
+            for _ in range(2):
+                shape = np.linalg.solve(stiffness, shape)
+            shape = shape / np.linalg.norm(shape)
+            omega = float(np.sqrt(shape @ stiffness @ shape))
+            roof = float(model.floor_shapes[-1] @ static)
+            units.append(effect.unit(Sway(roof, omega, model.floor_shapes @ shape), place))
+        share = units[0] / units[1]
         return share * self.size, share * self.size_sd
 
     @property
@@ -123,17 +130,6 @@ class Finding:
         if added is None or self.fitted.likelihood.building.forces_are_relative:
             return None
         return self.size * float(added.rigid[0, 0])
-
-
-def _sway(model: ReducedModel, theta: Floats) -> Sway:
-    """As `Structure.static` and `Structure.fundamental` have it."""
-    stiffness = model.stiffness(theta)
-    static = shape = np.linalg.solve(stiffness, model.excitation)
-    for _ in range(2):
-        shape = np.linalg.solve(stiffness, shape)
-    shape = shape / np.linalg.norm(shape)
-    omega = float(np.sqrt(shape @ stiffness @ shape))
-    return Sway(float(model.floor_shapes[-1] @ static), omega, model.floor_shapes @ shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,16 +197,14 @@ class Diagnosis:
         if not self.twins or self.leading is None:
             return ()
         told, needed = [], settings.margin(self.leading.log_evidence)
-        enough = [further for further in self.worth if further.log_evidence >= needed]
+        enough = [f"{what} ({worth:.0f})" for what, worth in self.worth if worth >= needed]
         if enough:
-            best = "; ".join(
-                f"{finding.what} ({finding.log_evidence:.0f})" for finding in enough[:3]
-            )
+            best = "; ".join(enough[:3])
             told.append(f"Measured as well, it would decide (log evidence to expect): {best}.")
         elif self.worth:
             told.append(
                 "No further floor would decide, measured as well as these: the most to expect is a "
-                f"log evidence of {self.worth[0].log_evidence:.1f}, from {self.worth[0].what}."
+                f"log evidence of {self.worth[0][1]:.1f}, from {self.worth[0][0]}."
             )
         twins = [finding.placed for finding in self.findings if finding.placed.label in self.twins]
         for placed in [self.leading.placed, *twins[: VERDICT.compared]]:
@@ -323,16 +317,20 @@ def unseen(
 
 def grouped(labels: Sequence[str], structure: Structure) -> str:
     """Labels by their effect, neighbouring floors and stories as one: "added_mass@2F to 9F"."""
+
+    def rank(place: str, order: Sequence[str]) -> int:
+        return order.index(place) if place in order else -1
+
     orders = structure.floors, structure.building.story_names
     groups: dict[str, list[list[str]]] = {}
     for order in orders:
         # Floor by floor, whatever the order in which they were found.
-        labels = sorted(labels, key=lambda label: _rank(label.partition("@")[2], order))
+        labels = sorted(labels, key=lambda label: rank(label.partition("@")[2], order))
     for label in labels:
         name, _, place = label.partition("@")
         runs = groups.setdefault(name, [])
         follows = runs and any(
-            0 <= _rank(runs[-1][-1], order) == _rank(place, order) - 1 for order in orders
+            0 <= rank(runs[-1][-1], order) == rank(place, order) - 1 for order in orders
         )
         if follows:
             runs[-1].append(place)
@@ -343,10 +341,6 @@ def grouped(labels: Sequence[str], structure: Structure) -> str:
         places = [run if len(run) < 3 else [f"{run[0]} to {run[-1]}"] for run in runs]
         parts.append(f"{name}@{', '.join(place for run in places for place in run)}")
     return "; ".join(parts)
-
-
-def _rank(place: str, order: Sequence[str]) -> int:
-    return order.index(place) if place in order else -1
 
 
 def removed(base: Fit, best: Fit) -> float:

@@ -7,7 +7,7 @@ are a log evidence of D^2 / 2.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -23,17 +23,9 @@ from femupdate.linear import least_squares
 PHASE = "the phase of the floors measured"
 
 
-@dataclass(frozen=True)
-class MeasurementValue:
-    """What one further measurement is worth.
-
-    Attributes:
-        what: a floor that was not measured, or `PHASE`.
-        log_evidence: to be expected with it, between the two models that are hardest to tell apart.
-    """
-
-    what: str
-    log_evidence: float
+MeasurementValue = tuple[str, float]
+"""A floor that was not measured, or `PHASE`, and the log evidence to be expected with it, between
+the two models that are hardest to tell apart."""
 
 
 def measurement_values(
@@ -49,8 +41,7 @@ def measurement_values(
         return ()
     data = (_everywhere(seen), *(kind for kind in problem.data if kind is not seen))
     worth = np.array([_expected(data, first, other, options) for other in others]).min(axis=0)
-    values = map(MeasurementValue, options, worth.tolist())
-    return tuple(sorted(values, key=lambda value: -value.log_evidence))
+    return tuple(sorted(zip(options, worth.tolist(), strict=True), key=lambda value: -value[1]))
 
 
 def _everywhere(problem: FrfData) -> FrfData:

@@ -8,8 +8,7 @@ Channels exchanged or reversed come after the structure: its responses at draws 
 an exchange only orders or turns their rows.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import partial
 
 import torch
@@ -83,34 +82,25 @@ def global_fit(
 
 
 def _of_usual_size(problem: Likelihood, alone: Fit, scores: Sequence[Score]) -> list[Fit]:
-    """Fits from theta as it is with every effect by itself, a prior's deviation large.
+    """Fits from theta as it is with every effect by itself, a deviation of its prior large.
 
     Where damping is low a draw of the prior seldom meets the peaks; steps lead there.
     """
-    starts = [
-        start
-        for placed in (test.placed for test in scores if test.placed.effect.parameters)
-        for start in _either_sign(problem, alone, placed)
-    ]
+    starts = list[tuple[tuple[Placed, ...], Tensor]]()
+    for placed in (test.placed for test in scores if test.placed.effect.parameters):
+        together, count = (*alone.placed, placed), len(placed.effect.parameters)
+        steps = problem.with_effects(together).prior.steps
+        for size in (-1.0, 1.0):  # to either side, if it can be
+            start = torch.cat([alone.z, alone.z.new_zeros(count)])
+            start[-count] = size
+            start = steps.inside(start)
+            if float(start[-count]) * size > 0.0:
+                starts.append((together, start))
     begun = in_threads(lambda start: fit(problem, *start, FIRST_STEPS), starts)
     begun.sort(key=lambda fitted: fitted.misfit)
     leading = {fitted.placed[-1].label: fitted for fitted in reversed(begun)}
     chosen = sorted(leading.values(), key=lambda fitted: fitted.misfit)[:_SEARCHED]
     return in_threads(lambda near: fit(problem, near.placed, near.z), chosen)
-
-
-def _either_sign(
-    problem: Likelihood, alone: Fit, placed: Placed
-) -> Iterator[tuple[tuple[Placed, ...], Tensor]]:
-    """An effect with its first parameter a deviation of its prior to either side, if it can be."""
-    together, count = (*alone.placed, placed), len(placed.effect.parameters)
-    steps = problem.with_effects(together).prior.steps
-    for size in (-1.0, 1.0):
-        start = torch.cat([alone.z, alone.z.new_zeros(count)])
-        start[-count] = size
-        start = steps.inside(start)
-        if float(start[-count]) * size > 0.0:
-            yield together, start
 
 
 def _draws(problem: Likelihood, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
@@ -158,19 +148,9 @@ def _one_story(alone: Fit, drawn: Tensor, stories: Tensor) -> Tensor:
     return near
 
 
-@dataclass(frozen=True, eq=False)
-class Promise:
-    """A model with one exchange more, fitted as if noise were coarse.
-
-    Attributes:
-        placed: the exchange.
-        z: (d,) the unknowns of the model without it, as they are with it.
-        share: of the squared residuals that the model without it, fitted likewise, leaves.
-    """
-
-    placed: Placed
-    z: Tensor
-    share: float
+Promise = tuple[float, Placed, Tensor]
+"""A model with one exchange more, fitted as if noise were coarse: the share that it leaves of the
+squared residuals without it, the exchange, and the unknowns (d,) of the model without it."""
 
 
 def exchange_fits(
@@ -179,7 +159,7 @@ def exchange_fits(
     """Fits with one exchange more, of those that explain much."""
     promises = promising(problem, base, exchanges, seed)
     return in_threads(
-        lambda promise: fit(problem, (*base.placed, promise.placed), promise.z, FAR_STEPS), promises
+        lambda promise: fit(problem, (*base.placed, promise[1]), promise[2], FAR_STEPS), promises
     )
 
 
@@ -215,10 +195,10 @@ def promising(
         best = min(fits, key=lambda fitted: fitted.chi2)
         moved = base.z.clone()
         moved[columns] = best.z
-        promises.append(Promise(exchanges[number], moved, best.chi2 / max(alone.chi2, 1e-12)))
-    return sorted(
-        (promise for promise in promises if promise.share < 0.8), key=lambda promise: promise.share
-    )
+        share = best.chi2 / max(alone.chi2, 1e-12)
+        if share < 0.8:
+            promises.append((share, exchanges[number], moved))
+    return sorted(promises, key=lambda promise: promise[0])
 
 
 def _misfits(problem: Likelihood, alone: Fit, exchanges: list[Placed], z: Tensor) -> Tensor:
@@ -237,4 +217,4 @@ def _misfits(problem: Likelihood, alone: Fit, exchanges: list[Placed], z: Tensor
     return torch.cat(in_threads(of_batch, z.split(16)), dim=1)
 
 
-__all__ = ["Promise", "exchange_fits", "global_fit", "promising"]
+__all__ = ["exchange_fits", "global_fit", "promising"]

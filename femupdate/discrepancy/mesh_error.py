@@ -32,7 +32,6 @@ from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, first_coo
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import UNSCALED, Placed, Terms
 from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.structure import Structure
 from femupdate.errors import StructureError
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Data
@@ -154,7 +153,14 @@ def learn_mesh_error(
         StructureError: no mode is the same on both meshes.
     """
     structure = fine.structure
-    placed = _members(structure)
+    names = structure.building.story_names
+    # The effects on the members of one kind in one story.
+    placed = tuple(
+        Placed(CATALOGUE[name], place)
+        for name in _MEMBERS
+        for place in CATALOGUE[name].places(structure)
+        if place in names
+    )
     ours, theirs = (
         [modes_shown(model, theta, top_hz) for theta in thetas] for model in (coarse, fine.model)
     )
@@ -198,18 +204,6 @@ def corrected_model(model: ReducedModel, mesh: MeshError, terms: Sequence[Terms]
         for story, matrix, _ in added.stiffness:
             stiffness[story] += mesh.share * value * matrix.numpy()
     return replace(model, stiffness_terms=stiffness)
-
-
-def _members(structure: Structure) -> tuple[Placed, ...]:
-    """The effects on the members of one kind in one story."""
-    names = structure.building.story_names
-    effects = [CATALOGUE[name] for name in _MEMBERS]
-    return tuple(
-        Placed(effect, place)
-        for effect in effects
-        for place in effect.places(structure)
-        if place in names
-    )
 
 
 def _effect_errors(ours: "MeshModes", theirs: "MeshModes") -> tuple[Floats, Floats, Floats]:

@@ -3,7 +3,7 @@
 Data kept out of a repair say how well they are predicted before and after.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -267,40 +267,31 @@ class Held:
     Attributes:
         name: of the file.
         compared: what of it, beside histories.
-        error_before, error_after: rms of the predicted less the measured floor accelerations over
-            the rms of the measured; NaN without histories of base motion.
-        own_before, own_after: the same with stiffness and damping of the event itself, as no two
-            have the same.
-        chi2_before, chi2_after: mean squared whitened residual of what is compared.
-        floors: names; time, measured, before, after: histories for the picture, or None.
+        figures: before and after: `error`, rms of the predicted less the measured floor
+            accelerations over the rms of the measured; `own_error`, the same with stiffness and
+            damping of the event itself, as no two have the same; both missing without histories of
+            base motion; and `chi2`, mean squared whitened residual of what is compared.
+        roof: its name; time (n,), s, and its measured motion and that before and after, m/s2, where
+            there are histories.
     """
 
     name: str
     compared: str
-    error_before: float
-    error_after: float
-    own_before: float
-    own_after: float
-    chi2_before: float
-    chi2_after: float
-    floors: tuple[str, ...]
-    time: Floats | None = None
-    measured: Floats | None = None
-    before: Floats | None = None
-    after: Floats | None = None
+    figures: Mapping[str, tuple[float, float]]
+    roof: str
+    histories: tuple[Floats, Floats, Floats, Floats] | None = None
 
     def lines(self) -> tuple[str, ...]:
         """How both models predict the data, and how with the event's own factors."""
-        agreement = (
-            f"{self.compared} (chi2 a point) {self.chi2_before:.1f} -> {self.chi2_after:.1f}"
-        )
-        if self.time is None:
+        told = {name: f"{a:.3f} -> {b:.3f}" for name, (a, b) in self.figures.items()}
+        before, after = self.figures["chi2"]
+        agreement = f"{self.compared} (chi2 a point) {before:.1f} -> {after:.1f}"
+        if "error" not in told:
             return (f"{self.name}, kept out: error of {agreement}",)
         return (
-            f"{self.name}, kept out: error of the histories {self.error_before:.3f} -> "
-            f"{self.error_after:.3f}, of {agreement}",
+            f"{self.name}, kept out: error of the histories {told['error']}, of {agreement}",
             "with that event's own stiffness and damping: error of the histories "
-            f"{self.own_before:.3f} -> {self.own_after:.3f}",
+            f"{told['own_error']}",
         )
 
 
@@ -362,21 +353,25 @@ def hold(kept: KeptOut, problem: Likelihood, done: Repair) -> Held:
         MeasurementError: a channel that the observation has is missing in the file.
     """
     modes = any(kind.name == "modes" for kind in kept.data)
-    held = Held(
-        name=kept.name,
-        compared="frequencies, damping ratios and shapes" if modes else "ln|H|",
-        error_before=np.nan,
-        error_after=np.nan,
-        own_before=np.nan,
-        own_after=np.nan,
-        chi2_before=kept.chi2(problem, done.before),
-        chi2_after=kept.chi2(problem, done.after),
-        floors=kept.floors,
-    )
+    chi2 = kept.chi2(problem, done.before), kept.chi2(problem, done.after)
+    compared = "frequencies, damping ratios and shapes" if modes else "ln|H|"
+    held = Held(kept.name, compared, {"chi2": chi2}, kept.floors[-1] if kept.floors else "")
     data = kept.histories
     if data is None:
         return held
-    base, seen = _channels(data, kept.floors, kept.direction)
+
+    def mean(floor: str) -> Floats:
+        rows = data.rows(floor, kept.direction)
+        if not rows:
+            raise MeasurementError(
+                f"{data.source}: there is no channel {floor} along {kept.direction}"
+            )
+        return np.asarray(data.acceleration[rows].mean(axis=0))
+
+    # Of the base (1, n), or (2, n) where it turns, and of the floors (f, n).
+    rotation = rotation_of(data.channels, data.acceleration)
+    base = np.stack([mean(BASE), *(() if rotation is None else (rotation,))])
+    seen = np.stack([mean(floor) for floor in kept.floors])
     rows = [problem.reduced.model.floors.index(floor) for floor in kept.floors]
     fits = [done.before, done.after]
     fits += [kept.fitted(problem, fitted) for fitted in fits]
@@ -388,28 +383,6 @@ def hold(kept: KeptOut, problem: Likelihood, done: Repair) -> Held:
         told.append(transformed_sensors(fitted.system, values, base, data.time_step)[rows])
     size = np.sqrt((seen**2).mean())
     errors = [float(np.sqrt(((floors - seen) ** 2).mean()) / size) for floors in told]
-    return replace(
-        held,
-        error_before=errors[0],
-        error_after=errors[1],
-        own_before=errors[2],
-        own_after=errors[3],
-        time=data.time_step * np.arange(seen.shape[1], dtype=np.float64),
-        measured=seen,
-        before=told[0],
-        after=told[1],
-    )
-
-
-def _channels(data: Histories, floors: tuple[str, ...], direction: str) -> tuple[Floats, Floats]:
-    """Motion of the base (1, n), or (2, n) where it turns, and floors (f, n), sensors averaged."""
-
-    def mean(floor: str) -> Floats:
-        rows = data.rows(floor, direction)
-        if not rows:
-            raise MeasurementError(f"{data.source}: there is no channel {floor} along {direction}")
-        return np.asarray(data.acceleration[rows].mean(axis=0))
-
-    rotation = rotation_of(data.channels, data.acceleration)
-    base = [mean(BASE), *(() if rotation is None else (rotation,))]
-    return np.stack(base), np.stack([mean(floor) for floor in floors])
+    time = data.time_step * np.arange(seen.shape[1], dtype=np.float64)
+    figures = {"error": (errors[0], errors[1]), "own_error": (errors[2], errors[3]), "chi2": chi2}
+    return replace(held, figures=figures, histories=(time, seen[-1], told[0][-1], told[1][-1]))

@@ -10,7 +10,6 @@ cannot be seen is told after the model without the effect is fitted to what that
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from itertools import product
 
 import numpy as np
@@ -203,7 +202,18 @@ def same_to_sensors(problem: Likelihood, base: Fit, tests: list[Score], cosine: 
 
 def _follow(problem: Likelihood, base: Fit, tests: list[Score]) -> tuple[Tensor, Tensor]:
     """What each effect changes, and what of it the refitted model does not follow, (t, n)."""
-    target = torch.stack(in_threads(partial(_change, problem, base), tests))  # (t, n)
+
+    def change(test: Score) -> Tensor:
+        """(n,) change of the whitened prediction by an effect."""
+        together = (*base.placed, test.placed)
+        neutral = test.placed.effect.parameters[0].neutral
+        # A tenth of the test's step: small enough for one Jacobian to serve all rounds.
+        size = neutral + 0.1 * (test.start[0] - neutral)
+        z = extended(problem, base, together, np.array([*base.known, size, *test.start[1:]]))
+        of = problem.with_effects(together)
+        return base.residual - of.residuals(of.prior.steps.values(z[None]))[0]
+
+    target = torch.stack(in_threads(change, tests))  # (t, n)
     where = base.steps
     normal = base.jacobian.T @ base.jacobian
     ridge = 1e-9 * torch.diag(normal.diagonal().clamp_min(1e-12))
@@ -220,14 +230,3 @@ def _follow(problem: Likelihood, base: Fit, tests: list[Score]) -> tuple[Tensor,
         z = torch.where(better[:, None], trial, z)
         remains = torch.where(better[:, None], target - followed, remains)
     return target, remains
-
-
-def _change(problem: Likelihood, base: Fit, test: Score) -> Tensor:
-    """(n,) change of the whitened prediction by an effect."""
-    together = (*base.placed, test.placed)
-    neutral = test.placed.effect.parameters[0].neutral
-    # A tenth of the test's step: small enough for one Jacobian to serve all rounds.
-    size = neutral + 0.1 * (test.start[0] - neutral)
-    z = extended(problem, base, together, np.array([*base.known, size, *test.start[1:]]))
-    of = problem.with_effects(together)
-    return base.residual - of.residuals(of.prior.steps.values(z[None]))[0]

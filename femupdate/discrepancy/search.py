@@ -234,7 +234,13 @@ def sought(
     there, far = refined(model, problem, far, progress)
     moved = fit(there, base.placed, base.z)
     again = diagnose(there, chosen, moved, progress, far)
-    if again.verdict == UNKNOWN or _best(again) < _best(found) + VERDICT.clearly:
+    # Log density of the data by the best of the fits.
+    now, then = (
+        max(log_posterior(fitted.likelihood, fitted) for fitted in fits)
+        for told in (again, found)
+        for fits in [[told.base, *(finding.fitted for finding in told.findings)]]
+    )
+    if again.verdict == UNKNOWN or now < then + VERDICT.clearly:
         return near, found
     return _run_off(model, there, moved, again, chosen, progress)
 
@@ -270,12 +276,6 @@ def _run_off(
     )
 
 
-def _best(found: Diagnosis) -> float:
-    """Log density of the data by the best of the fits."""
-    fits = [found.base, *(finding.fitted for finding in found.findings)]
-    return max(log_posterior(fitted.likelihood, fitted) for fitted in fits)
-
-
 def _rightly_named(problem: Likelihood, rough: Fit, seed: int) -> Fit:
     """A rough fit, or that with the channels exchanged which explains far more.
 
@@ -285,10 +285,10 @@ def _rightly_named(problem: Likelihood, rough: Fit, seed: int) -> Fit:
     if error_left(searched, rough) < RIGHT:
         return rough
     exchanges = [placed for placed in candidates(searched) if placed.exchange]
-    best = next(iter(promising(problem, rough, exchanges, seed)), None)
-    if best is None or best.share > 0.5:
-        return rough
-    return fit(searched, (best.placed,), best.z, FAR_STEPS)
+    for share, placed, z in promising(problem, rough, exchanges, seed)[:1]:
+        if share <= 0.5:
+            return fit(searched, (placed,), z, FAR_STEPS)
+    return rough
 
 
 def refined(

@@ -183,7 +183,9 @@ def _told_by_thirds(found: Diagnosis, thirds: FrfData, settings: DiagnosisSettin
     if named is not None:
         # What is linear must not take the place of what is not.
         alone = _changes(found.base, thirds, settings)
-        if alone and _evidence(changes[0]) < _evidence(alone[0]) + settings.over_none:
+        fits = [change[0].fitted for change in (changes, alone) if change]
+        values = [laplace(fitted.likelihood, fitted) for fitted in fits]
+        if alone and values[0] < values[1] + settings.over_none:
             named, changes = None, alone
     size, level = changes[0].size, max(thirds.levels)
     damping = float(changes[0].fitted.known_of(-1)[1])
@@ -227,7 +229,3 @@ def _changes(linear: Fit, thirds: FrfData, settings: DiagnosisSettings) -> tuple
     ]
     findings = [finding for finding in findings if finding.log_evidence >= settings.over_none]
     return tuple(sorted(findings, key=lambda finding: -finding.log_evidence))
-
-
-def _evidence(change: Finding) -> float:
-    return laplace(change.fitted.likelihood, change.fitted)

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats, Pixels
 from femupdate.errors import ReportError
-from femupdate.report import drawing_matplotlib, drawing_pyvista
+from femupdate.report import drawing
+from femupdate.report.drawing import Renderer, renders
 from femupdate.report.figure import add_head, new_figure, show
 from femupdate.report.geometry import Geometry, deformed
 from femupdate.report.plot_sticks import mark_floors, upright
-from femupdate.report.rendering import Renderer, renders
 from femupdate.report.style import BLUE, MAGNITUDE_MAP, QUIET, styled
 from femupdate.storage import write_bytes
 
@@ -44,19 +44,23 @@ def mode_animation(
     # The way back shows the same pictures.
     phases = np.cos(2.0 * np.pi * np.arange(FRAMES // 2 + 1) / FRAMES)
     states = [(geometry.nodes + c * moved, size / (size.max() or 1.0)) for c in phases]
-    stages = [_stage() for _ in states]
-    panels = [panel for _, panel in stages]
+    figures = [new_figure(5.4, 6.0) for _ in states]
+    panels = [figure.subplots() for figure in figures]
+    for panel in panels:
+        panel.set_axis_off()
     if renders(renderer):
-        pictures = drawing_pyvista.render_sequence(geometry, states, MAGNITUDE_MAP, 1.0)
+        pictures = drawing.render_sequence(geometry, states, MAGNITUDE_MAP, 1.0)
         show(panels, list(pictures))
     else:
         # The first state reaches farthest to one side, the last to the other.
-        ends = [drawing_matplotlib.project(states[k][0])[0] for k in (0, -1)]
+        ends = [drawing.project(states[k][0])[0] for k in (0, -1)]
         reach = np.concatenate(ends)
+        room = 0.03 * np.ptp(reach, axis=0)
+        limits = np.stack([reach.min(axis=0) - room, reach.max(axis=0) + room], axis=1)
         for panel, state in zip(panels, states, strict=True):
-            drawing_matplotlib.draw(panel, geometry, *state, MAGNITUDE_MAP, 1.0)
-            panel.set(xlim=_limits(reach[:, 0]), ylim=_limits(reach[:, 1]))
-    return _write(_and_back([_frame(figure, title) for figure, _ in stages]), path)
+            drawing.draw(panel, geometry, *state, MAGNITUDE_MAP, 1.0)
+            panel.set(xlim=limits[0], ylim=limits[1])
+    return _write([_frame(figure, title) for figure in figures], path)
 
 
 @styled
@@ -89,24 +93,7 @@ def stick_animation(
             panel.set_title(heading, fontweight="normal")
         mark_floors(panels[0], levels, floors)
         frames.append(_frame(figure, "Mode shapes, displacement over its largest"))
-    return _write(_and_back(frames), path)
-
-
-def _and_back(frames: Sequence[Pixels]) -> list[Pixels]:
-    """Half a cycle and the way back."""
-    return [*frames, *frames[-2:0:-1]]
-
-
-def _stage() -> tuple[Figure, Any]:
-    figure = new_figure(5.4, 6.0)
-    panel = figure.subplots()
-    panel.set_axis_off()
-    return figure, panel
-
-
-def _limits(values: Floats) -> tuple[float, float]:
-    room = 0.03 * float(np.ptp(values))
-    return float(values.min()) - room, float(values.max()) + room
+    return _write(frames, path)
 
 
 def _frame(figure: Figure, title: str) -> Pixels:
@@ -119,9 +106,11 @@ def _frame(figure: Figure, title: str) -> Pixels:
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
-def _write(frames: Sequence[Pixels], path: Path) -> Path:
+def _write(half: Sequence[Pixels], path: Path) -> Path:
+    """Write half a cycle and the way back."""
     from PIL import Image
 
+    frames = [*half, *half[-2:0:-1]]
     first, *others = [Image.fromarray(frame).quantize(128) for frame in frames]
     content = BytesIO()
     look: dict[str, Any] = {"duration": 80, "loop": 0, "optimize": True}

@@ -146,9 +146,8 @@ def history_curves(
         alone: mean and sd (f, n) of the parameters alone, m/s2, whose band lies inside.
         measured: (f, n) m/s2 with rows of NaN where a floor has no sensor, or None.
     """
-    edges = [_twice("predicted, mean ± 2 sd", mean, sd)]
-    if alone is not None:
-        edges.append(_twice(_ALONE, *alone))
+    named = {"predicted, mean ± 2 sd": (mean, sd)} | ({} if alone is None else {_ALONE: alone})
+    edges = [(name, m - 2.0 * s, m + 2.0 * s) for name, (m, s) in named.items()]
     return tuple(
         Curve(
             title=str(floors[row]),
@@ -182,10 +181,6 @@ def spectrum_curves(
     return tuple(
         replace(curve, across="frequency of the oscillator, Hz", beside=ground) for curve in curves
     )
-
-
-def _twice(name: str, mean: Floats, sd: Floats) -> Edges:
-    return name, mean - 2.0 * sd, mean + 2.0 * sd
 
 
 def _bands(edges: Sequence[Edges], row: int) -> tuple[CurveBand, ...]:

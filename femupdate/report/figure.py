@@ -18,15 +18,13 @@ from femupdate.arrays import Pixels
 from femupdate.errors import ReportError
 from femupdate.progress import SILENT, Progress
 from femupdate.report.style import QUIET, styled
-from femupdate.result import Result
+from femupdate.result import Picture, Result
 from femupdate.storage import atomic_path
 
 DOTS_PER_INCH = 150
 
 _TITLE_WIDTH, _NOTE_WIDTH = 0.116, 0.075  # inches of a character, in the mean
 MARGIN = 12  # white pixels left around a rendered picture
-_TICKS_HZ = tuple(m * 10.0**k for k in range(-3, 5) for m in (1, 2, 5))
-_MOST_TICKS = 8  # of 1, 2 and 5; powers of ten alone where they would be more
 
 
 @styled
@@ -56,16 +54,16 @@ def panel_grid(
     return figure, list(axes.flat[:count])
 
 
-def _decades(ticks: Sequence[float]) -> list[float]:
-    """The powers of ten among some ticks."""
-    return [tick for tick in ticks if f"{tick:e}".startswith("1.0000")]
+def frequency_ticks(panel: Axes, low: float, high: float, most: int = 8) -> None:
+    """Make the axis across logarithmic, with plain figures for ticks, Hz.
 
-
-def frequency_ticks(panel: Axes, low: float, high: float, most: int = _MOST_TICKS) -> None:
-    """Make the axis across logarithmic, with plain figures for ticks, Hz, at most so many."""
+    Of 1, 2 and 5 at most so many; powers of ten alone where they would be more.
+    """
     panel.set_xscale("log")
-    ticks = [tick for tick in _TICKS_HZ if low <= tick <= high]
-    ticks = ticks if len(ticks) <= most else _decades(ticks)
+    ticks = [m * 10.0**k for k in range(-3, 5) for m in (1, 2, 5)]
+    ticks = [tick for tick in ticks if low <= tick <= high]
+    if len(ticks) > most:
+        ticks = [tick for tick in ticks if f"{tick:e}".startswith("1.0000")]
     panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     panel.xaxis.set_minor_locator(NullLocator())
     panel.set_xlim(low, high)
@@ -199,8 +197,18 @@ def draw(result: Result, folder: Path, progress: Progress = SILENT) -> tuple[Pat
     Raises:
         ReportError: one cannot be written.
     """
-    pictures = list(result.figures())
-    progress.start("Drawing", len(pictures))
+    return save_pictures(list(result.figures()), folder, progress)
+
+
+def save_pictures(
+    pictures: Sequence[Picture], folder: Path, progress: Progress = SILENT, label: str = "Drawing"
+) -> tuple[Path, ...]:
+    """Draw pictures into a folder.
+
+    Raises:
+        ReportError: one cannot be written.
+    """
+    progress.start(label, len(pictures))
     paths = []
     for picture in pictures:
         paths.append(save_figure(picture.figure(), folder / f"{picture.name}.png"))

@@ -111,7 +111,10 @@ def outline(geometry: Geometry) -> Integers:
         _sides(geometry.shells), axis=0, return_inverse=True, return_counts=True
     )
     owner = owner.reshape(-1)
-    normals = np.repeat(_normals(geometry), 4, axis=0)
+    corners = geometry.nodes[geometry.shells]
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normals = np.repeat(normal / np.maximum(length, 1e-300), 4, axis=0)
     # Two shells on one side: compare their normals; the order of nodes may turn one about.
     order = np.argsort(owner, kind="stable")
     first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int64)
@@ -131,9 +134,3 @@ def _sides(shells: Integers) -> Integers:
     """Sides (4 n, 2) of the shells, the lower node first."""
     sides = np.stack([shells, np.roll(shells, -1, axis=1)], axis=-1)
     return np.sort(sides.reshape(-1, 2), axis=1)
-
-
-def _normals(geometry: Geometry) -> Floats:
-    corners = geometry.nodes[geometry.shells]
-    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)

@@ -22,7 +22,6 @@ from femupdate.study import write_text
 from femupdate.tables import Table
 
 BUDGET = 8_000_000  # bytes: what mail servers and phones still take
-_DIGITS = 5
 _PNG, _JPEG = b"\x89PNG", b"\xff\xd8\xff"
 
 
@@ -40,6 +39,17 @@ class Image:
     """A picture that is drawn already, a PNG or JPEG file."""
 
     path: Path
+
+    @classmethod
+    def of(cls, path: Path) -> "Image":
+        """Such a file.
+
+        Raises:
+            ReportError: it is none.
+        """
+        if not path.read_bytes()[:8].startswith((_PNG, _JPEG)):
+            raise ReportError(f"{path} is no picture; give a PNG or JPEG file")
+        return cls(path)
 
     @property
     def name(self) -> str:
@@ -143,17 +153,6 @@ def added_section(path: Path, name: str) -> Section:
     return Section(name, title, tuple(Note(" ".join(part.split())) for part in parts))
 
 
-def require_picture(path: Path) -> Image:
-    """A PNG or JPEG file as it stands on the page.
-
-    Raises:
-        ReportError: it is none.
-    """
-    if not path.read_bytes()[:8].startswith((_PNG, _JPEG)):
-        raise ReportError(f"{path} is no picture; give a PNG or JPEG file")
-    return Image(path)
-
-
 def css_text(text: str) -> str:
     """A text as a string of a style sheet, whatever is in it."""
     return '"' + re.sub(r"[^\w .,()-]", lambda sign: f"\\{ord(sign[0]):x} ", text) + '"'
@@ -202,13 +201,9 @@ def _short(value: Any) -> Any:
         return _short(value.tolist())
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [_short(item) for item in value]
-    if isinstance(value, float):
-        return _rounded(value)
-    return value
-
-
-def _rounded(value: float) -> float | int | None:
+    if not isinstance(value, float):
+        return value
     if not math.isfinite(value):
         return None
-    short = float(f"{value:.{_DIGITS}g}")
+    short = float(f"{value:.5g}")
     return int(short) if short.is_integer() and abs(short) < 1e15 else short

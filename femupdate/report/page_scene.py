@@ -1,7 +1,6 @@
 """What the page's model is drawn from: nodes, faces, colours, moving shapes and signs."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,43 +14,10 @@ MOST_FACES = 6000  # that a phone's processor sorts and draws ten times a second
 _MAPS = {"magnitude": MAGNITUDE_MAP, "spread": SPREAD_MAP, "factor": "cividis"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class ElementField:
-    """A colour of every face (n,) and line (m,), NaN where there is none, by a colour map."""
-
-    name: str
-    unit: str
-    faces: Floats
-    lines: Floats
-    map: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class MovingShape:
-    """A mode, named with its frequency.
-
-    Attributes:
-        shape: (N, 3) displacement of every node, any scale.
-        spread: (N,) standard deviation of the displacement, % of the largest, or None.
-    """
-
-    name: str
-    shape: Floats
-    spread: Floats | None = None
-
-
-@dataclass(frozen=True)
-class ThinnedGeometry:
-    """A geometry coarse enough for the screen, and which of the full one's nodes, faces, lines."""
-
-    geometry: Geometry
-    nodes: Integers
-    faces: Integers
-    lines: Integers
-
-
-def thinned_geometry(geometry: Geometry, most: int = MOST_FACES) -> ThinnedGeometry:
-    """Return a geometry of at most about `most` faces and lines.
+def thinned_geometry(
+    geometry: Geometry, most: int = MOST_FACES
+) -> tuple[Geometry, Integers, Integers, Integers]:
+    """A geometry of at most about `most` faces and lines; which nodes, faces and lines it keeps.
 
     Nodes that lie in one cube of a grid become one node, that nearest to their middle; what then
     has no length or area is left out, and of faces between the same nodes one is kept.
@@ -72,7 +38,7 @@ def thinned_geometry(geometry: Geometry, most: int = MOST_FACES) -> ThinnedGeome
         numbers[: shells.size].reshape(-1, 4),
         numbers[shells.size :].reshape(-1, 2),
     )
-    return ThinnedGeometry(thinned, nodes, faces, lines)
+    return thinned, nodes, faces, lines
 
 
 def _clustered(nodes: Floats, side: float) -> Integers:
@@ -90,53 +56,50 @@ def _clustered(nodes: Floats, side: float) -> Integers:
 
 def _kept(geometry: Geometry, groups: Integers) -> tuple[Integers, Integers]:
     """Faces with three or more different corners and lines with two, each once."""
-    corners = np.sort(groups[geometry.shells], axis=1)
-    several = (np.diff(corners, axis=1) != 0).sum(axis=1) >= 2
-    ends = np.sort(groups[geometry.beams], axis=1)
-    long = ends[:, 0] != ends[:, 1]
-    return _first_ones(corners, several), _first_ones(ends, long)
-
-
-def _first_ones(rows: Integers, wanted: Any) -> Integers:
-    chosen = np.flatnonzero(wanted)
-    _, first = np.unique(rows[chosen], axis=0, return_index=True)
-    return np.asarray(chosen[np.sort(first)])
+    kept = []
+    for pieces, least in ((geometry.shells, 2), (geometry.beams, 1)):
+        rows = np.sort(groups[pieces], axis=1)
+        chosen = np.flatnonzero((np.diff(rows, axis=1) != 0).sum(axis=1) >= least)
+        _, first = np.unique(rows[chosen], axis=0, return_index=True)
+        kept.append(np.asarray(chosen[np.sort(first)]))
+    return kept[0], kept[1]
 
 
 def scene_content(
-    thinned: ThinnedGeometry,
-    fields: Sequence[ElementField],
-    modes: Sequence[MovingShape],
+    thinned: tuple[Geometry, Integers, Integers, Integers],
+    fields: Sequence[Mapping[str, Any]],
+    modes: Sequence[tuple[str, Floats, Floats]],
     signs: Sequence[tuple[Glyphs, bool]],
     floors: Sequence[tuple[str, float]],
 ) -> dict[str, Any]:
     """Return what `scene.js` draws.
 
     Args:
-        thinned: the building.
-        fields: colours by element, of the full geometry.
-        modes: shapes of the full geometry's nodes.
+        thinned: the building, see `thinned_geometry`.
+        fields: name, unit and colour map of what colours elements, with its values at all faces
+            and lines of the full geometry, NaN where there is none.
+        modes: name, displacements (N, 3) of the full geometry's nodes, of any scale, and standard
+            deviations (N,) of these, % of the largest.
         signs: glyphs, and whether they are of an effect (else of sensors).
         floors: name and height, m.
     """
     from matplotlib import colormaps
 
-    geometry, steps = thinned.geometry, np.linspace(0.0, 1.0, 9)
+    geometry, nodes, faces, lines = thinned
     low, high = geometry.nodes.min(axis=0), geometry.nodes.max(axis=0)
     plan = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
     colored, moving = [], []
     for field in fields:
-        faces, lines = field.faces[thinned.faces], field.lines[thinned.lines]
-        known = np.concatenate([faces, lines])
+        of_faces, of_lines = field["faces"][faces], field["lines"][lines]
+        known = np.concatenate([of_faces, of_lines])
         known = known[np.isfinite(known)]
         span = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
-        values = {"faces": faces, "lines": lines, "low": span[0], "high": span[1]}
-        colored.append({"name": field.name, "unit": field.unit, "map": field.map, **values})
-    for mode in modes:
-        largest = np.linalg.norm(mode.shape, axis=1).max() or 1.0
-        shape = (mode.shape[thinned.nodes] / largest).round(4).ravel()
-        spread = None if mode.spread is None else mode.spread[thinned.nodes].round(2)
-        moving.append({"name": mode.name, "shape": shape, "spread": spread})
+        values = {"faces": of_faces, "lines": of_lines, "low": span[0], "high": span[1]}
+        colored.append({**field, **values})
+    for name, shape, spread in modes:
+        largest = np.linalg.norm(shape, axis=1).max() or 1.0
+        moved = (shape[nodes] / largest).round(4).ravel()
+        moving.append({"name": name, "shape": moved, "spread": spread[nodes].round(2)})
     return {
         "nodes": geometry.nodes.round(3).ravel(),
         "faces": geometry.shells.ravel(),
@@ -165,7 +128,10 @@ def scene_content(
         ],
         # Red, green and blue, 0 to 255, at even steps of every colour map.
         "maps": {
-            name: (255 * colormaps[used](steps)[:, :3]).round().astype(int).tolist()
+            name: (255 * colormaps[used](np.linspace(0.0, 1.0, 9))[:, :3])
+            .round()
+            .astype(int)
+            .tolist()
             for name, used in _MAPS.items()
         },
     }

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
 from femupdate.building.mesh import BuildingMesh
-from femupdate.report.drawing_matplotlib import project
+from femupdate.report.drawing import project
 from femupdate.report.figure import add_head, new_figure, panel_grid
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs

@@ -223,7 +223,10 @@ def story_shear_drift(
     """
     if not len(shear) or not len(stiffness):
         raise ReportError("shear and stiffness hold no sample; give one at least")
-    count, part = len(stories), _most_drift(drift)
+    # The stretch with most drift, summed over stories each by its size.
+    power = np.einsum("ksn,ksn->sn", drift, drift)
+    power /= np.maximum(power.max(axis=1, keepdims=True), 1e-300)
+    count, part = len(stories), strongest(power.sum(axis=0), POINTS)
     forces, drifts = shear[:LINES, :, part], drift[:LINES, :, part]
     force, length = force_scale(forces), length_scale(drifts)
     columns = min(count, 2 if count <= 4 else 3)
@@ -242,13 +245,6 @@ def story_shear_drift(
         figure, "Story shear against story drift", [Line2D([], [], color=BLUE, label=shown), mean]
     )
     return figure
-
-
-def _most_drift(drift: Floats) -> slice:
-    """The stretch of POINTS instants with most drift, summed over stories each by its size."""
-    power = np.einsum("ksn,ksn->sn", drift, drift)
-    power /= np.maximum(power.max(axis=1, keepdims=True), 1e-300)
-    return strongest(power.sum(axis=0), POINTS)
 
 
 def _draw_story(panel: Axes, lines: Floats, stiffness: Floats, force: Scale, length: Scale) -> None:

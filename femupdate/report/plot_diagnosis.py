@@ -69,20 +69,8 @@ class ResidualMap:
         panel.set_xlabel("Identified mode" if self.names else "Frequency, Hz")
 
 
-@dataclass(frozen=True)
-class Ranked:
-    """One effect in a ranking.
-
-    Attributes:
-        gain: log evidence over the model without it.
-        size: its size with its standard deviation, as text.
-        leading: drawn in the colour of the verdict.
-    """
-
-    label: str
-    gain: float
-    size: str
-    leading: bool = False
+Ranked = tuple[str, float, str, bool]
+"""An effect in words, its log evidence over the model without it, its size, whether it leads."""
 
 
 def residual_pictures(
@@ -171,12 +159,11 @@ def ranking(effects: Sequence[Ranked], needed: float, verdict: str) -> Figure:
     shown = list(effects)[::-1]
     figure = new_figure(8.0, 0.8 + 0.3 * len(shown))
     panel = figure.subplots()
-    for row, row_of in enumerate(shown):
-        length = _scaled(row_of.gain)
-        panel.barh(row, length, color=ORANGE if row_of.leading else BLUE, height=0.62)
-        text = f"{round(row_of.gain):,}   {row_of.size}".rstrip()
+    for row, (_, gain, size, leading) in enumerate(shown):
+        length = _scaled(gain)
+        panel.barh(row, length, color=ORANGE if leading else BLUE, height=0.62)
         panel.annotate(
-            text,
+            f"{round(gain):,}   {size}".rstrip(),
             (max(length, 0.0), row),
             xytext=(3.0, 0.0),
             textcoords="offset points",
@@ -188,30 +175,26 @@ def ranking(effects: Sequence[Ranked], needed: float, verdict: str) -> Figure:
         )
     panel.axvline(_scaled(needed), color=QUIET, linestyle="--", linewidth=1.0)
     panel.axvline(0.0, color=INK, linewidth=0.8)
-    panel.set_yticks(range(len(shown)), [row_of.label for row_of in shown])
+    panel.set_yticks(range(len(shown)), [label for label, *_ in shown])
     decades = [-10.0, 0.0, needed, 10.0, 100.0, 1e3, 1e4, 1e5]
-    low, high = min(0.0, *(row_of.gain for row_of in shown)), max(row_of.gain for row_of in shown)
+    gains = [gain for _, gain, *_ in shown]
+    low, high = min(0.0, *gains), max(gains)
     ticks = [t for t in decades if low <= t <= 3.0 * high or t in (0.0, needed)]
     left, right = _scaled(max(low, -30.0)) - 0.1, 1.45 * _scaled(max(high, 3.0 * needed))
     # Ticks nearer than this share of the axis run into one another.
-    ticks = _apart(ticks, (needed, 0.0), 0.055 * (right - left))
+    least, kept = 0.055 * (right - left), list[float]()
+    for tick in (needed, 0.0, *ticks):
+        if all(abs(_scaled(tick) - _scaled(other)) >= least for other in kept):
+            kept.append(tick)
+    kept.sort()
     panel.set_xticks(
-        [_scaled(t) for t in ticks], [f"{t:.3g}" if t < 1e3 else f"{t:,.0f}" for t in ticks]
+        [_scaled(t) for t in kept], [f"{t:.3g}" if t < 1e3 else f"{t:,.0f}" for t in kept]
     )
     panel.set_xlim(left, right)
     panel.set_xlabel("Log evidence over the model as it is (dashed: what a name needs)")
     panel.grid(axis="y", visible=False)
     add_head(figure, "What could be missing", note=verdict)
     return figure
-
-
-def _apart(ticks: Sequence[float], first: Sequence[float], least: float) -> list[float]:
-    """Ticks at least so far apart on the scale, some of them before the others."""
-    kept: list[float] = []
-    for tick in (*first, *ticks):
-        if all(abs(_scaled(tick) - _scaled(other)) >= least for other in kept):
-            kept.append(tick)
-    return sorted(kept)
 
 
 def _scaled(gain: float) -> float:

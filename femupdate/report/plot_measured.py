@@ -1,4 +1,4 @@
-"""What is in a measured file: histories, spectra, response to the base and its coherence."""
+"""What is in a measured file: histories, spectra, response to the base, poles and modes."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -10,12 +10,14 @@ from matplotlib.lines import Line2D
 
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import ReportError
+from femupdate.measurement.ambient import AmbientModes
 from femupdate.measurement.inspection import InspectedChannel, Inspection
 from femupdate.measurement.modes import in_phase
 from femupdate.measurement.names import BASE
 from femupdate.measurement.recording import RecordedFunction, RecordedMode
 from femupdate.report.figure import add_head, frequency_ticks, new_figure
-from femupdate.report.style import hue, look, styled
+from femupdate.report.scale import with_unit
+from femupdate.report.style import FAINT, QUIET, hue, look, styled
 
 MOST_LINES = 24
 POINTS = 4000  # of a history drawn, as the extremes of short stretches
@@ -44,7 +46,10 @@ def _histories(channels: Sequence[InspectedChannel], title: str) -> Figure:
     """Histories one above the other, their spectra, and the response to the base or a force."""
     drawn = channels[:MOST_LINES]
     driver, responding = _driven(channels)
-    beside = [k for k, each in enumerate(drawn) if each in responding and _beside(driver, each)]
+    # Those that were sampled at the times of what drives them.
+    times = [(each.channel.values.size, each.channel.time_step) for each in drawn]
+    driven = driver and (driver.channel.values.size, driver.channel.time_step)
+    beside = [k for k, each in enumerate(drawn) if each in responding and times[k] == driven]
     compared = driver in drawn and bool(beside)
     figure = new_figure(13.0, 2.6 + 0.3 * len(drawn) + (1.6 if compared else 0.0))
     grid = figure.add_gridspec(2 if compared else 1, 5)
@@ -95,7 +100,11 @@ def _modes(modes: Sequence[RecordedMode], title: str) -> Figure:
     ]
     add_head(figure, title, handles, columns=4)
     if not any(mode.shape.size for mode in shown):
-        _draw_ratios(axes, shown)
+        for k, mode in enumerate(shown):
+            ratio = 100.0 * (mode.damping or 0.0)
+            axes.plot([mode.frequency_hz] * 2, [0.0, ratio], "o-", ms=5, color=hue(k))
+        axes.set(xlabel="Frequency, Hz", ylabel="Damping ratio, %", ylim=(0.0, None))
+        axes.set_xlim(0.0, 1.1 * max(mode.frequency_hz for mode in shown))
         return figure
     for k, mode in enumerate(shown):
         values = np.real(in_phase(mode.shape))
@@ -145,14 +154,6 @@ def _label(each: InspectedChannel) -> str:
 
 def _listed(words: set[str]) -> str:
     return " or ".join(sorted(words))
-
-
-def _draw_ratios(axes: Axes, modes: Sequence[RecordedMode]) -> None:
-    for k, mode in enumerate(modes):
-        ratio = 100.0 * (mode.damping or 0.0)
-        axes.plot([mode.frequency_hz] * 2, [0.0, ratio], "o-", ms=5, color=hue(k))
-    axes.set(xlabel="Frequency, Hz", ylabel="Damping ratio, %", ylim=(0.0, None))
-    axes.set_xlim(0.0, 1.1 * max(mode.frequency_hz for mode in modes))
 
 
 def _draw_histories(axes: Axes, channels: Sequence[InspectedChannel]) -> None:
@@ -212,14 +213,6 @@ def _draw_response(
     share.set(xlabel="Frequency, Hz", ylim=(0.0, 1.02), title="Coherence")
 
 
-def _beside(driver: InspectedChannel | None, each: InspectedChannel) -> bool:
-    """Whether a channel was sampled at the times of what drives it."""
-    if driver is None:
-        return False
-    driven, other = driver.channel, each.channel
-    return driven.values.size == other.values.size and driven.time_step == other.time_step
-
-
 def thinned(values: Floats, most: int = POINTS) -> Integers:
     """Which of the points (n,) to show, at most about `most`: the least and largest of each bin.
 
@@ -239,3 +232,44 @@ def thinned(values: Floats, most: int = POINTS) -> Integers:
 def _segment(each: InspectedChannel) -> int:
     # Sixteen segments of Welch's method, half overlapping.
     return max(2 * each.channel.values.size // 17, 2)
+
+
+@styled
+def stabilisation(found: AmbientModes, title: str) -> Figure:
+    """Draw poles by frequency and model order over the spectra, and the shapes beside them."""
+    figure = new_figure(12.0, 5.2)
+    poles, shapes = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
+    behind = poles.twinx()
+    low, high = found.band_hz
+    inside = (found.frequency_hz >= low) & (found.frequency_hz <= high)
+    power = found.spectra.mean(axis=0)[inside]
+    behind.fill_between(found.frequency_hz[inside], power, color=FAINT, lw=0)
+    behind.set_yscale("log")
+    behind.set_yticks([])
+    behind.minorticks_off()
+    behind.grid(visible=False)
+    behind.set_zorder(-1)
+
+    frequency = np.array([pole.frequency_hz for pole in found.poles])
+    order = np.array([pole.order for pole in found.poles])
+    rest = found.group < 0
+    poles.plot(frequency[rest], order[rest], ".", color=QUIET, ms=3)
+    handles = []
+    for k, mode in enumerate(found.modes):
+        mean, sd, group = mode.frequency_hz, mode.frequency_sd_hz or 0.0, found.group == k
+        poles.axvspan(mean - 2.0 * sd, mean + 2.0 * sd, color=hue(k), alpha=0.3, lw=0)
+        poles.plot(frequency[group], order[group], "o", color=hue(k), ms=4)
+        shapes.plot(np.real(mode.shape), range(len(found.channels)), marker="o", ms=3, **look(k))
+        # Its deviation may be covered by the dots of the poles.
+        label = with_unit(mean, sd, "Hz")
+        handles.append(Line2D([], [], marker="o", label=label, **look(k)))
+    poles.set(xlabel="Frequency, Hz", ylabel="Model order", xlim=found.band_hz)
+    poles.set_title("Poles, with ±2 standard deviations of each mode")
+    poles.patch.set_visible(False)
+    shapes.set(xlim=(-1.1, 1.1), xticks=(-1.0, 0.0, 1.0), title="Shapes")
+    shapes.set_yticks(range(len(found.channels)), found.channels)
+    shapes.set_xlabel("Shape over its largest component")
+    handles.append(Line2D([], [], color=QUIET, marker=".", linestyle="", label="poles left out"))
+    note = "Behind: spectra, the mean over the channels, on a logarithmic scale of their own"
+    add_head(figure, title, handles, note=note, columns=5)
+    return figure

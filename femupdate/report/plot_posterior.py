@@ -1,8 +1,7 @@
 """Posterior samples of the parameters: in pairs with their densities, and as intervals."""
 
 import textwrap
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,26 +15,16 @@ from femupdate.errors import ReportError
 from femupdate.report.curves import Interval
 from femupdate.report.figure import add_head, new_figure
 from femupdate.report.scale import plus_minus
-from femupdate.report.style import DASHES, FAINT, KNOWN, SERIES, Dashes, hue, styled
+from femupdate.report.style import DASHES, FAINT, KNOWN, SERIES, hue, look, styled
 
 POINTS = 250  # drawn under the contours; more hide each other
 MOST = 12  # parameters in one figure; more cannot be read
 _NAME = 18  # characters of a name that stand below a panel
 
 
-@dataclass(frozen=True)
-class SampleSet:
-    """Posterior samples (S, p), the name of the case they come from, and how its lines look."""
-
-    label: str
-    samples: Floats
-    color: str = SERIES[0]
-    dashes: Dashes = DASHES[0]
-
-
 @styled
 def posterior_pairs(
-    sets: Sequence[SampleSet],
+    sets: Mapping[str, Floats],
     names: Sequence[str],
     bounds: Floats,
     truth: Sequence[float] | Floats | None = None,
@@ -45,7 +34,7 @@ def posterior_pairs(
     Of more than `MOST` parameters those are drawn that are correlated most with another one.
 
     Args:
-        sets: one to six posteriors of the same parameters.
+        sets: draws (S, p) of one to six posteriors of the same parameters, by what they are of.
         names: p names.
         bounds: (p, 2) prior bounds.
         truth: (p,) true values, where they are known.
@@ -53,14 +42,20 @@ def posterior_pairs(
     Raises:
         ReportError: there are no samples or too many sets.
     """
-    cases, total = looks_of(sets), len(names)
+    cases, total = _checked(sets), len(names)
     true = None if truth is None else np.asarray(truth, dtype=np.float64)
     if total > MOST:
-        shown = most_correlated(cases[0].samples, MOST)
+        shown = most_correlated(next(iter(cases.values())), MOST)
         names, bounds = [names[k] for k in shown], bounds[shown]
-        cases = [replace(case, samples=case.samples[:, shown]) for case in cases]
+        cases = {label: samples[:, shown] for label, samples in cases.items()}
         true = None if true is None else true[shown]
-    views = _views(cases, bounds, true)
+    # What each axis shows: all but the last strays of the samples, within the prior.
+    views = []
+    for index, (low, high) in enumerate(bounds):
+        tails = [np.quantile(samples[:, index], [0.001, 0.999]) for samples in cases.values()]
+        seen = np.concatenate([*tails, [] if true is None else true[index : index + 1]])
+        room = 0.12 * (np.ptp(seen) or 0.1 * (high - low))
+        views.append((max(seen.min() - room, low), min(seen.max() + room, high)))
     size = len(names)
     side = max(1.25, min(2.1, 9.5 / size))
     figure = new_figure(max(side * size + 0.5, 5.4), side * size + 0.4)
@@ -81,8 +76,8 @@ def posterior_pairs(
     return figure
 
 
-def looks_of(sets: Sequence[SampleSet]) -> list[SampleSet]:
-    """Give each set of samples its colour and dashes.
+def _checked(sets: Mapping[str, Floats]) -> Mapping[str, Floats]:
+    """Sets of draws that can be drawn.
 
     Raises:
         ReportError: no set, too many, or samples that are too few or not finite.
@@ -91,42 +86,26 @@ def looks_of(sets: Sequence[SampleSet]) -> list[SampleSet]:
         raise ReportError(
             f"{len(sets)} sets of samples are given; the figure shows one to {len(SERIES)}"
         )
-    cases = []
-    for given, color, dashes in zip(sets, SERIES, DASHES, strict=False):
-        if len(given.samples) < 2 or not np.isfinite(given.samples).all():
-            raise ReportError(f"{given.label} needs two samples or more, all of them finite")
-        cases.append(replace(given, color=color, dashes=dashes))
-    return cases
-
-
-def _views(
-    cases: list[SampleSet], bounds: Floats, truth: Floats | None
-) -> list[tuple[float, float]]:
-    """What each axis shows: all but the last strays of the samples, within the prior."""
-    views = []
-    for index, (low, high) in enumerate(bounds):
-        tails = [np.quantile(case.samples[:, index], [0.001, 0.999]) for case in cases]
-        seen = np.concatenate([*tails, [] if truth is None else truth[index : index + 1]])
-        room = 0.12 * (np.ptp(seen) or 0.1 * (high - low))
-        views.append((max(seen.min() - room, low), min(seen.max() + room, high)))
-    return views
+    for label, samples in sets.items():
+        if len(samples) < 2 or not np.isfinite(samples).all():
+            raise ReportError(f"{label} needs two samples or more, all of them finite")
+    return sets
 
 
 def _draw_marginal(
     panel: Axes,
-    cases: list[SampleSet],
+    cases: Mapping[str, Floats],
     index: int,
     view: tuple[float, float],
     truth: Floats | None,
 ) -> None:
     top = 0.0
-    for line, case in enumerate(cases):
-        values = case.samples[:, index]
-        density = density_1d(values, view)
-        panel.fill_between(density.x, density.value, color=case.color, alpha=0.18, linewidth=0.0)
-        look: dict[str, Any] = {"color": case.color, "linestyle": case.dashes}
-        panel.plot(density.x, density.value, label=case.label, **look)
-        top = max(top, density.value.max())
+    for line, (label, samples) in enumerate(cases.items()):
+        values = samples[:, index]
+        x, density = density_1d(values, view)
+        panel.fill_between(x, density, color=hue(line), alpha=0.18, linewidth=0.0)
+        panel.plot(x, density, label=label, **look(line))
+        top = max(top, density.max())
         panel.annotate(
             plus_minus(values.mean(), values.std(ddof=1)),
             (0.5, 1.0),
@@ -136,7 +115,7 @@ def _draw_marginal(
             ha="center",
             va="top",
             fontsize=8.5,
-            color=case.color,
+            color=hue(line),
             fontweight="bold",
         )
     panel.set(xlim=view, ylim=(0.0, top * (1.12 + 0.22 * len(cases))))
@@ -146,35 +125,33 @@ def _draw_marginal(
 
 def _draw_pair(
     panel: Axes,
-    cases: list[SampleSet],
+    cases: Mapping[str, Floats],
     pair: tuple[int, int],
     views: list[tuple[float, float]],
     truth: Floats | None,
 ) -> None:
     across, up = (views[index] for index in pair)
-    for case in cases:
-        x, y = (case.samples[:, index] for index in pair)
+    for line, samples in enumerate(cases.values()):
+        x, y = (samples[:, index] for index in pair)
         thin = slice(None, None, max(1, len(x) // POINTS))
-        panel.plot(x[thin], y[thin], ".", color=case.color, markersize=1.6, alpha=0.35, mew=0)
+        panel.plot(x[thin], y[thin], ".", color=hue(line), markersize=1.6, alpha=0.35, mew=0)
         density = density_2d(x, y, across, up)
-        levels = sorted({mass_level(density.value, share) for share in (0.9, 0.5)})
-        fill = [to_rgba(case.color, alpha) for alpha in (0.16, 0.3)]
-        panel.contourf(
-            density.x, density.y, density.value, [*levels, np.inf], colors=fill[-len(levels) :]
-        )
-        look: dict[str, Any] = {"colors": case.color, "linestyles": [case.dashes]}
-        panel.contour(density.x, density.y, density.value, levels, linewidths=0.9, **look)
+        levels = sorted({mass_level(density[-1], share) for share in (0.9, 0.5)})
+        fill = [to_rgba(hue(line), alpha) for alpha in (0.16, 0.3)]
+        panel.contourf(*density, [*levels, np.inf], colors=fill[-len(levels) :])
+        lines: dict[str, Any] = {"colors": hue(line), "linestyles": [DASHES[line]]}
+        panel.contour(*density, levels, linewidths=0.9, **lines)
     if truth is not None:
         panel.axvline(truth[pair[0]], **KNOWN)
         panel.axhline(truth[pair[1]], **KNOWN)
     panel.set(xlim=across, ylim=up)
 
 
-def _draw_correlation(panel: Axes, cases: list[SampleSet], first: int, second: int) -> None:
+def _draw_correlation(panel: Axes, cases: Mapping[str, Floats], first: int, second: int) -> None:
     panel.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
     panel.set_axis_off()
-    for line, case in enumerate(cases):
-        value = correlation(case.samples[:, first], case.samples[:, second])
+    for line, samples in enumerate(cases.values()):
+        value = correlation(samples[:, first], samples[:, second])
         weak = abs(value) < 0.2
         panel.text(
             0.5,
@@ -183,7 +160,7 @@ def _draw_correlation(panel: Axes, cases: list[SampleSet], first: int, second: i
             ha="center",
             va="center",
             fontsize=9.0 + 5.0 * abs(value),
-            color=case.color,
+            color=hue(line),
             alpha=0.75 if weak else 1.0,
         )
 
@@ -229,15 +206,6 @@ def _label(panel: Axes, row: int, column: int, names: Sequence[str]) -> None:
 CELLS = 80
 
 
-@dataclass(frozen=True)
-class Density:
-    """A smoothed histogram on a grid; `x` (and `y`) are the centres of its cells."""
-
-    x: Floats
-    y: Floats
-    value: Floats
-
-
 def bandwidth(samples: Floats, dimensions: int) -> float:
     """Width of the smoothing kernel by Scott's rule (1992), from the spread of the narrowest mode.
 
@@ -252,21 +220,21 @@ def bandwidth(samples: Floats, dimensions: int) -> float:
     return float(spread * len(samples) ** (-1.0 / (dimensions + 4)))
 
 
-def density_1d(samples: Floats, limits: tuple[float, float]) -> Density:
-    """Density of samples (S,), mirrored at the limits so that it does not sink at a bound."""
+def density_1d(samples: Floats, limits: tuple[float, float]) -> tuple[Floats, Floats]:
+    """Centres of cells and density of samples (S,), mirrored at the limits so as not to sink."""
     from scipy.ndimage import gaussian_filter1d
 
     cells = 4 * CELLS
     counts, edges = np.histogram(samples, cells, range=limits)
     width = bandwidth(samples, 1) * cells / (limits[1] - limits[0])
     smooth = gaussian_filter1d(counts.astype(float), max(width, 1.0), mode="reflect")
-    return Density(_centres(edges), np.zeros(0), smooth / max(smooth.sum(), 1e-300))
+    return _centres(edges), smooth / max(smooth.sum(), 1e-300)
 
 
 def density_2d(
     x: Floats, y: Floats, across: tuple[float, float], up: tuple[float, float]
-) -> Density:
-    """Density of pairs (S,); `value` is (CELLS, CELLS) with y along its first axis."""
+) -> tuple[Floats, Floats, Floats]:
+    """Centres of cells and density of pairs (S,): (CELLS, CELLS) with y along its first axis."""
     from scipy.ndimage import gaussian_filter
 
     counts, y_edges, x_edges = np.histogram2d(y, x, CELLS, range=(up, across))
@@ -275,7 +243,7 @@ def density_2d(
         for values, limits in ((y, up), (x, across))
     ]
     smooth = gaussian_filter(counts, widths, mode="reflect")
-    return Density(_centres(x_edges), _centres(y_edges), smooth / max(smooth.sum(), 1e-300))
+    return _centres(x_edges), _centres(y_edges), smooth / max(smooth.sum(), 1e-300)
 
 
 def mass_level(value: Floats, share: float) -> float:
@@ -295,7 +263,7 @@ ROW_HEIGHT = 0.26  # inches for each interval
 @styled
 def theta_intervals(
     names: Sequence[str],
-    sets: Sequence[SampleSet],
+    sets: Mapping[str, Floats],
     bounds: Floats,
     *,
     title: str = "Stiffness factors, from prior to posterior",
@@ -304,13 +272,13 @@ def theta_intervals(
 
     Args:
         names: p names; the first is drawn lowest, as the first story is.
-        sets: one to six posteriors.
+        sets: draws (S, p) of one to six posteriors, by what they are of.
         bounds: (p, 2) prior bounds.
 
     Raises:
         ReportError: there are no samples or too many sets.
     """
-    cases = looks_of(sets)
+    cases = _checked(sets)
     rows = np.arange(len(names), dtype=np.float64)
     band = ROW_HEIGHT * len(cases) + 0.2
     figure = new_figure(8.5, 0.75 + band * len(names))
@@ -321,7 +289,8 @@ def theta_intervals(
         rows, np.ptp(bounds, axis=1), thick, bounds[:, 0], color=FAINT, label="Prior", zorder=1.0
     )
     shown = [
-        Interval.of(case.samples, case.label or "Posterior", k) for k, case in enumerate(cases)
+        Interval.of(samples, label or "Posterior", k)
+        for k, (label, samples) in enumerate(cases.items())
     ]
     for place, interval in enumerate(shown):
         heights = rows + ((len(cases) - 1) / 2 - place) * ROW_HEIGHT / band

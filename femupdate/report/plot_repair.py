@@ -12,12 +12,12 @@ from femupdate.discrepancy.repair import Held
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
 from femupdate.report.curves import Curve, Interval
+from femupdate.report.drawing import Renderer
 from femupdate.report.figure import add_head, new_figure
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import drawn
 from femupdate.report.plot_diagnosis import ResidualMap, draw_misfit, largest_misfit
 from femupdate.report.plot_posterior import draw_intervals, short_note
-from femupdate.report.rendering import Renderer
 from femupdate.report.scenes import draw_marked
 from femupdate.report.style import BLUE, DASHES, MEASURED, ORANGE, styled
 from femupdate.units import capital
@@ -129,20 +129,18 @@ def _draw_models(panel: Axes, curve: Curve) -> None:
 
 def _kept_out(held: Held | None) -> Curve | None:
     """The roof's history around its largest acceleration, where there are histories."""
-    if held is None or held.time is None or held.measured is None:
+    if held is None or held.histories is None:
         return None
-    assert held.before is not None
-    assert held.after is not None
-    changed = held.error_after != held.error_before
-    text = f"{held.name}, kept out: error {held.error_before:.2f}"
+    time, measured, before, after = held.histories
+    errors = held.figures["error"]
+    changed, text = errors[1] != errors[0], f"{held.name}, kept out: error {errors[0]:.2f}"
     curve = Curve(
-        title=f"{text} before, {held.error_after:.2f} after" if changed else text,
+        title=f"{text} before, {errors[1]:.2f} after" if changed else text,
         across="time, s",
-        up=f"{held.floors[-1]}, m/s²",
-        x=held.time,
-        mean=held.before[-1],
-        measured=held.measured[-1],
-        beside=held.after[-1] if changed else None,
+        up=f"{held.roof}, m/s²",
+        x=time,
+        mean=before,
+        measured=measured,
+        beside=after if changed else None,
     )
-    peak = held.time[np.abs(held.measured[-1]).argmax()]
-    return curve.at(np.abs(held.time - peak) <= 3.0)
+    return curve.at(np.abs(time - time[np.abs(measured).argmax()]) <= 3.0)

@@ -11,12 +11,11 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
-from femupdate.report import drawing_matplotlib, drawing_pyvista
-from femupdate.report.drawing_matplotlib import project
+from femupdate.report import drawing
+from femupdate.report.drawing import Renderer, project, renders
 from femupdate.report.figure import add_head, new_figure, show
 from femupdate.report.geometry import DEFORMATION, Geometry, Landmarks, deformed, outline
 from femupdate.report.glyphs import Glyphs
-from femupdate.report.rendering import Renderer, renders
 from femupdate.report.style import FAINT, MAGNITUDE_MAP, ORANGE, QUIET, SPREAD_MAP, styled
 
 
@@ -61,11 +60,11 @@ def mode_shape_figure(
     panels = figure.subplots(1, len(fields), squeeze=False)[0]
     looks = [(geometry, moved, values, colors, top) for _, _, values, top, colors in fields]
     if renders(renderer):
-        show(panels, [drawing_pyvista.render(*look, marks) for look in looks])
+        show(panels, [drawing.render(*look, marks) for look in looks])
     else:
         for panel, look in zip(panels, looks, strict=True):
-            drawing_matplotlib.draw(panel, *look)
-            drawing_matplotlib.mark(panel, marks)
+            drawing.draw(panel, *look)
+            drawing.mark(panel, marks)
     for panel, (heading, label, _, top, colors) in zip(panels, fields, strict=True):
         panel.set_axis_off()
         panel.set_title(heading)
@@ -104,7 +103,7 @@ def draw_marked(
     panel.set_axis_off()
     marks = Landmarks.of(geometry, floors)
     if renders(renderer):
-        show([panel], [drawing_pyvista.render_marked(geometry, glyphs, marks)])
+        show([panel], [drawing.render_marked(geometry, glyphs, marks)])
         return
     flat = project(geometry.nodes)[0]
     shells = PolyCollection(list(flat[geometry.shells]), facecolors=FAINT, alpha=0.25, zorder=1.0)
@@ -121,5 +120,5 @@ def draw_marked(
     balls = [project(centre[None])[0] + radius * rim for centre, radius in glyphs.balls]
     panel.add_collection(PolyCollection(balls, facecolors=ORANGE, zorder=5.0))
     panel.autoscale_view()
-    drawing_matplotlib.mark(panel, marks)
+    drawing.mark(panel, marks)
     panel.set_aspect("equal")

@@ -8,23 +8,22 @@ __all__, __getattr__ = public(
         "amplitude": "level_between record_levels",
         "build": "build_study",
         "calibrate": "calibrate_study check_calibration",
+        "calibration_report": "kept_posterior",
         "compare": "compare_states find_state open_state",
         "diagnose": "diagnose_study",
-        "effects": "open_structure",
+        "effects": "kept_mesh_error open_structure open_system with_finer_mesh",
         "kinds": "measured_of",
         "likelihoods": "CalibrationSettings",
-        "mesh_error": "kept_mesh_error open_system with_finer_mesh",
         "model": (
             "CertifiedModel choose_building DEFAULT_BUILDING open_study reduce_building REDUCED "
             "StudyModel"
         ),
         "observed": "observation_of ObservationSource readable runs_of",
         "predict": "predict_study PredictionSettings RecordSource",
-        "render": "draw_model render_study",
+        "render": "render_study",
         "repair": "repair_study",
         "report": "report_study",
         "status": "study_status",
-        "summary": "kept_posterior",
         "train": "check_training train_study",
     },
 )

@@ -6,7 +6,6 @@ stiffness in turn: each draw is put at the level at which its own response has t
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -19,6 +18,7 @@ from femupdate.dynamics.level import RunLevels, levels_in_run, motion_level
 from femupdate.dynamics.system import System, changes_in_run
 from femupdate.effects.effect import Placed
 from femupdate.errors import MeasurementError
+from femupdate.inference.parameters import Values
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.names import BASE
 from femupdate.measurement.record import GroundMotion
@@ -90,26 +90,8 @@ def _histories(source: ObservationSource, direction: str) -> Histories:
     )
 
 
-_BEYOND = 0.5  # doublings of the amplitude outside of the records that are worth a word
 # In the settings of a posterior.
 _LEVELS, _SPAN, _PEAK = "level_m_s2", "level_span", "base_peak_m_s2"
-
-
-@dataclass(frozen=True, eq=False)
-class AtOwnLevel:
-    """Posterior draws at the level of the motion that is predicted.
-
-    Attributes:
-        theta: (S, p) stiffness factors.
-        zeta: (S,) damping ratios.
-        level: (S,) doublings above the record that the factors were found from.
-        note: one sentence for the user.
-    """
-
-    theta: Floats
-    zeta: Floats
-    level: Floats
-    note: str
 
 
 def level_settings(
@@ -195,79 +177,70 @@ def changing_note(known: bool) -> str:
 
 def at_own_level(
     system: System,
-    draws: tuple[Floats, Floats, Floats],
+    draws: Values,
     motion: GroundMotion,
     settings: Mapping[str, Any],
     *,
     keep_damping: bool = False,
     progress: Progress = SILENT,
-) -> AtOwnLevel:
-    """Put posterior draws at the level that their own response to a motion has.
+) -> tuple[Values, Floats, str]:
+    """Posterior draws at the level that their own response to a motion has.
 
     Args:
-        draws: theta (S, p), zeta (S,) and sizes (S, q) of the effects.
+        draws: as they hold at the record that they were found from.
         settings: of the posterior, with the level that theta holds at; without it all stays.
         keep_damping: leave the damping ratios as they are.
         progress: advances by one a draw.
+
+    Returns:
+        The draws there, their levels (S,) in doublings above the record, a sentence for the user.
     """
-    theta, zeta, _ = draws
-    reference = settings.get(_LEVELS)
+    count, reference = len(draws.zeta), settings.get(_LEVELS)
     if not reference:
-        note = (
+        return (
+            draws,
+            np.zeros(count),
             "The stiffness falls with amplitude, but at which level its factors were found is not "
-            "known: they are used as they are."
+            "known: they are used as they are.",
         )
-        return AtOwnLevel(theta, zeta, np.zeros(len(theta)), note)
-    all_draws = _Draws(system, *draws, keep_damping)
-    found, start, batch = [], 0.0, BATCH
-    for first in range(0, len(theta), batch):
-        some = all_draws.rows(slice(first, first + batch))
-        found.append(own_level(partial(some.reached, motion, reference), len(some.theta), start))
+
+    def at(rows: Integers, level: Floats) -> Values:
+        theta, zeta, sizes = draws.theta[rows], draws.zeta[rows], draws.sizes[rows]
+        softer, damped = system.at_level(theta, zeta, sizes, torch.from_numpy(level))
+        return Values(softer, zeta if keep_damping else damped, sizes)
+
+    def reached(rows: Integers, some: Integers, level: Floats) -> Floats:
+        """Levels (n,) of the responses of some draws, with the stiffness of levels (n,)."""
+        there = at(rows[some], level)
+        theta, zeta = there.of_structure.numpy(), there.zeta.numpy()
+        response = floor_histories(system, theta, zeta, motion.inputs, motion.time_step)
+        levels = motion_level(response.floor_acceleration).tolist()
+        each = (dict(zip(response.floors, run, strict=True)) for run in levels)
+        return np.array([doublings(reference, run) for run in each])
+
+    found, start, batch = list[Floats](), 0.0, BATCH
+    for rows in np.split(np.arange(count), range(batch, count, batch)):
+        found.append(own_level(partial(reached, rows), len(rows), start))
         # Draws of one posterior have about the same level.
         start = float(np.median(found[-1]))
-        progress.advance(len(some.theta))
+        progress.advance(len(rows))
     level = np.concatenate(found)
-    softer, damped = all_draws.at(level)
-    note = _note(level, softer / theta, damped / zeta, settings.get(_SPAN))
-    return AtOwnLevel(softer, damped, level, note)
-
-
-@dataclass(frozen=True, eq=False)
-class _Draws:
-    """Posterior draws: theta (S, p), zeta (S,) and sizes (S, q)."""
-
-    system: System
-    theta: Floats
-    zeta: Floats
-    sizes: Floats
-    keep_damping: bool
-
-    def rows(self, rows: slice | Integers) -> "_Draws":
-        """Some of them."""
-        theta, zeta, sizes = self.theta[rows], self.zeta[rows], self.sizes[rows]
-        return replace(self, theta=theta, zeta=zeta, sizes=sizes)
-
-    def at(self, level: Floats) -> tuple[Floats, Floats]:
-        """Stiffness factors (S, p) and damping ratios (S,), each draw at its level of (S,)."""
-        theta, zeta = self.system.at_level(
-            torch.from_numpy(self.theta.copy()),
-            torch.from_numpy(self.zeta.copy()),
-            torch.from_numpy(self.sizes.copy()),
-            torch.from_numpy(level),
+    there = at(np.arange(count), level)
+    mean, share = float(level.mean()), (there.theta / draws.theta).mean(0).numpy()
+    most = float(share[np.abs(np.log(share)).argmax()])
+    damped = float((there.zeta / draws.zeta).mean())
+    note = (
+        f"The motion is {2.0**mean:.2g} times as strong as the record behind the stiffness "
+        f"factors: stiffness is multiplied by {most:.3g}, damping by {damped:.3g}."
+    )
+    span = settings.get(_SPAN)
+    # Half a doubling outside of the records is worth a word.
+    if span and span[1] > span[0] and not span[0] - 0.5 < mean < span[1] + 0.5:
+        note += (
+            f" That is beyond the records ({2.0 ** span[0]:.2g} to {2.0 ** span[1]:.2g} times) "
+            "that show this change."
         )
-        return theta.numpy(), self.zeta if self.keep_damping else zeta.numpy()
-
-    def reached(
-        self, motion: GroundMotion, reference: Mapping[str, float], rows: Integers, level: Floats
-    ) -> Floats:
-        """Levels (n,) of the responses of some draws, with the stiffness of levels (n,)."""
-        some = self.rows(rows)
-        theta, zeta = some.at(level)
-        both = np.concatenate([theta, some.sizes], axis=1)
-        response = floor_histories(self.system, both, zeta, motion.inputs, motion.time_step)
-        floors, levels = response.floors, motion_level(response.floor_acceleration)
-        each = (dict(zip(floors, run, strict=True)) for run in levels.tolist())
-        return np.array([doublings(reference, run) for run in each])
+    return there, level, note
 
 
 def own_level(reached: Callable[[Integers, Floats], Floats], count: int, start: float) -> Floats:
@@ -300,19 +273,3 @@ def own_level(reached: Callable[[Integers, Floats], Floats], count: int, start: 
         between = low + share * (high - low)
         level[open_] = np.where(np.isnan(between), answer[open_], between)
     return answer
-
-
-def _note(level: Floats, stiffness: Floats, damping: Floats, span: list[float] | None) -> str:
-    """In words, from levels (S,) and what stiffness (S, p) and damping (S,) are multiplied by."""
-    mean, share = float(level.mean()), stiffness.mean(axis=0)
-    most = float(share[np.abs(np.log(share)).argmax()])
-    text = (
-        f"The motion is {2.0**mean:.2g} times as strong as the record behind the stiffness "
-        f"factors: stiffness is multiplied by {most:.3g}, damping by {damping.mean():.3g}."
-    )
-    if span and span[1] > span[0] and not span[0] - _BEYOND < mean < span[1] + _BEYOND:
-        text += (
-            f" That is beyond the records ({2.0 ** span[0]:.2g} to {2.0 ** span[1]:.2g} times) "
-            "that show this change."
-        )
-    return text

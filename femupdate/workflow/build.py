@@ -18,7 +18,7 @@ from femupdate.fe.export_nastran import bulk_data
 from femupdate.fe.export_opensees import opensees_script
 from femupdate.fe.model import FiniteElementModel
 from femupdate.progress import SILENT, Progress
-from femupdate.result import Item, Note, Notes, Result, first_lines
+from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
 from femupdate.study import BUILDING_FILE, Study, atomic_path, typed, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
@@ -29,7 +29,7 @@ from femupdate.workflow.model import (
     reduce_building,
     say_building,
 )
-from femupdate.workflow.modes import full_modes, keep_modes
+from femupdate.workflow.modes import full_modes, keep_modes, modes_of_model
 from femupdate.workflow.observed import direction_of
 
 _SHOWN = 12  # lowest modes that are told; above them those that move a share of the mass
@@ -67,7 +67,10 @@ class BuildReport(Result):
 
     def items(self) -> Iterator[Item]:
         """Sizes, modes and checks."""
-        building, modes, told = self.model.building, self.modes, self._told()
+        building, modes = self.model.building, self.modes
+        # The lowest modes, and those above them that move much.
+        mass = modes.effective_mass.max(axis=1)
+        told = [k for k in range(len(mass)) if k < _SHOWN or mass[k] >= 0.01]
         content = {
             "building": building.name,
             "frequencies_hz": self.frequencies_hz,
@@ -115,10 +118,13 @@ class BuildReport(Result):
                 )
         yield Notes(self.checks, key="checks", detail=True)
 
-    def _told(self) -> list[int]:
-        """The lowest modes, and those above them that move much."""
-        mass = self.modes.effective_mass.max(axis=1)
-        return [k for k in range(len(mass)) if k < _SHOWN or mass[k] >= 0.01]
+    def figures(self) -> Iterator[Picture]:
+        """The modes that move most of the mass, at theta = 1."""
+        from femupdate.workflow.render import mode_pictures
+
+        yield from mode_pictures(
+            self.model, modes_of_model(self.model, self.modes, 3), "model_mode"
+        )
 
 
 def build_study(

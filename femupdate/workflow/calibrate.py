@@ -7,15 +7,15 @@ from dataclasses import replace
 from femupdate.effects.registry import building_effects
 from femupdate.errors import InferenceError, StudyError
 from femupdate.inference.latent_likelihood import encoder_input
-from femupdate.inference.posterior import save_posterior
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
 from femupdate.study import Study
 from femupdate.surrogate.storage import find_surrogate
 from femupdate.workflow.amplitude import base_peak, far_stronger, level_settings
 from femupdate.workflow.calibrate_effects import fitted_effects, with_levels
-from femupdate.workflow.calibration_report import POSTERIOR, CalibrationReport
+from femupdate.workflow.calibration_report import CalibrationReport, kept_posterior
 from femupdate.workflow.conclusion import concluded
+from femupdate.workflow.effects import with_finer_mesh
 from femupdate.workflow.kinds import measured_of, read_measured_of
 from femupdate.workflow.likelihoods import (
     CalibrationSettings,
@@ -23,11 +23,9 @@ from femupdate.workflow.likelihoods import (
     unserved,
     without_foreign_modes,
 )
-from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel, choose_building
 from femupdate.workflow.observed import ObservationSource, check_readable
 from femupdate.workflow.sampling import sample_exact, sample_latent
-from femupdate.workflow.summary import kept_posterior
 
 
 def calibrate_study(
@@ -66,7 +64,6 @@ def calibrate_study(
         fitted = fitted_effects(study, model, measured, progress)
         model = fitted.model
     sampling, *drawing = spawn(settings.seed, 5)
-    origin = {**model.made_from(), **source.made_from()}
     used = {"sensors": list(measured.as_observation.floors), "band_hz": source.band_hz}
     settled = {**used, **plain_settings(settings)}
     if settings.exact:
@@ -75,25 +72,17 @@ def calibrate_study(
         sampled = sample_latent(study, model, measured, settings, sampling, progress)
     if why:
         sampled = replace(sampled, notes=(why, *sampled.notes))
-    if harder := _since_the_last(study, model, source):
-        sampled = replace(sampled, notes=(*harder, *sampled.notes))
+    try:
+        before = kept_posterior(study, model.building).settings
+    except StudyError:
+        before = {}
+    harder = far_stronger(before, base_peak(model, source))
+    sampled = replace(sampled, notes=(*harder, *sampled.notes))
     report = concluded(
         model, measured, settings, sampled, drawing, study.result("posterior.nc")
     ).with_settings(level_settings(model, model.system.placed, source, measured.levels))
-    save_posterior(report.posterior, report.path)
-    made = {**source.files_as_settings(), **settled}
-    study.record(POSTERIOR, "posterior.nc", "calibrate", origin, made)
-    report.write_summary(study)
+    report.keep(study, "calibrate", source, {**source.files_as_settings(), **settled})
     return replace(report, seconds=time.monotonic() - started, files=source.paths)
-
-
-def _since_the_last(study: Study, model: StudyModel, source: ObservationSource) -> tuple[str, ...]:
-    """A warning where the record is far stronger than that of the posterior in its place."""
-    try:
-        before = kept_posterior(study, model.building)
-    except StudyError:
-        return ()
-    return far_stronger(before.settings, base_peak(model, source))
 
 
 def check_calibration(

@@ -1,20 +1,28 @@
-"""What a calibration gives, and what it says of itself."""
+"""What a calibration gives and says of itself, what a study keeps of it, titles of parameters."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.random import default_rng
 
 from femupdate.arrays import Floats
-from femupdate.building.parameters import factor_titles
-from femupdate.inference.diagnostics import Identifiability, PredictiveCheck, r_hat
+from femupdate.building.document import Building
+from femupdate.building.parameters import factor_ranges, factor_titles
+from femupdate.dynamics.excitation import Excitation
+from femupdate.dynamics.system import System
+from femupdate.effects.effect import EffectParameter, Placed
+from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.tolerances import key_of
+from femupdate.errors import StudyError
+from femupdate.inference.diagnostics import Identifiability, PredictiveCheck, identifiability, r_hat
 from femupdate.inference.next_event import drawn_error
-from femupdate.inference.posterior import Posterior
+from femupdate.inference.posterior import Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import on_all_floors
 from femupdate.report.curves import Curve, response_curves
 from femupdate.report.quantities import DrawnQuantity, floor_table, tidy_table
@@ -22,23 +30,170 @@ from femupdate.report.scale import range_text
 from femupdate.result import Item, Note, Notes, Picture, Result, first_lines, plain, took
 from femupdate.seeds import spawn
 from femupdate.study import Study, as_written, on_files, typed, write_text
-from femupdate.tables import Table
+from femupdate.tables import Column, Table
 from femupdate.units import percent
-from femupdate.workflow.calibrate_draws import predictive_log_frf
-from femupdate.workflow.mesh_error import open_system
+from femupdate.workflow.effects import open_system
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.summary import (
-    SUMMARY,
-    identifiability_record,
-    identified,
-    kept_posterior,
-    kept_summary,
-    parameter_table,
-    parameter_titles,
-    short_name,
-)
+from femupdate.workflow.observed import ObservationSource
 
-POSTERIOR = "posterior"
+SUMMARY = "posterior_summary.json"
+
+
+def identified(posterior: Posterior) -> Identifiability:
+    """What the data have told about the parameters of a posterior."""
+    low, high = posterior.bounds.T
+    return identifiability(posterior.samples, low, high, names=posterior.names)
+
+
+def identifiability_record(found: Identifiability) -> dict[str, Any]:
+    """Plain numbers and text, for JSON."""
+    return {
+        "undetermined": found.undetermined,
+        "left_alone": list(found.left_alone),
+        "combinations": [
+            {
+                "kept": part.kept,
+                "words": found.describe(part),
+                "weight": dict(zip(found.names, np.asarray(part.weight).tolist(), strict=True)),
+            }
+            for part in found.combinations
+        ],
+        "modes": [
+            {key: np.asarray(value).tolist() for key, value in asdict(mode).items()}
+            for mode in found.modes
+        ],
+    }
+
+
+def kept_summary(study: Study) -> dict[str, Any]:
+    """What the report of a calibration wrote; empty where there is none, as after a repair.
+
+    Raises:
+        StudyError: the file cannot be read.
+    """
+    path = study.result(SUMMARY)
+    if not path.exists():
+        return {}
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError) as error:
+        raise StudyError(
+            f"{path} cannot be read ({error}); run `femupdate calibrate` again"
+        ) from error
+
+
+def kept_posterior(study: Study, building: Building) -> Posterior:
+    """Read the posterior of a study.
+
+    The study's record says of which building it is; here the draws themselves are looked at, for a
+    record can be wrong.
+
+    Raises:
+        StudyError: there is none, it is damaged, or its factors or floors are not the building's.
+    """
+    posterior = load_posterior(study.require("posterior", "calibrate"))
+    factors = tuple(factor_ranges(building))
+    names = posterior.of("stiffness").names
+    if names != factors or not set(posterior.observation.floors) <= set(building.floors):
+        raise StudyError(
+            f"the {study.key('posterior')} in {study.folder} is not of {building.name}: its factors"
+            f" are {', '.join(posterior.names)}, measured at"
+            f" {', '.join(posterior.observation.floors)}; run `femupdate calibrate` again"
+        )
+    return posterior
+
+
+def parameter_titles(building: Building, names: Sequence[str]) -> Mapping[str, str]:
+    """Titles by name, such as "story S3" or "Added mass at 3F: share of the floor's mass"."""
+    known = factor_titles(building)
+    return {name: known.get(name) or effect_title(name) for name in names}
+
+
+def placed_effect(label: str) -> Placed | None:
+    """The effect at its place that a label such as "added_mass@3F" is; None of another text."""
+    name, _, place = label.partition("@")
+    return Placed(CATALOGUE[name], place) if name in CATALOGUE else None
+
+
+def effect_parameter(name: str) -> EffectParameter | None:
+    """The parameter of the catalogue that one such as "added_mass@3F.size" is."""
+    label, _, parameter_name = name.rpartition(".")
+    placed = placed_effect(label)
+    known = () if placed is None else placed.effect.parameters
+    return next((parameter for parameter in known if parameter.name == parameter_name), None)
+
+
+def effect_title(name: str) -> str:
+    """What a parameter such as "added_mass@3F.size" is of; the name itself where it is another."""
+    placed, known = placed_effect(name.rpartition(".")[0]), effect_parameter(name)
+    if key := key_of(name):
+        return f"{key} of {name.partition('@')[2].rpartition('.')[0]}, within its tolerance"
+    if placed is None:
+        return name
+    text = "" if known is None else f": {known.text or known.name}"
+    unit = "" if known is None or known.unit == "1" else f" ({known.unit})"
+    return f"{placed.in_words}{text}{unit}"
+
+
+def short_name(name: str) -> str:
+    """A name that stands below a panel: θ1, or an effect and which of its parameters."""
+    effect, _, rest = name.partition("@")
+    if not rest:
+        return name.replace("theta_", "θ")
+    place, _, parameter = rest.rpartition(".")
+    return f"{effect.replace('_', ' ')}, {place}" + (f": {parameter}" if parameter else "")
+
+
+def parameter_table(
+    building: Building, posterior: Posterior, agreement: Floats | None = None
+) -> Table:
+    """Every parameter with its posterior and its prior, the damping ratio last.
+
+    Args:
+        agreement: (p,) r-hat of the runs, where there are several.
+    """
+    titles, names = parameter_titles(building, posterior.names), posterior.names
+    priors = [f"{low:.3g} to {high:.3g}" for low, high in posterior.bounds]
+    hats = [] if agreement is None else [f"{value:.3f}" for value in agreement]
+    draws = posterior.samples.T
+    if posterior.zeta_samples is not None:
+        draws, names = np.vstack([draws, posterior.zeta_samples]), (*names, "zeta")
+        priors.append("")
+    hats += [""] * (len(names) - len(hats))
+    sd = draws.std(axis=1)
+    q05, median, q95 = np.quantile(draws, [0.05, 0.5, 0.95], axis=1)
+    # With two figures of the standard deviation.
+    decimals = [
+        4 if not spread > 0.0 else int(np.clip(1 - np.floor(np.log10(spread)), 0, 8))
+        for spread in sd
+    ]
+
+    def column(values: Floats, key: str, head: str | None = None) -> Column:
+        cells = [f"{value:.{count}f}" for value, count in zip(values, decimals, strict=True)]
+        return Column(values, head, cells, csv=key)
+
+    of = [titles.get(name, "damping ratio") for name in names]
+    return Table(
+        name="posterior",
+        caption="Parameters",
+        note="A factor of 1 is the stiffness in the building file.",
+        columns=(
+            Column(names, "parameter", csv="parameter"),
+            Column(of, csv="of"),
+            column(draws.mean(axis=1), "mean", "mean"),
+            column(sd, "sd", "sd"),
+            column(q05, "q05", "5 %"),
+            column(median, "median"),
+            column(q95, "q95", "95 %"),
+            *([] if agreement is None else [Column(hats, "r-hat")]),
+            Column(priors, "prior"),
+            Column(of, "of"),
+        ),
+        corner="",
+        words_last=True,
+    )
+
+
 _LISTED = 8  # parameters whose intervals stand in a line
 
 
@@ -84,10 +239,21 @@ class CalibrationReport(Result):
     @cached_property
     def curves(self) -> tuple[Curve, ...]:
         """|H| of every floor, the top floor first, measured and predicted."""
-        model, posterior = self.model, self.posterior
+        model, posterior, erring = self.model, self.posterior, None
         predicted = predictive_log_frf(model.system, model, posterior)
         seen = on_all_floors(posterior.observation, model.building.floors)
-        return response_curves(predicted, seen, _with_errors(model, posterior, predicted))
+        errors = posterior.model_error
+        if errors is not None:
+            # 5 and 95 % with errors of the model as large as learned, and elsewhere.
+            rows, known = posterior.rows(len(predicted), 0), model.frequency_hz.numpy()
+            size, floors = errors.amplitude, len(seen.floors)
+            moved = [
+                values + drawn_error(size, row, errors, floors, known, default_rng(stream))
+                for values, row, stream in zip(predicted, rows, spawn(0, len(rows)), strict=True)
+            ]
+            low, high = np.quantile(moved, [0.05, 0.95], axis=0)
+            erring = low, high
+        return response_curves(predicted, seen, erring)
 
     @property
     def first(self) -> tuple[str, str]:
@@ -218,7 +384,7 @@ class CalibrationReport(Result):
     def figures(self) -> Iterator[Picture]:
         """The FRF fit, pairs of parameters and intervals."""
         from femupdate.report.plot_curves import frf_fit
-        from femupdate.report.plot_posterior import SampleSet, posterior_pairs, theta_intervals
+        from femupdate.report.plot_posterior import posterior_pairs, theta_intervals
 
         posterior, factors = self.posterior, self.posterior.of("stiffness")
         floors = ", ".join(posterior.observation.floors)
@@ -228,19 +394,28 @@ class CalibrationReport(Result):
         yield Picture("frf_fit", lambda: frf_fit(self.curves))
         yield Picture(
             "posterior",
-            lambda: posterior_pairs([SampleSet(label, posterior.samples)], names, posterior.bounds),
+            lambda: posterior_pairs({label: posterior.samples}, names, posterior.bounds),
         )
         yield Picture(
             "stiffness_factors",
             lambda: theta_intervals(
                 [titles[name] for name in factors.names],
-                [SampleSet(label, factors.samples)],
+                {label: factors.samples},
                 factors.bounds,
             ),
         )
 
-    def write_summary(self, study: Study) -> None:
-        """Keep in a study as JSON what is read again of the posterior without its draws."""
+    def keep(
+        self, study: Study, command: str, source: ObservationSource, made: Mapping[str, Any]
+    ) -> None:
+        """Write into a study the draws, and as JSON what is read again of them without these.
+
+        Args:
+            command: that makes them, from a source and with settings.
+        """
+        save_posterior(self.posterior, self.path)
+        origin = {**self.model.made_from(), **source.made_from()}
+        study.record("posterior", "posterior.nc", command, origin, made)
         posterior = self.posterior
         head, rows = parameter_table(self.model.building, posterior, self.r_hat).sheet()
         kept = rows[: len(posterior.names)]
@@ -255,6 +430,27 @@ class CalibrationReport(Result):
             "notes": self.notes,
         }
         write_text(study.result(SUMMARY), json.dumps(plain(content), indent=1) + "\n")
+
+
+def predictive_log_frf(
+    system: System,
+    model: StudyModel,
+    posterior: Posterior,
+    count: int = 200,
+    seed: int = 0,
+) -> Floats:
+    """ln|H| (n, f, k) of all floors at n posterior draws, measured or not.
+
+    Of a base that was measured to turn, with what goes with its translation.
+    """
+    drawn = posterior.parameters.split(posterior.thinned(count, seed))
+    known = drawn.theta, drawn.zeta, drawn.sizes, model.frequency_hz
+    frf = system.frf(*known)
+    rotation = posterior.observation.rotation
+    if rotation is not None:
+        frf, turned = system.respond(Excitation(turns=True), *known).unbind(dim=2)
+        frf = frf + torch.from_numpy(np.nan_to_num(rotation)) * turned
+    return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
 
 
 def kept_calibration(study: Study, model: StudyModel) -> CalibrationReport:
@@ -287,21 +483,3 @@ def kept_calibration(study: Study, model: StudyModel) -> CalibrationReport:
             invalid=0,
             files=(),
         )
-
-
-def _with_errors(
-    model: StudyModel, posterior: Posterior, predicted: Floats
-) -> tuple[Floats, Floats] | None:
-    """(f, k) 5 and 95 % of ln|H| with errors of the model as large as learned, and elsewhere."""
-    errors = posterior.model_error
-    if errors is None:
-        return None
-    rows, frequency = posterior.rows(len(predicted), 0), model.frequency_hz.numpy()
-    floors = predicted.shape[1]
-    streams = spawn(0, len(rows))
-    moved = [
-        values + drawn_error(errors.amplitude, row, errors, floors, frequency, default_rng(stream))
-        for values, row, stream in zip(predicted, rows, streams, strict=True)
-    ]
-    low, high = np.quantile(moved, [0.05, 0.95], axis=0)
-    return low, high

@@ -18,7 +18,7 @@ from femupdate.report.scale import plus_minus, with_unit
 from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import Column, Table
-from femupdate.workflow.summary import kept_summary
+from femupdate.workflow.calibration_report import kept_summary
 
 _ALIKE = 0.5  # probability from which all changed alike
 
@@ -31,13 +31,11 @@ class State:
     """A posterior of a building in one state.
 
     Attributes:
-        path: of the study or the posterior file.
         titles: what its factors are of, by name; empty where no building file is beside it.
         hashes: of what it was made from, where its study says so.
         summary: that the calibration kept; empty where no study is known.
     """
 
-    path: Path
     name: str
     posterior: Posterior
     titles: Mapping[str, str]
@@ -84,18 +82,23 @@ class CompareReport(Result):
     def sentence(self) -> str:
         """The verdict for an engineer."""
         found = self.changes
+        # From the smallest to the largest visible change.
+        low, high = (
+            100.0 * np.expm1(value) for value in (found.visible.min(), found.visible.max())
+        )
+        size = f"{low:.2g} %" if high < 1.2 * low else f"{low:.2g} to {high:.2g} % (by story)"
+        seen = f"One story changing by {size} or more would"
         if self.verdict == "unchanged":
             return (
-                f"Nothing has changed, with a probability of {_share(found.none)}. One story "
-                f"changing by {_range(found.visible)} would have been seen."
+                f"Nothing has changed, with a probability of {_share(found.none)}. {seen} have "
+                "been seen."
             )
         if self.verdict == "unclear":
             likeliest = int(found.probability.argmax())
             return (
                 "The data do not tell whether anything changed: the probability that nothing did "
                 f"is {_share(found.none)}. Most likely to have changed is {self.titles[likeliest]} "
-                f"({_share(found.probability[likeliest])}). One story changing by "
-                f"{_range(found.visible)} would be seen."
+                f"({_share(found.probability[likeliest])}). {seen} be seen."
             )
         if found.alike > _ALIKE:
             return (
@@ -159,11 +162,11 @@ class CompareReport(Result):
 
     def intervals(self) -> "Figure":
         """The intervals of all factors before and after."""
-        from femupdate.report.plot_posterior import SampleSet, theta_intervals
+        from femupdate.report.plot_posterior import theta_intervals
 
         return theta_intervals(
             self.titles,
-            [SampleSet(*case) for case in zip(("Before", "After"), self.draws, strict=True)],
+            dict(zip(("Before", "After"), self.draws, strict=True)),
             self.before.posterior.of("stiffness").bounds,
             title="Stiffness factors before and after",
         )
@@ -185,7 +188,7 @@ def find_state(text: str, study: Study) -> State:
     if path.is_dir():
         return open_state(Study(path), text)
     if path.is_file():
-        return State(path=path, name=text, posterior=load_posterior(path), titles={}, hashes={})
+        return State(name=text, posterior=load_posterior(path), titles={}, hashes={})
     known = f"; {study.folder} holds {', '.join(names)}" if names else ""
     raise StudyError(
         f"there is no study folder, no posterior file and no posterior called {text}{known}"
@@ -205,7 +208,6 @@ def open_state(study: Study, name: str = "") -> State:
     building, recorded = study.path(BUILDING_FILE), study.artefact("posterior")
     assert recorded is not None
     return State(
-        path=study.folder,
         name=name or str(study.folder),
         posterior=load_posterior(file),
         titles=factor_titles(load_building(building)) if building.exists() else {},
@@ -288,10 +290,3 @@ def _change(log: float, sd: float) -> str:
     """A change of ln theta as a percentage with its standard deviation."""
     percent, spread = 100.0 * float(np.expm1(log)), 100.0 * float(np.exp(log)) * sd
     return f"{'+' if percent > 0.0 else ''}{with_unit(percent, spread, '%')}"
-
-
-def _range(visible: Floats) -> str:
-    """From the smallest to the largest visible change, in percent."""
-    low, high = (100.0 * np.expm1(value) for value in (visible.min(), visible.max()))
-    shown = f"{low:.2g} %" if high < 1.2 * low else f"{low:.2g} to {high:.2g} % (by story)"
-    return f"{shown} or more"

@@ -1,44 +1,431 @@
 """What is concluded from posterior draws, however they were drawn, and what is told of it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
+from scipy.special import ndtr
 from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.discrepancy.thresholds import MESH_ERROR
+from femupdate.effects.tolerances import TOLERANCES, key_of
 from femupdate.errors import InferenceError
-from femupdate.inference.diagnostics import r_hat
+from femupdate.inference.diagnostics import PredictiveCheck, predictive_check, r_hat
+from femupdate.inference.error_draws import draw_errors
 from femupdate.inference.event_scatter import LearnedScatter, learned_scatter
-from femupdate.inference.frf_data import base_logs
-from femupdate.inference.likelihood import missed
+from femupdate.inference.frf_data import FrfData, base_logs
+from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
+from femupdate.inference.latent_search import FoundLatent
+from femupdate.inference.likelihood import Likelihood, missed
+from femupdate.inference.model_error import WILD
+from femupdate.inference.parameters import Parameter, own_errors
 from femupdate.inference.posterior import Posterior
-from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation import Observation, independent_share
 from femupdate.seeds import Seed, spawn
-from femupdate.workflow.calibrate_draws import (
-    against_data,
-    against_modes,
-    posterior_of,
-    with_error_of_all,
-    with_own_errors,
-)
-from femupdate.workflow.calibrate_notes import (
-    error_notes,
-    judgement,
-    large_error,
-    overstated_noise,
-    tolerance_notes,
-)
-from femupdate.workflow.calibration_report import CalibrationReport
+from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
+from femupdate.units import percent
+from femupdate.workflow.calibration_report import CalibrationReport, identified
 from femupdate.workflow.kinds import Measured
-from femupdate.workflow.likelihoods import CalibrationSettings, Sampled, beyond_prior
+from femupdate.workflow.likelihoods import (
+    LEAST_EXPLAINED,
+    CalibrationSettings,
+    Sampled,
+    beyond_prior,
+    data_of_modes,
+    plain_settings,
+)
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.summary import identified
 
-_STIFFNESS, _DAMPING = 0.4, 1.5  # ln, to either side of the posterior's mean that is tried
-_POINTS, _ROUNDS = 17, 4  # of a grid of each, each grid about what the one before found,
+_ZETA_GRID, _ZETA_SAMPLES = 25, 48  # damping ratios that are looked at, at draws of theta
+_CHECKED = 100  # draws that are held against the data
+
+
+def posterior_of(
+    model: StudyModel,
+    measured: Measured,
+    settings: CalibrationSettings,
+    sampled: Sampled,
+    latent: FoundLatent | None,
+    seed: Seed,
+) -> Posterior:
+    """The draws, with damping ratios.
+
+    Where theta carries errors of the model no draw of it meets the data, and the damping ratio
+    cannot be found from there: then it is the latent posterior's, `latent`.
+    """
+    runs, likelihood, errors = sampled.runs, sampled.likelihood, None
+    shape = len(runs), len(runs[0].theta)
+    values = torch.cat([run.theta for run in runs]).detach().double().numpy()
+    damping, erring = spawn(seed, 2)
+    if not sampled.parameters.of("damping").entries:
+        if not model.damping.free:
+            zeta = np.full(len(values), model.damping.lower)
+        elif latent is None:
+            zeta = draw_zeta(model, likelihood, values, damping)
+        else:
+            zeta = latent_zeta(latent, model.damping, len(values), damping)
+        values = np.column_stack([values, zeta])
+    values = values.reshape(*shape, -1)
+    if likelihood.base is not None and likelihood.error.parts[0].learns:
+        errors = draw_errors(likelihood, torch.from_numpy(values), measured.reference, erring)
+    density = torch.stack([run.log_likelihood for run in runs])
+    return Posterior(
+        parameters=model.parameters,
+        values=values,
+        log_likelihood=density.detach().double().numpy(),
+        drawn=sampled.drawn,
+        observation=measured.as_observation,
+        settings=plain_settings(settings),
+        model_error=errors,
+    )
+
+
+def with_error_of_all(posterior: Posterior, model: StudyModel, seed: Seed) -> Posterior:
+    """With stiffness factors that allow for what programs differ by in all members alike.
+
+    No data tell that from the factors, so it moves the draws and not the likelihood.
+    """
+    if model.shared is None:
+        return posterior
+    alike = np.random.default_rng(seed).standard_normal(posterior.values.shape[:2])
+    moved = posterior.values.copy()
+    columns = posterior.parameters.columns("stiffness")
+    moved[..., columns] *= np.exp(MESH_ERROR.of_all * alike)[..., None]
+    return _inside(posterior, moved)
+
+
+def _inside(posterior: Posterior, values: Floats) -> Posterior:
+    """The same with other draws, within the bounds."""
+    known = posterior.parameters
+    return replace(posterior, values=np.clip(values, known.lower.numpy(), known.upper.numpy()))
+
+
+def with_own_errors(posterior: Posterior, model: StudyModel, seed: Seed) -> Posterior:
+    """With parameters of effects off by as much as the models of these effects may err.
+
+    No data tell that from the parameters, so it moves the draws and not the likelihood.
+    """
+    errors = own_errors(model.system.placed, model.building)
+    if not errors.any():
+        return posterior
+    effects, columns = posterior.parameters.of("effect"), posterior.parameters.columns("effect")
+    neutral = np.array([entry.neutral for entry in effects.entries])
+    moved = posterior.values.copy()
+    off = 1.0 + errors * np.random.default_rng(seed).standard_normal(
+        (*moved.shape[:2], len(errors))
+    )
+    moved[..., columns] = neutral + (moved[..., columns] - neutral) * off
+    return _inside(posterior, moved)
+
+
+def draw_zeta(model: StudyModel, likelihood: Likelihood, theta: Floats, seed: Seed) -> Floats:
+    """Damping ratios (n,) for posterior draws theta (n, p).
+
+    p(zeta | theta, x) by the data-space likelihood on a grid, averaged over some draws of theta:
+    the height of the resonance peaks tells zeta almost regardless of theta.
+    """
+    damping = model.damping
+    rng = np.random.default_rng(seed)
+    some = torch.from_numpy(theta[rng.permutation(len(theta))[:_ZETA_SAMPLES]])
+    grid = torch.linspace(damping.lower, damping.upper, _ZETA_GRID, dtype=torch.float64)
+    both = torch.cat([some.repeat_interleave(len(grid), 0), grid.repeat(len(some))[:, None]], dim=1)
+    log_density = likelihood(both).reshape(len(some), len(grid))
+    density = torch.softmax(log_density, dim=1).mean(dim=0).numpy()
+    # Within a cell of the grid zeta is uniform.
+    width = (damping.upper - damping.lower) / (_ZETA_GRID - 1)
+    drawn = grid.numpy()[rng.choice(_ZETA_GRID, size=len(theta), p=density)]
+    spread = drawn + width * (rng.random(len(theta)) - 0.5)
+    return np.clip(spread, damping.lower, damping.upper)
+
+
+def latent_zeta(latent: FoundLatent, damping: Parameter, count: int, seed: Seed) -> Floats:
+    """Damping ratios (n,) by the last coordinate of q(z|x)."""
+    rng = np.random.default_rng(seed)
+    which = rng.choice(len(latent.log_weight), count, p=latent.log_weight.exp().numpy())
+    variance = torch.linalg.inv(latent.precision)[:, -1, -1].numpy()
+    z = latent.mean[:, -1].numpy()[which] + np.sqrt(variance)[which] * rng.standard_normal(count)
+    return damping.lower + (damping.upper - damping.lower) * ndtr(z)
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """How posterior draws meet the data.
+
+    Attributes:
+        misfit: smallest mean squared residual, whitened by the stated noise alone.
+        check: posterior predictive p-values, with the noise and the errors that are allowed for.
+        explained: share of the measured variation of ln|H| over frequency that the best draw has;
+            None where no FRF was measured.
+        learned: whether the likelihood allows for larger errors than the stated noise.
+        wild: share of the independent points that are too far off to count.
+        errors: sentences on errors of the model under forces.
+    """
+
+    misfit: float
+    check: PredictiveCheck | None
+    explained: float | None = None
+    learned: bool = False
+    wild: float = 0.0
+    errors: tuple[str, ...] = ()
+
+
+def against_data(
+    model: StudyModel, measured: Measured, posterior: Posterior, sampled: Sampled, seed: Seed
+) -> Fitting:
+    """Some posterior draws against the data."""
+    drawing, choosing = spawn(seed, 2)
+    drawn, likelihood = posterior.thinned(_CHECKED, drawing), sampled.likelihood
+    names, squares, counts = zip(*likelihood.checked(drawn, choosing), strict=True)
+    points = torch.stack(counts, dim=1).numpy()
+    check = predictive_check(torch.stack(squares, dim=1).numpy(), points, names)
+    wild = 1.0 - float(points.sum(axis=1).mean()) / max(likelihood.effective, 1.0)
+    misfit = float(likelihood.misfit(drawn).min())
+    errors, residuals = [], likelihood.error.apart(likelihood.raw(drawn))
+    for data, error, misses in zip(likelihood.data, likelihood.error.parts, residuals, strict=True):
+        if isinstance(data, FrfData) and data.forced and error.learns:
+            density = error.log_densities(misses)
+            at = int(density.logsumexp(1).argmax())
+            left = data.remains(error, int(density[at].argmax()), misses[at])
+            errors.append(f"{left.sentence} The intervals allow for it." if left.size else "")
+    told = tuple(filter(None, errors))
+    return Fitting(misfit, check, likelihood.explained(drawn), likelihood.learns, wild, told)
+
+
+def against_modes(
+    model: StudyModel, measured: Measured, posterior: Posterior, seed: Seed
+) -> tuple[str, ...]:
+    """Every identified mode beside the posterior's, in a sentence."""
+    drawn = posterior.parameters.split(posterior.thinned(_CHECKED, seed))
+    told = []
+    for modes, data in zip(measured.modes, data_of_modes(measured, model.system), strict=True):
+        found = data.paired(data.predicted(model.system, drawn.theta, drawn.zeta, drawn.sizes))
+        frequency = found[:, :, 0].exp().numpy() / (2.0 * np.pi)
+        product = (data.shape_root**2 * data.shape * found[:, :, 2:]).sum(2)
+        mac = (product / (data.shape_root * data.shape).square().sum(1)).mean(0).numpy()
+        for k, name in enumerate(modes.names):
+            draws = frequency[:, k]
+            shape = "" if np.isnan(mac[k]) else f", MAC {mac[k]:.3f}"
+            told.append(
+                f"Mode {name} at {modes.frequency_hz[k]:.4g} Hz: the posterior has"
+                f" {draws.mean():.4g} ± {draws.std():.2g} Hz{shape}."
+            )
+    return tuple(told)
+
+
+# Two runs together have .71 of the noise of one.
+_MUCH_LESS = 0.75  # of the allowed noise, below which the noise of the data is worth a word
+_OVERSTATED = 0.5  # of the stated noise that the best draw misses, below which it is worth one
+_FEW_WILD = 0.005  # share of points too far off to count
+_UNUSUAL = 0.01  # p-value below which something is missing, where data also miss by
+_BEYOND = 1.2  # times what is allowed for
+_NEAR = 0.02  # of the prior, to either limit, within which a draw is at it
+_PRESSED = 0.3  # share of the draws at a limit
+_LARGE = 0.4  # ln|H|, error of a model beside which no interval of a per cent means anything
+
+
+def elsewhere_warnings(
+    model: StudyModel, observation: Observation, least: float, missed: float
+) -> tuple[str, ...]:
+    """Where even the likeliest draw of a population misses ln|H| by more than is known to be wrong.
+
+    Known are the noise of the file, what the reduced model misses, and the width of the posterior:
+    a draw of d parameters misses n points by d / n of the variance that is believed.
+
+    Args:
+        least: standard deviation of ln|H| that the likelihood believes at least.
+        missed: by the likeliest draw (rms).
+    """
+    valid = observation.valid
+    independent = independent_share(observation) * float(valid.sum())
+    width = least**2 * model.parameters.size / max(independent, 1.0)
+    noise = usual_misfit(observation) * float(np.square(observation.noise_sd[valid]).mean())
+    known = float(np.sqrt(noise + model.reduction_error**2 + width))
+    if missed <= known:
+        return ()
+    return (
+        f"The likeliest draw misses ln|H| by {missed:.2g} (rms), where noise and reduced model "
+        f"account for {known:.2g}: a better solution may have been missed, or the model lacks "
+        "something. Compare with another --seed before you trust this posterior.",
+    )
+
+
+def reduction_warnings(model: StudyModel, observation: Observation) -> tuple[str, ...]:
+    """Where the data are better than the reduced model."""
+    typical = float(np.median(observation.noise_sd[observation.valid]))
+    if model.reduction_error <= max(typical, model.least_noise):
+        return ()
+    return (
+        f"The reduced model misses the full one by {model.reduction_error:.2g} in ln|H| (rms, at "
+        f"the lowest damping), but the data show a noise of {typical:.2g}. This posterior is "
+        "narrower than the model deserves.",
+    )
+
+
+def noise_notes(model: StudyModel, observation: Observation, least: float) -> tuple[str, ...]:
+    """Where the data have less noise than the likelihood believes, `least` in ln|H|."""
+    typical = float(np.median(observation.noise_sd[observation.valid]))
+    if typical >= _MUCH_LESS * least:
+        return ()
+    if model.least_noise:
+        return (
+            f"The data show a noise of {typical:.2g} in ln|H|, but {least:g} is allowed for. "
+            "Factors of kinds of members make up for what mesh and reduced model have wrong, and "
+            "no data tell the two apart.",
+        )
+    return (
+        f"The latent likelihood assumes an error of {least:g} in ln|H| (noise and "
+        f"idealisation), but the data show a noise of {typical:.2g}. This posterior is wider than "
+        "necessary; --exact uses the noise of the file.",
+    )
+
+
+def latent_notes(likelihood: LatentLikelihood) -> tuple[str, ...]:
+    """How the latent likelihood was found."""
+    found = likelihood.found
+    count = len(found.log_weight)
+    return (
+        f"{found.responses:,} responses of the reduced model refined the surrogate's proposal to "
+        + ("one Gaussian." if count == 1 else f"a mixture of {count} Gaussians."),
+    )
+
+
+def misfit_warnings(misfit: float, usual: float) -> tuple[str, ...]:
+    """Where the best response does not explain the data."""
+    if misfit <= usual:
+        return ()
+    return (
+        "The observation is unlike anything that this building can do. The best response misses "
+        f"it by {np.sqrt(misfit):.2f} times the noise (rms); in 99.5 % of simulations it is less "
+        f"than {np.sqrt(usual):.2f}. Do not trust this posterior; use `femupdate diagnose`.",
+    )
+
+
+def calibration_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:
+    """How often posteriors of the surrogate contained the truth in simulations."""
+    notes, floors = [], observation.floors
+    kept = info.calibration
+    if kept:
+        power = info.likelihood_power
+        notes.append(
+            f"In {kept['cases']} simulations the 90 % region contained "
+            f"{percent(kept['coverage_90_after'])} of the truths"
+            + (
+                "."
+                if power == 1.0
+                else f", after the latent likelihood was raised to the power {power:.2f} "
+                f"({percent(kept['coverage_90_before'])} before)."
+            )
+        )
+    if kept and kept["floors"] != [ANY_FLOORS] and set(floors) != set(kept["floors"]):
+        notes.append(
+            f"That was checked for {', '.join(kept['floors'])}, not for {', '.join(floors)}; "
+            "--exact needs no such check."
+        )
+    return tuple(notes)
+
+
+def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
+    """What decides whether a posterior can be used, the decisive first."""
+    notes, check = [], fitting.check
+    if fitting.explained is not None and fitting.explained < LEAST_EXPLAINED:
+        notes.append(
+            "The observation is unlike anything that this building can do: do not trust this."
+        )
+    missed = fitting.misfit > 2.0
+    if missed:
+        what = "the measured ln|H|" if posterior.observation.valid.any() else "what was measured"
+        allowed = (
+            "the intervals allow for it"
+            if fitting.learned
+            else "the standard deviations are too small by about that factor"
+        )
+        notes.append(
+            f"The model misses {what} by {fitting.misfit**0.5:.1f} times its noise (rms, best "
+            f"draw): something is missing in the model; {allowed}, and `femupdate diagnose` looks "
+            "for it."
+        )
+    if wild := fitting.wild > _FEW_WILD:
+        notes.append(
+            f"{percent(fitting.wild, 1)} of the points are farther off than {WILD:g} "
+            "standard deviations of noise and model error together: they count no more, neither "
+            "for the parameters nor in the p-value."
+        )
+    # Where no error was learned, the first note says so already.
+    new = fitting.learned or not (missed or wild)
+    if new and check is not None and check.whole < _UNUSUAL and check.ratio**0.5 > _BEYOND:
+        notes.append(
+            f"The data miss the model by {check.ratio**0.5:.2g} times what is allowed for (noise "
+            "and error of the model, rms): intervals are too narrow by about that factor."
+        )
+    notes += _at_limits(posterior)
+    worst = r_hat(posterior.theta)
+    if worst is not None and worst.max() > 1.05:
+        notes.append(
+            f"The independent runs differ (r-hat up to {worst.max():.2f}): use more particles."
+        )
+    return tuple(notes)
+
+
+def large_error(posterior: Posterior, fitting: Fitting) -> bool:
+    """Whether the model errs by so much that its likeliest answer may lie outside the prior."""
+    error = posterior.model_error
+    far = error is not None and error.amplitude.size > _LARGE
+    return fitting.misfit > 4.0 and (far or bool(_at_limits(posterior)))
+
+
+def tolerance_notes(posterior: Posterior) -> tuple[str, ...]:
+    """How much of the factors' intervals comes from what is known to a tolerance alone.
+
+    Shares of variance by linear regression on the draws of each tolerance's parameters.
+    """
+    keys = np.array([key_of(name) for name in posterior.names])
+    draws = posterior.samples - posterior.samples.mean(axis=0)
+    factors = draws[:, : posterior.of("stiffness").samples.shape[1]]
+    told = []
+    for key, words in TOLERANCES.items():
+        known = draws[:, keys == key]
+        if known.size:
+            fitted = known @ np.linalg.lstsq(known, factors, rcond=None)[0]
+            shares = fitted.var(axis=0) / factors.var(axis=0)
+            told.append(f"that of {words} {', '.join(percent(share) for share in shares)}")
+    if not told:
+        return ()
+    return (f"Of the variances of the factors, by tolerances: {'; '.join(told)}.",)
+
+
+def overstated_noise(fitting: Fitting, assumed: bool = False) -> tuple[str, ...]:
+    """Where the model meets the data far better than their noise, stated or assumed, allows."""
+    rms = fitting.misfit**0.5
+    if not rms < _OVERSTATED:
+        return ()
+    noise = "the noise assumed for them" if assumed else "their stated noise"
+    return (
+        f"The best draw misses the data by {rms:.2g} times {noise} (rms): that noise is "
+        f"{'too large' if assumed else 'overstated'}, and these intervals are wide rather than "
+        "narrow.",
+    )
+
+
+def _at_limits(posterior: Posterior) -> list[str]:
+    """Parameters that press against the limits of their prior, damping ratios too."""
+    told = []
+    for end in ("lower", "upper"):
+        named, keys = [], []
+        for at, entry in enumerate(posterior.parameters.entries):
+            away = np.abs(posterior.values[..., at] - getattr(entry, end))
+            if entry.free and (away < _NEAR * (entry.upper - entry.lower)).mean() > _PRESSED:
+                named.append(f"{entry.called} ({getattr(entry, end):.3g})")
+                keys += [entry.key] if entry.key else []
+        if named:
+            where = f" by {end} of {' and '.join(dict.fromkeys(keys))}" if keys else ""
+            told.append(
+                f"{', '.join(named)} press{'es' if len(named) == 1 else ''} against the prior's "
+                f"{end} limit: widen the prior{where}, or look for what is missing in the model."
+            )
+    return told
 
 
 def concluded(
@@ -82,9 +469,11 @@ def concluded(
     posterior = with_own_errors(with_error_of_all(posterior, model, alike), model, second)
     found = identified(posterior)
     # The decisive come first.
+    errors, seen = posterior.model_error, posterior.observation
     notes = (
         *warnings,
-        *error_notes(posterior, fitting.errors),
+        *(() if errors is None else (errors.sentence(seen),)),
+        *fitting.errors,
         *tolerance_notes(posterior),
         *(() if sampled.least_noise else overstated_noise(fitting, measured.assumes_noise)),
         *(() if scatter is None else (scatter.sentence(),)),
@@ -160,15 +549,16 @@ def moments_on_grid(judge: Callable[[Tensor], Tensor], damping: bool) -> Floats:
         judge: log density (n,) of ln stiffness and ln damping (n, 2).
         damping: whether the second is free; else it is zero, and its deviation infinite.
     """
-    centre, half = np.zeros(2), np.array([_STIFFNESS, _DAMPING * damping])
+    # Four grids of 17 points each way, of ln, each about what the one before found.
+    centre, half = np.zeros(2), np.array([0.4, 1.5 * damping])
     mean, sd = centre, half
-    for _ in range(_ROUNDS):
-        axes = [np.linspace(c - h, c + h, _POINTS) for c, h in zip(centre, half, strict=True)]
+    for _ in range(4):
+        axes = [np.linspace(c - h, c + h, 17) for c, h in zip(centre, half, strict=True)]
         points = np.stack(np.meshgrid(*(axes if damping else (axes[0], [0.0]))), axis=-1)
         points = points.reshape(-1, 2)
         weight = torch.softmax(judge(torch.from_numpy(points)), dim=0).numpy()
         mean = weight @ points
         sd = np.sqrt(weight @ (points - mean) ** 2)
-        cell = 2.0 * half / (_POINTS - 1)
+        cell = half / 8.0
         centre, half = mean, np.minimum(half, np.maximum(4.0 * sd, 2.0 * cell))
     return np.array([mean, np.where([True, damping], sd, np.inf)])

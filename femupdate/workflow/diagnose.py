@@ -42,10 +42,9 @@ from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
 from femupdate.study import Study, on_files, typed, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
-from femupdate.workflow.effects import finder_basis
+from femupdate.workflow.effects import finder_basis, open_mesh_error, with_finer_mesh
 from femupdate.workflow.kinds import Measured, read_both
 from femupdate.workflow.likelihoods import data_of
-from femupdate.workflow.mesh_error import open_mesh_error, with_finer_mesh
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, direction_of
 
@@ -150,19 +149,14 @@ class DiagnosisReport(Result):
 
     def figures(self) -> Iterator[Picture]:
         """The maps of residuals and, where anything was fitted, the ranking."""
-        from femupdate.report.plot_diagnosis import Ranked, ranking, residual_pictures
+        from femupdate.report.plot_diagnosis import ranking, residual_pictures
 
         found = self.diagnosis
         yield from residual_pictures("residual_map", {"Model as it is": found.residuals})
         named = found.verdict in ("named", "partly", "indistinguishable", "nonlinear")
         shown = [
-            Ranked(
-                finding.placed.in_words,
-                finding.log_evidence,
-                shown_size(finding),
-                number == 0 and named,
-            )
-            for number, finding in enumerate(found.findings[:8])
+            (finding.placed.in_words, finding.log_evidence, shown_size(finding), named and not k)
+            for k, finding in enumerate(found.findings[:8])
         ]
         if shown:
             needed = self.settings.over_none

@@ -1,25 +1,41 @@
-"""Bases on which the effects of a study's building act, as the study keeps them."""
+"""Bases on which effects act, and the error of a mesh, as a study keeps them."""
 
+import json
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.document import Building, mechanics_hash, without_effects
-from femupdate.discrepancy.search import finder_mesh_size, finder_structure
+from femupdate.building.frame import FrameBuilding
+from femupdate.building.own_mesh import MeshBuilding
+from femupdate.building.shear import ShearBuilding
+from femupdate.building.split_mesh import LARGE, is_large
+from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error
+from femupdate.discrepancy.search import check_sizes, finder_mesh_size, finder_structure
+from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
+from femupdate.dynamics.finer_mesh import on_finer_mesh, on_nodes_of
 from femupdate.dynamics.reduced import ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.reduction import reduce_structure
-from femupdate.dynamics.snapshots import ReductionTarget
-from femupdate.dynamics.system import parameters_of
+from femupdate.dynamics.snapshots import ReductionTarget, log_even_samples
+from femupdate.dynamics.system import System, parameters_of
 from femupdate.effects.effect import Placed
-from femupdate.effects.registry import building_effects
-from femupdate.effects.structure import Structure
-from femupdate.inference.parameters import reduction_target
+from femupdate.effects.registry import building_effects, check_places
+from femupdate.effects.structure import Structure, structure_of
+from femupdate.inference.parameters import reduction_target, theta_prior
 from femupdate.progress import SILENT, Progress
+from femupdate.seeds import even_points
 from femupdate.storage import check_shapes, read_arrays, write_arrays
-from femupdate.study import Study, StudyPart
+from femupdate.study import Study, StudyPart, write_text
+from femupdate.workflow.model import (
+    FINER_PART,
+    FinerMesh,
+    StudyModel,
+    finer_origin,
+    on_kept_finer,
+)
 
 BASIS, NEAR_BASIS = "effect basis", "finder's basis"
 
@@ -99,3 +115,122 @@ def finder_basis(
         "zeta": f"{zeta:.4g}",
     }
     return study.cached(basis_part(NEAR_BASIS, structure), origin, make)
+
+
+MESH_ERROR = "mesh error"
+_THETAS = 8  # sets of factors at which meshes are compared
+_INNER = 1.5  # by which the ends of the prior are left out
+
+
+def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT) -> StudyModel:
+    """The model of a frame on a mesh twice as fine, which is made once and kept.
+
+    A stick comes back as it is, as does a mesh that was read and is large.
+    """
+    plain, model = without_effects(model.building), on_kept_finer(study, model)
+    if isinstance(plain, ShearBuilding) or model.finer is not None:
+        return model
+    coarse = structure_of(plain)
+    if _stays(coarse):
+        progress.say(
+            f"The mesh of {plain.name} has more than {LARGE:,} nodes and is taken as fine enough: "
+            "its error is in no interval"
+        )
+        return model
+    fine = structure_of(plain, halved=True)
+    target = reduction_target(plain)
+    # Where meshes are compared, nothing but the mesh may differ.
+    everywhere = log_even_samples(replace(target, samples=THRESHOLDS.carried))
+    thetas = np.vstack([everywhere, _thetas(plain)])
+    found = on_finer_mesh(coarse, model.reduced, fine, target, thetas, progress)
+    found = replace(found, model=on_nodes_of(coarse, found))
+    finer = FinerMesh(found.model)
+    if not plain.by_kind:
+        top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
+        error = learn_mesh_error(model.reduced, found, _thetas(plain), top_hz)
+        finer = FinerMesh(found.model, error, tuple(found.terms(e) for e in error.placed))
+    study.keep(FINER_PART, finer_origin(plain), finer)
+    return on_kept_finer(study, model)
+
+
+def _stays(structure: Structure) -> bool:
+    """Whether a mesh was read and is too large to be split, so that its error is not learned."""
+    read = isinstance(structure.building, MeshBuilding)
+    return read and structure.mesh is not None and is_large(structure.mesh)
+
+
+def open_mesh_error(
+    study: Study, model: StudyModel, structure: Structure, progress: Progress = SILENT
+) -> MeshError | None:
+    """The error of the finder's mesh; None for what is not meshed here.
+
+    Without one in the study it is learned from the finer mesh that calibrations use, and kept.
+
+    Args:
+        structure: the full model on the finder's mesh.
+    """
+    plain = without_effects(model.building)
+    if isinstance(plain, ShearBuilding) or _stays(structure):
+        return None
+
+    def learn() -> MeshError:
+        finer = with_finer_mesh(study, model, progress).finer
+        assert finer is not None
+        assert finer.error is not None
+        known = dict(zip(finer.error.labels, finer.terms, strict=True))
+        fine = ReducedStructure(structure, finer.model, np.zeros((len(structure.axis), 0)), known)
+        coarse, target, thetas = structure_of(plain), reduction_target(plain), _thetas(plain)
+        found = on_finer_mesh(coarse, model.reduced, structure, target, thetas, progress)
+        top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
+        ratio = THRESHOLDS.finer if isinstance(plain, FrameBuilding) else 1.0
+        return learn_mesh_error(found.model, fine, thetas, top_hz).of_mesh(ratio)
+
+    return study.cached(MESH_ERROR_PART, finder_origin(plain), learn)
+
+
+def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
+    """What the study knows of the finder's mesh."""
+    return study.kept(MESH_ERROR_PART, finder_origin(building))
+
+
+def read_mesh_error(path: Path) -> MeshError | None:
+    """What a study keeps; None of an earlier version that learned less."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    return MeshError.of(content) if "share_sd" in content else None
+
+
+MESH_ERROR_PART = StudyPart(
+    MESH_ERROR,
+    "mesh_error.json",
+    "diagnose",
+    lambda mesh, path: write_text(path, json.dumps(asdict(mesh), indent=2) + "\n"),
+    read_mesh_error,
+    lambda _: {"thetas": _THETAS},
+)
+
+
+def _thetas(building: Building) -> Floats:
+    """Stiffness factors (n, p), even in their logarithm over the inner part of the prior."""
+    prior = theta_prior(building)
+    low, high = (
+        np.log(prior.lower.numpy() * _INNER),
+        np.log(prior.upper.numpy() / _INNER),
+    )
+    unit = even_points(_THETAS, len(low), 4)
+    return np.asarray(np.exp(low + (high - low) * unit))
+
+
+def open_system(study: Study, model: StudyModel) -> System:
+    """The study's reduced model with the effects that its building lists, if any."""
+    effects = building_effects(model.building)
+    if len(effects.placed) == len(model.system.placed):
+        return model.system
+    reduced = open_structure(study, model.building)
+    mesh = kept_mesh_error(study, model.building)
+    if mesh is not None:
+        reduced = corrected(reduced, mesh)
+    check_places(reduced.structure, effects)
+    terms = tuple(reduced.terms(effect) for effect in effects.placed)
+    system = System(reduced.model, model.law, effects.placed, terms)
+    check_sizes(model.building, system, effects.values)
+    return system

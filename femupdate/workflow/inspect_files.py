@@ -1,16 +1,29 @@
-"""inspect: what is in measured files, in words and as one picture."""
+"""inspect and identify: what is in measured files, in words, pictures and modes."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from femupdate.building.model_draft import model_words
 from femupdate.building.shipped import program_of
 from femupdate.errors import BuildingError, MeasurementError
+from femupdate.measurement.ambient import ORDER, AmbientModes, identify_modes
+from femupdate.measurement.histories import motions_in
 from femupdate.measurement.inspection import Inspection, inspect_file
-from femupdate.measurement.write import write_mapping
-from femupdate.result import Item, Note, Notes, Result
-from femupdate.tables import Table
+from femupdate.measurement.modes import mode_findings
+from femupdate.measurement.names import BASE
+from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.reader import read_measured
+from femupdate.measurement.write import write_mapping, write_modes
+from femupdate.report.scale import with_unit
+from femupdate.result import Item, Note, Notes, Picture, Result, Told
+from femupdate.tables import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -102,3 +115,106 @@ def draw_inspection(file: Inspection, path: Path) -> Path:
     from femupdate.report.plot_measured import inspected
 
     return save_figure(inspected(file), path)
+
+
+_LARGEST = 1e9  # of any unit, that a channel may hold
+
+
+def identify(
+    path: Path,
+    output: Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    band_hz: tuple[float, float] | None = None,
+    order: int = ORDER,
+) -> Told:
+    """Identify the modes of a record of floors and write them as a table.
+
+    Args:
+        output: CSV file.
+        columns: our column name to the file's column or channel.
+        band_hz: in which modes are looked for; by default about the first peaks of the spectra.
+        order: the largest of the models.
+    """
+    recording = read_measured(path)
+    floors = {
+        ours: channel
+        for ours, channel in motions_in(recording, columns).items()
+        if ours.floor != BASE and ours.direction != "z" and not channel.vertical
+    }
+    if not floors:
+        raise recording.file.error(
+            "there is no horizontal motion of a floor; add columns 2F ... RF"
+        )
+    file, channels = recording.file, list(floors.values())
+    units, kinds = ({getattr(c, name) for c in channels} for name in ("unit", "quantity"))
+    if len(kinds) > 1:
+        raise file.error(
+            f"the channels hold {' and '.join(sorted(kinds))}; take channels of one quantity by the"
+            " columns option"
+        )
+    for channel in channels:
+        if np.ptp(channel.values) == 0.0:
+            raise file.error(
+                f"channel {channel.name!r} is dead: all its values are the same; leave it out"
+            )
+        if np.abs(channel.values).max() > _LARGEST:
+            raise file.error(
+                f"channel {channel.name!r} holds values above {_LARGEST:g}; remove the spikes"
+            )
+    if None in units and len(units) > 1:
+        raise file.error("some channels have a unit and some have none; give every one its unit")
+    values = np.array([channel.values for channel in channels])
+    if len(units) > 1:  # one that all have need not be known
+        factors = [si_factor(file, channel.unit or "", channel.quantity) for channel in channels]
+        values *= np.array(factors)[:, None]
+    names = tuple(ours.name for ours in floors)
+    found = identify_modes(values, channels[0].time_step, names, band_hz, order)
+    said = [f"modes of {path.name} by femupdate identify", *found.notes]
+    written = write_modes(output, found.modes, said)
+    return _modes_told(found, path, written)
+
+
+def _modes_told(found: AmbientModes, path: Path, written: Path) -> Told:
+    """Every mode, what was left out, and the next command."""
+    heads = {"name": "mode", "frequency_hz": "frequency", "damping": "damping ratio"}
+    told = {
+        "frequency_hz": [
+            with_unit(mode.frequency_hz, mode.frequency_sd_hz or 0.0, "Hz") for mode in found.modes
+        ],
+        "damping": [
+            with_unit(100.0 * (mode.damping or 0.0), 100.0 * (mode.damping_sd or 0.0), "%")
+            for mode in found.modes
+        ],
+    }
+    keys = ("name", "frequency_hz", "frequency_sd_hz", "damping", "damping_sd", "shape")
+    table = Table(
+        name="modes",
+        key="modes",
+        columns=tuple(
+            Column(
+                [getattr(mode, key) for mode in found.modes],
+                heads.get(key),
+                told.get(key),
+                key=key,
+            )
+            for key in keys
+        ),
+    )
+    findings, following = mode_findings(found.modes), f"femupdate calibrate {written}"
+    content = {"band_hz": found.band_hz, "notes": found.notes, "findings": findings}
+
+    def drawn() -> "Figure":
+        from femupdate.report.plot_measured import stabilisation
+
+        return stabilisation(found, f"Modes identified from {path.name}")
+
+    return Told(
+        (
+            Note(f"Modes of {path.name}, to {written}:", {"output": written}),
+            table,
+            Notes((*found.notes, *findings)),
+            Note(f"Next: {following}", {**content, "next": following}),
+        ),
+        [Picture("modes", drawn)],
+    )

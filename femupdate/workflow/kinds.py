@@ -178,23 +178,20 @@ class Measured:
             f" and its shapes by {errors.model_shape:.2g} of the largest component (standard"
             " deviations); --mode-error changes the first."
         )
-        notes += [note for table in self.modes for note in _assumed(table, errors)]
+        for table in self.modes:
+            there, ratios = ~np.isnan(table.shape), ~np.isnan(table.damping)
+            assumed = []
+            if np.isnan(table.frequency_sd_hz).any():
+                assumed.append(f"{percent(errors.frequency, 1)} of a frequency")
+            if (ratios & np.isnan(table.damping_sd)).any():
+                assumed.append(f"{percent(errors.damping)} of a damping ratio")
+            if (there & np.isnan(table.shape_sd)).any():
+                assumed.append(f"{percent(errors.shape)} of the largest component of a shape")
+            if assumed:
+                notes.append(
+                    f"{table.source} gives no standard deviation; taken are {', '.join(assumed)}."
+                )
         return notes
-
-
-def _assumed(modes: IdentifiedModes, errors: ModalErrors) -> list[str]:
-    """What is assumed where a file gives no standard deviation."""
-    there, ratios = ~np.isnan(modes.shape), ~np.isnan(modes.damping)
-    assumed = []
-    if np.isnan(modes.frequency_sd_hz).any():
-        assumed.append(f"{percent(errors.frequency, 1)} of a frequency")
-    if (ratios & np.isnan(modes.damping_sd)).any():
-        assumed.append(f"{percent(errors.damping)} of a damping ratio")
-    if (there & np.isnan(modes.shape_sd)).any():
-        assumed.append(f"{percent(errors.shape)} of the largest component of a shape")
-    if not assumed:
-        return []
-    return [f"{modes.source} gives no standard deviation; taken are {', '.join(assumed)}."]
 
 
 def read_measured_of(
@@ -407,8 +404,7 @@ def open_rest(study: Study, model: StudyModel, progress: Progress) -> RestFlexib
     return study.cached(REST, {**model.made_from(), **by}, make)
 
 
-def read_rest(path: Path) -> RestFlexibility:
-    """What a study keeps."""
+def _read_rest(path: Path) -> RestFlexibility:
     data = read_arrays(path)
     check_shapes(data, {"terms": "pff", "numbers": "n"})
     return RestFlexibility(data["terms"], *data["numbers"].tolist())
@@ -421,7 +417,7 @@ REST = StudyPart(
     lambda rest, path: write_arrays(
         path, terms=rest.terms, numbers=np.array([rest.error, rest.lacked])
     ),
-    read_rest,
+    _read_rest,
     lambda rest: {"error": rest.error, "lacked": rest.lacked},
 )
 
@@ -441,7 +437,21 @@ def check_level(model: StudyModel, data: FrfData, seen: Observation) -> None:
     level, spread = _level(away, omega, 0)
     if level <= math.log(_FORCE_LEVEL):
         return
-    raise MeasurementError(_sentence(seen, away, omega, spread))
+    # What would be right, if anything.
+    best, guess, power = math.inf, "", _QUANTITIES.index(seen.quantity)
+    for shift in range(-power, 3 - power):
+        for words, factor in {"": 1.0, **_FACTORS}.items():
+            if shift or factor != 1.0:
+                other, scatter = _level(away - math.log(factor), omega, shift)
+                told = f"{_QUANTITIES[power + shift]} " if shift else ""
+                if other + scatter < best:
+                    best, guess = other + scatter, f"{told}{words}".strip()
+    hint = f"; it fits if it is {guess}" if best < math.log(_FORCE_LEVEL) + spread else ""
+    raise MeasurementError(
+        f"{seen.source}: the {seen.quantity} of {', '.join(seen.floors)} under a "
+        f"{seen.excitation.name} is {math.exp(level):.3g} times away from all that the building's "
+        f"masses allow{hint}; correct its unit, or the masses of the building"
+    )
 
 
 def check_base_level(model: StudyModel, base: Observation) -> None:
@@ -480,25 +490,3 @@ def _level(away: Tensor, omega: Tensor, power: int) -> tuple[float, float]:
     scatter = (left - middle[:, None]).abs().nanmedian(dim=1).values
     nearest = int((middle.abs() + scatter).argmin())
     return float(middle[nearest].abs()), float(scatter[nearest])
-
-
-def _sentence(seen: Observation, away: Tensor, omega: Tensor, spread: float) -> str:
-    """What looks wrong, and what would be right."""
-    floors = ", ".join(seen.floors)
-    said = f"{seen.source}: the {seen.quantity} of {floors} under a {seen.excitation.name}"
-    level, _ = _level(away, omega, 0)
-    best, guess = math.inf, ""
-    power = _QUANTITIES.index(seen.quantity)
-    for shift in range(-power, 3 - power):
-        for words, factor in {"": 1.0, **_FACTORS}.items():
-            if shift == 0 and factor == 1.0:
-                continue
-            level, scatter = _level(away - math.log(factor), omega, shift)
-            told = f"{_QUANTITIES[power + shift]} " if shift else ""
-            if level + scatter < best:
-                best, guess = level + scatter, f"{told}{words}".strip()
-    hint = f"; it fits if it is {guess}" if best < math.log(_FORCE_LEVEL) + spread else ""
-    return (
-        f"{said} is {math.exp(level):.3g} times away from all that the building's masses allow"
-        f"{hint}; correct its unit, or the masses of the building"
-    )

@@ -72,8 +72,19 @@ class FinerMesh:
         """Write it as npz, atomically."""
         error = None if self.error is None else asdict(self.error)
         header = json.dumps({"floors": self.model.floors, "error": error})
-        arrays = {**self.model.arrays(), **self._term_arrays()}
-        write_arrays(path, header=np.array(header), **arrays)
+        # Stiffness of the terms, one after the other, with the number of the effect of each.
+        parts = [(k, term) for k, terms in enumerate(self.terms) for term in terms.stiffness]
+        matrices = [term.matrix.numpy().astype(np.float32) for _, term in parts]
+        size = self.model.size
+        write_arrays(
+            path,
+            header=np.array(header),
+            **self.model.arrays(),
+            term_owner=np.array([k for k, _ in parts], dtype=np.int64),
+            term_story=np.array([term.story for _, term in parts], dtype=np.int64),
+            term_series=np.array([term.series for _, term in parts], dtype=np.float64),
+            term_matrix=np.array(matrices, dtype=np.float32).reshape(-1, size, size),
+        )
 
     @classmethod
     def read(cls, path: Path) -> "FinerMesh":
@@ -84,19 +95,13 @@ class FinerMesh:
         if header["error"] is None:
             return cls(model)
         error = MeshError.of(header["error"])
-        return cls(model, error, _terms(data, len(error.labels)))
-
-    def _term_arrays(self) -> dict[str, NDArray[Any]]:
-        """Stiffness of the terms, one after the other, with the number of the effect of each."""
-        parts = [(k, term) for k, terms in enumerate(self.terms) for term in terms.stiffness]
-        size = self.model.size
-        matrices = [term.matrix.numpy().astype(np.float32) for _, term in parts]
-        return {
-            "term_owner": np.array([k for k, _ in parts], dtype=np.int64),
-            "term_story": np.array([term.story for _, term in parts], dtype=np.int64),
-            "term_series": np.array([term.series for _, term in parts], dtype=np.float64),
-            "term_matrix": np.array(matrices, dtype=np.float32).reshape(-1, size, size),
-        }
+        check_shapes(data, {**_TERMS, "stiffness_constant": "rr"})
+        parts: list[list[Stiffness]] = [[] for _ in error.labels]
+        columns: Sequence[NDArray[Any]] = [data[name] for name in _TERMS]
+        for owner, story, series, matrix in zip(*columns, strict=True):
+            whole = torch.from_numpy(matrix.astype(np.float64))
+            parts[owner].append(Stiffness(int(story), whole, float(series)))
+        return cls(model, error, tuple(Terms(stiffness=tuple(part)) for part in parts))
 
 
 FINER_PART = StudyPart(FINER, "finer_mesh.npz", "calibrate", FinerMesh.write, FinerMesh.read)
@@ -116,16 +121,6 @@ def finer_origin(building: Building) -> dict[str, str]:
     if isinstance(building, FrameBuilding):
         origin["mesh_m"] = f"{MESH_ERROR.half * building.mesh.size:.4g}"
     return origin
-
-
-def _terms(data: Mapping[str, NDArray[Any]], count: int) -> tuple[Terms, ...]:
-    check_shapes(data, {**_TERMS, "stiffness_constant": "rr"})
-    parts: list[list[Stiffness]] = [[] for _ in range(count)]
-    columns: Sequence[NDArray[Any]] = [data[name] for name in _TERMS]
-    for owner, story, series, matrix in zip(*columns, strict=True):
-        whole = torch.from_numpy(matrix.astype(np.float64))
-        parts[owner].append(Stiffness(int(story), whole, float(series)))
-    return tuple(Terms(stiffness=tuple(part)) for part in parts)
 
 
 DEFAULT_BUILDING = "six_story_wall_frame"

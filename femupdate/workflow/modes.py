@@ -60,6 +60,10 @@ class StudyMode:
         """The number as text; where there is none, the frequency."""
         return str(self.number or f"at {self.tracked.frequency_mean:.1f} Hz")
 
+    def at_floors(self, model: StudyModel) -> Floats:
+        """(n, f) shapes at the floors of a model, a row a draw in which it is recognised."""
+        return np.asarray(self.tracked.recognised @ model.reduced.floor_shapes.T)
+
 
 def mode_table(modes: Sequence[StudyMode], pictures: Sequence[Path] = ()) -> Table:
     """Frequencies, directions, masses and influence of modes of the posterior.
@@ -114,7 +118,7 @@ def mode_table(modes: Sequence[StudyMode], pictures: Sequence[Path] = ()) -> Tab
 
 def shape_table(model: StudyModel, posterior: Posterior, modes: Sequence[StudyMode]) -> Table:
     """Mass-normalised shapes at the floors, 1/sqrt(kg), as a table of modes that is read again."""
-    shapes = [mode.tracked.recognised @ model.reduced.floor_shapes.T for mode in modes]
+    shapes = [mode.at_floors(model) for mode in modes]
     mean, sd = (
         np.array([getattr(shape, of)(axis=0) for shape in shapes]) for of in ("mean", "std")
     )

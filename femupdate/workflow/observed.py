@@ -165,7 +165,12 @@ def runs_of(
     if len({run.source for run in runs}) < len(runs):
         named = zip(runs, source.paths, strict=True)
         runs = [replace(run, source=str(path)) for run, path in named]
-    _require_different(runs)
+    for run, other in combinations(runs, 2):
+        alike = run.floors == other.floors
+        if alike and np.array_equal(run.log_frf, other.log_frf, equal_nan=True):
+            said = f"{other.source} holds the same measurement as {run.source}"
+            said = f"{run.source} is given twice" if run.source == other.source else said
+            raise MeasurementError(f"{said}; give every run once, or it counts as if it were two")
     runs = _with_sensors(runs, source)
     if source.band_hz is not None:
         runs = [_within(run, source.band_hz) for run in runs]
@@ -176,20 +181,6 @@ def runs_of(
                     f"and {source.band_hz[1]:g} Hz and can be used; widen --band"
                 )
     return tuple(runs)
-
-
-def _require_different(runs: Sequence[Observation]) -> None:
-    """Refuse a run that is given twice: counted twice it would make a posterior too narrow."""
-    for run, other in combinations(runs, 2):
-        if run.floors == other.floors and np.array_equal(
-            run.log_frf, other.log_frf, equal_nan=True
-        ):
-            same = run.source == other.source
-            files = f"{run.source} is given twice" if same else f"{other.source} holds the same"
-            rest = "" if same else f" measurement as {run.source}"
-            raise MeasurementError(
-                f"{files}{rest}; give every run once, or it counts as if it were two"
-            )
 
 
 def _with_sensors(runs: Sequence[Observation], source: ObservationSource) -> Sequence[Observation]:

@@ -19,25 +19,27 @@ from femupdate.effects.structure import Structure, structure_of
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs, drawn
 from femupdate.report.page import Block, Image, Scene, Section
-from femupdate.report.page_scene import ElementField, MovingShape, scene_content, thinned_geometry
+from femupdate.report.page_scene import scene_content, thinned_geometry
 from femupdate.report.prediction import Prediction
-from femupdate.report.quantities import DrawnQuantity
 from femupdate.report.scale import interval_text, plus_minus
-from femupdate.result import Note, Notes, Result
+from femupdate.result import Note, Notes, Picture, Result
 from femupdate.study import BUILDING_FILE, REPAIRED, Artefact, Study, as_written, file_hash
 from femupdate.tables import Table
 from femupdate.units import percent
-from femupdate.workflow.calibration_report import CalibrationReport
+from femupdate.workflow.calibration_report import (
+    CalibrationReport,
+    effect_parameter,
+    parameter_titles,
+    placed_effect,
+)
 from femupdate.workflow.described import BuildingDescription
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes
 from femupdate.workflow.status import StatusReport, files_beside_of, sources_of
-from femupdate.workflow.summary import effect_parameter, parameter_titles, placed_effect
 
 _MODES = 6
 _SHOWN = 8  # effects
 _SHORT = 16  # figures of a hash
-_LEAST_P = 1e-6  # below it a p-value says no more
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +81,13 @@ class PageStudy:
 
 def page_sections(page: PageStudy) -> Iterator[Section]:
     """From what a reader with one minute should know to the hashes of files."""
-    yield Section("summary", "In short", tuple(_summary(page)))
-    yield Section("building", "The building", tuple(_building(page)))
+    view, *plans = page.description.figures()
+    yield Section("summary", "In short", tuple(_summary(page, view)))
+    blocks: list[Block] = [*page.description.items(), *plans]
+    if page.modes:
+        made = page.study.result("posterior.nc")
+        blocks += [mode_table(page.modes), *_kept_pictures(page.study, made, ("mode_", "modes"))]
+    yield Section("building", "The building", (*blocks, _scene(page)))
     missing = "There is no posterior yet; run `femupdate calibrate`."
     yield Section("posterior", "Posterior", tuple(_told(page.calibration, missing)))
     missing = "Nothing was predicted; `femupdate predict --record FILE` does."
@@ -89,11 +96,6 @@ def page_sections(page: PageStudy) -> Iterator[Section]:
         blocks += _kept_pictures(page.study, page.prediction.path, ("story_shear", "member_forces"))
     yield Section("prediction", "Prediction", tuple(blocks))
     yield Section("finder", "What the model lacks", tuple(_finder(page)))
-
-
-def appendix(page: PageStudy) -> Section:
-    """How it was made."""
-    return Section("done", "How it was made", tuple(_done(page)))
 
 
 def _told(result: Result | None, missing: str) -> Iterator[Block]:
@@ -112,14 +114,13 @@ def _kept_pictures(study: Study, made: Path, names: Sequence[str]) -> list[Image
     return [Image(path) for path in paths if path.stat().st_mtime >= made.stat().st_mtime]
 
 
-def _summary(page: PageStudy) -> Iterator[Block]:
+def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
     """The verdict, what was measured, main figures, the model, and what limits all that."""
     yield Notes(page.status.stale, warning=True)
     if page.calibration is not None:
         yield from map(Note, page.calibration.first)
-    sentences = [*_of_posterior(page), *_of_prediction(page), *_of_finder(page)]
-    yield Notes(tuple(sentences) or ("Nothing was calibrated yet.",))
-    yield next(iter(page.description.figures()))
+    yield Notes(tuple(_sentences(page)) or ("Nothing was calibrated yet.",))
+    yield view
     if page.calibration is not None:
         yield _stiffness(page, page.calibration)
     if page.modes:
@@ -165,54 +166,37 @@ def _stiffness(page: PageStudy, calibration: CalibrationReport) -> Table:
     return Table.of(head, rows, name="main_figures", caption="Stiffness", note=note)
 
 
-def _of_posterior(page: PageStudy) -> Iterator[str]:
-    if page.calibration is None:
-        return
-    posterior = page.calibration.posterior
-    seen, effects = posterior.observation, posterior.of("effect")
-    titles = parameter_titles(page.model.building, posterior.names)
-    yield f"Measured: {seen.source}" + (
-        f", floors {', '.join(seen.floors)}." if seen.floors else "."
-    )
-    listed = []
-    for name, sizes in zip(effects.names, effects.samples.T, strict=True):
-        known, (where, _, what) = effect_parameter(name), titles[name].partition(": ")
-        if known is None:
-            listed.append(f"{titles[name]}, {_interval(sizes)}")
-        else:
-            factor, _, unit = known.as_read(1.0, 0.0)
-            listed.append(f"{where}: {_interval(factor * sizes)} {unit} ({known.text or what})")
-    if listed:
-        yield f"The model holds effects: {'; '.join(listed)}."
-
-
-def _interval(draws: np.ndarray) -> str:
-    low, high = np.quantile(draws, [0.05, 0.95])
-    return interval_text(float(draws.mean()), float(draws.std()), float(low), float(high))
-
-
-def _of_prediction(page: PageStudy) -> Iterator[str]:
-    if page.prediction is None:
-        return
-    found = page.prediction.quantities
-    keys = ("acceleration", "ratio" if "ratio" in found else "drift", "base")
-    largest = "; ".join(_largest(found[key]) for key in keys)
-    yield f"Under {page.prediction.motion.title}: {largest}."
-
-
-def _largest(quantity: DrawnQuantity) -> str:
-    k = int(quantity.statistics.mean.argmax())
-    place = "" if quantity.places[k] == "base" else f" at {quantity.places[k]}"
-    return f"{quantity.name}{place} {quantity.cells()[k]} {quantity.unit}"
-
-
-def _of_finder(page: PageStudy) -> Iterator[str]:
-    """The verdict on this model, and the repair that followed or that made it."""
+def _sentences(page: PageStudy) -> Iterator[str]:
+    """What was measured and predicted, the verdict on this model, and the repair that followed."""
+    if page.calibration is not None:
+        posterior = page.calibration.posterior
+        seen, effects = posterior.observation, posterior.of("effect")
+        titles, listed = parameter_titles(page.model.building, posterior.names), []
+        where = f", floors {', '.join(seen.floors)}." if seen.floors else "."
+        yield f"Measured: {seen.source}{where}"
+        for name, sizes in zip(effects.names, effects.samples.T, strict=True):
+            known, (place, _, what) = effect_parameter(name), titles[name].partition(": ")
+            if known is None:
+                listed.append(f"{titles[name]}, {_interval(sizes)}")
+            else:
+                factor, _, unit = known.as_read(1.0, 0.0)
+                told = f"{_interval(factor * sizes)} {unit} ({known.text or what})"
+                listed.append(f"{place}: {told}")
+        if listed:
+            yield f"The model holds effects: {'; '.join(listed)}."
+    if page.prediction is not None:
+        found, largest = page.prediction.quantities, []
+        for key in ("acceleration", "ratio" if "ratio" in found else "drift", "base"):
+            quantity = found[key]
+            k = int(quantity.statistics.mean.argmax())
+            at = "" if quantity.places[k] == "base" else f" at {quantity.places[k]}"
+            largest.append(f"{quantity.name}{at} {quantity.cells()[k]} {quantity.unit}")
+        yield f"Under {page.prediction.motion.title}: {'; '.join(largest)}."
     folder = page.searched
     if page.state("diagnosis") is not None:
         with as_written(path := folder.path("diagnosis.json")):
-            found = read_json(path)
-            yield f"What the model lacks: {found['verdict']}. {found['sentence']}"
+            verdict = read_json(path)
+            yield f"What the model lacks: {verdict['verdict']}. {verdict['sentence']}"
     with as_written(path := folder.path("repair.json")):
         done = read_json(path)
         if done.get("rounds"):
@@ -221,20 +205,14 @@ def _of_finder(page: PageStudy) -> Iterator[str]:
             yield f"{which}. {_added(done)}"
 
 
-def _building(page: PageStudy) -> Iterator[Block]:
-    yield from page.description.items()
-    _, *plans = page.description.figures()
-    yield from plans
-    if page.modes:
-        yield mode_table(page.modes)
-        made = page.study.result("posterior.nc")
-        yield from _kept_pictures(page.study, made, ("mode_", "modes"))
-    yield _scene(page)
+def _interval(draws: np.ndarray) -> str:
+    low, high = np.quantile(draws, [0.05, 0.95])
+    return interval_text(float(draws.mean()), float(draws.std()), float(low), float(high))
 
 
 def _scene(page: PageStudy) -> Scene:
     """The model that turns, with factors, modes, sensors and effects."""
-    building = page.model.building
+    building, reduced = page.model.building, page.model.reduced
     drawing = DrawnBuilding(structure_of(building))
     full = Geometry.of_building(drawing)
     thin = thinned_geometry(full)
@@ -244,30 +222,36 @@ def _scene(page: PageStudy) -> Scene:
         signs.append((drawn(drawing.sensors(floors)), False))
     for placed in (*building_effects(building).placed, *_named(page)):
         signs.append((drawn(placed.effect.glyphs(drawing, placed.place)), True))
-    content = scene_content(
-        thin,
-        _fields(page, drawing.structure, full),
-        [_moving(page, drawing, mode) for mode in page.modes],
-        signs,
-        list(zip(("base", *building.floors), drawing.levels.tolist(), strict=True)),
-    )
-    shown = len(thin.faces) + len(thin.lines)
-    every = len(full.shells) + len(full.beams)
+    moving = []
+    for mode in page.modes:
+        if reduced.node_shapes is not None:
+            shapes = node_displacements(reduced, mode.tracked.recognised)
+        else:
+            floors_moved = mode.at_floors(page.model)
+            levels = np.column_stack([np.zeros(len(floors_moved)), floors_moved])
+            shapes = np.zeros((len(levels), 4 * levels.shape[1], 3))
+            shapes[:, :, drawing.structure.direction] = np.repeat(levels, 4, axis=1)
+        mean, spread = mean_shape(shapes)
+        hertz = "" if mode.number is None else f", {mode.tracked.frequency_mean:.2f} Hz"
+        moving.append((f"{mode.name}{hertz}", mean, 100.0 * spread))
+    heights = list(zip(("base", *building.floors), drawing.levels.tolist(), strict=True))
+    fields = list(_fields(page, drawing.structure, full))
+    shown, every = len(thin[0].shells) + len(thin[0].beams), len(full.shells) + len(full.beams)
     size = f"All {every} elements are drawn."
     if shown < every:
         size = f"Thinned for the screen: {shown} of {every} elements are drawn."
     note = "Drag or use the arrow keys to turn it. Displacements are enlarged."
+    content = scene_content(thin, fields, moving, signs, heights)
     return Scene(caption="The model", content=content, note=f"{size} {note}")
 
 
-def _fields(page: PageStudy, structure: Structure, full: Geometry) -> list[ElementField]:
+def _fields(page: PageStudy, structure: Structure, full: Geometry) -> Iterator[dict[str, Any]]:
     """Mean and spread of the stiffness factor of every element."""
     if page.calibration is None:
-        return []
+        return
     draws = page.calibration.posterior.of("stiffness").samples
-    count = draws.shape[1]
     # The factor of every face and line; NaN where none scales it.
-    groups = [np.full(len(full.shells), -1), np.tile(np.arange(count), 4)]
+    groups = [np.full(len(full.shells), -1), np.tile(np.arange(draws.shape[1]), 4)]
     if structure.mesh is not None:
         none, elements = np.zeros(0, dtype=np.int64), structure.mesh.model.elements
         groups = [
@@ -276,28 +260,9 @@ def _fields(page: PageStudy, structure: Structure, full: Geometry) -> list[Eleme
         ]
     mean, spread = draws.mean(axis=0), 100.0 * draws.std(axis=0) / draws.mean(axis=0)
     named = (("stiffness factor", "", mean, "factor"), ("its spread", "%", spread, "spread"))
-    fields = []
     for name, unit, values, colors in named:
         faces, lines = (np.append(values, np.nan)[group] for group in groups)
-        fields.append(ElementField(name=name, unit=unit, faces=faces, lines=lines, map=colors))
-    return fields
-
-
-def _moving(page: PageStudy, drawing: DrawnBuilding, shown: StudyMode) -> MovingShape:
-    """A mode with the spread of its displacement over the draws."""
-    mode = shown.tracked
-    model = page.model.reduced
-    if model.node_shapes is not None:
-        shapes = node_displacements(model, mode.recognised)
-    else:
-        floors = mode.recognised @ model.floor_shapes.T
-        levels = np.column_stack([np.zeros(len(floors)), floors])
-        shapes = np.zeros((len(floors), 4 * levels.shape[1], 3))
-        shapes[:, :, drawing.structure.direction] = np.repeat(levels, 4, axis=1)
-    mean, spread = mean_shape(shapes)
-    frequency = "" if shown.number is None else f", {mode.frequency_mean:.2f} Hz"
-    title = f"{shown.name}{frequency}"
-    return MovingShape(name=title, shape=mean, spread=100.0 * spread)
+        yield {"name": name, "unit": unit, "map": colors, "faces": faces, "lines": lines}
 
 
 def _named(page: PageStudy) -> list[Placed]:
@@ -333,9 +298,14 @@ def _finder(page: PageStudy) -> Iterator[Block]:
 def _diagnosis(found: Mapping[str, Any]) -> Iterator[Block]:
     """What `diagnose` has kept as JSON."""
     yield Note(f"Verdict: {found['verdict']}. {found['sentence']}")
+    value = found["p_value"]
+    told = f"p-value {value:.2f}" if value >= 0.01 else f"p-value {value:.1g}"
+    told = told if value >= 1e-6 else "p-value under 1e-6"
+    # Where it is 1 the noise that is allowed for is larger than that of the data.
     yield Note(
         f"The residuals of the model as it was add up to {found['chi2']:.0f} over "
-        f"{found['independent_points']:.0f} independent points{p_text(found['p_value'])}."
+        f"{found['independent_points']:.0f} independent points"
+        + (f" ({told})." if value < 0.995 else ".")
     )
     elsewhere = {True: "holds", False: "too little", None: ""}
     rows = [
@@ -434,21 +404,9 @@ def _added(done: Mapping[str, Any]) -> str:
     )
 
 
-def p_text(value: float) -> str:
-    """A p-value in brackets: two decimals, or an exponent where it is small.
-
-    Nothing where it is 1: the noise that is allowed for is then larger than that of the data.
-    """
-    if value >= 0.995:
-        return ""
-    if value < _LEAST_P:
-        return f" (p-value under {_LEAST_P:.0e})".replace("e-0", "e-")
-    return f" (p-value {value:.2f})" if value >= 0.01 else f" (p-value {value:.1g})"
-
-
-def _done(page: PageStudy) -> Iterator[Block]:
-    """Steps with version, time and files."""
-    yield Note(
+def appendix(page: PageStudy) -> Section:
+    """How it was made: steps with version, time and files."""
+    intervals = Note(
         "Intervals are those of the posterior: with the model, the priors and the noise as stated, "
         "the value lies inside with the probability given. They do not cover errors that the notes "
         "name and that nothing on this page accounts for."
@@ -466,7 +424,7 @@ def _done(page: PageStudy) -> Iterator[Block]:
         )
         for item in page.status.holds
     ]
-    yield Table.of(
+    made = Table.of(
         ("result", "by", "version", "time (UTC)", "state", "file", "SHA-256"),
         steps,
         name="what_was_done",
@@ -486,12 +444,13 @@ def _done(page: PageStudy) -> Iterator[Block]:
     for name, artefact in makers:
         for file in _sources(artefact):
             used.setdefault(file, []).append(name)
-    yield Table.of(
+    files = Table.of(
         ("file", "for", "SHA-256 when used"),
         [(file, ", ".join(names), digest) for (file, digest), names in used.items()],
         name="files_used",
         caption="Files that were used",
     )
+    return Section("done", "How it was made", (intervals, made, files))
 
 
 def _sources(artefact: Artefact) -> list[tuple[str, str]]:

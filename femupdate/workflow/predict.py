@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -44,10 +45,10 @@ from femupdate.workflow.amplitude import (
     far_stronger,
     mean_level,
 )
-from femupdate.workflow.mesh_error import open_system
+from femupdate.workflow.calibration_report import kept_posterior
+from femupdate.workflow.effects import open_system
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.observed import direction_of
-from femupdate.workflow.summary import kept_posterior
 
 
 @dataclass(frozen=True)
@@ -196,7 +197,11 @@ def _record(
         "posterior": file_hash(study.require("posterior", "calibrate")),
         "record": file_hash(record.path),
     }
-    used = {"file": str(record.path), "scale": record.scale, "damping": report.damping}
+    used: dict[str, Any] = {
+        "file": str(record.path),
+        "scale": record.scale,
+        "damping": report.damping,
+    }
     if measured is not None:
         origin["measured"], used["measured"] = file_hash(measured), str(measured)
     if report.comparison is not None:
@@ -219,17 +224,12 @@ def _summary(
         told += far_stronger(posterior.settings, motion.peak)
     else:
         progress.start("Finding the level of the motion", len(zeta))
-        found = at_own_level(
-            system,
-            (values.theta.numpy(), zeta.numpy(), values.sizes.numpy()),
-            motion,
-            posterior.settings,
-            keep_damping=settings.damping is not None,
-            progress=progress,
+        kept = settings.damping is not None
+        there, _, note = at_own_level(
+            system, values, motion, posterior.settings, keep_damping=kept, progress=progress
         )
-        values = replace(values, theta=torch.from_numpy(found.theta))
-        theta, zeta = values.of_structure, torch.from_numpy(found.zeta)
-        told.append(found.note)
+        theta, zeta = there.of_structure, there.zeta
+        told.append(note)
     level = None
     if system.changes_in_run and system.complex_modes:
         told += UNFOLLOWED

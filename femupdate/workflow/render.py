@@ -1,95 +1,54 @@
 """render: mode shapes off screen, of the model as built and of the posterior."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
 from femupdate.building.document import Building
 from femupdate.building.mesh import mesh_building
-from femupdate.dynamics.tracking import FullModes, mean_shape, node_displacements
+from femupdate.dynamics.tracking import mean_shape, node_displacements
 from femupdate.errors import StudyError
+from femupdate.inference.posterior import Posterior
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.write import write_modes_uff
 from femupdate.progress import SILENT, Progress
 from femupdate.report.animation import mode_animation, stick_animation
-from femupdate.report.figure import save_figure
+from femupdate.report.figure import save_figure, save_pictures
 from femupdate.report.geometry import Geometry
 from femupdate.report.plot_sticks import stick_mode_shapes
 from femupdate.report.scale import plus_minus
 from femupdate.report.scenes import mode_shape_figure
-from femupdate.result import Item, Note, Notes, Result
+from femupdate.result import Item, Note, Notes, Picture, Told
 from femupdate.study import Study
-from femupdate.tables import Table
 from femupdate.units import capital
+from femupdate.workflow.calibration_report import kept_posterior
 from femupdate.workflow.model import StudyModel, on_kept_finer
 from femupdate.workflow.modes import (
     StudyMode,
     find_modes,
     mode_table,
-    modes_of_model,
     posterior_modes,
     shape_table,
 )
 from femupdate.workflow.observed import direction_of
-from femupdate.workflow.summary import kept_posterior
-
-_MODES = 3
-
-
-@dataclass(frozen=True)
-class RenderReport(Result):
-    """Modes of the posterior and where they are drawn.
-
-    Attributes:
-        pictures: of every mode.
-        animations: of the modes, as GIF files, where they were asked for.
-        at_one: pictures of modes at factors 1, which the posterior's model does not have.
-        shapes: their shapes at the floors, which `uff` has as well.
-    """
-
-    modes: tuple[StudyMode, ...]
-    pictures: tuple[Path, ...]
-    animations: tuple[Path, ...] = ()
-    at_one: tuple[Path, ...] = ()
-    shapes: Table | None = None
-    uff: Path | None = None
-
-    def items(self) -> Iterator[Item]:
-        """A table and the pictures."""
-        modes = mode_table(self.modes, self.pictures)
-        if self.modes:
-            yield modes
-            if self.shapes is not None:
-                yield self.shapes
-            yield Notes((modes.note,))
-            yield Note(f"  {self.uff}", {"uff": self.uff})
-        else:
-            yield Note(content={"modes": []})
-        for path in dict.fromkeys(self.pictures):
-            yield Note(f"  {path}")
-        yield Note(
-            "\n".join(f"  {path}" for path in self.animations), {"animations": self.animations}
-        )
-        if self.at_one:
-            yield Note("  - The base motion does not excite these modes, so no data changed them:")
-        told = "\n".join(f"  {path}" for path in self.at_one)
-        yield Note(told, {"at_factors_1": self.at_one})
 
 
 def render_study(
     study: Study,
     model: StudyModel,
-    modes: int = _MODES,
+    modes: int = 3,
     samples: int = 60,
     *,
     wanted: Sequence[int] = (),
     animated: bool = False,
     seed: int = 0,
     progress: Progress = SILENT,
-) -> RenderReport:
+) -> Told:
     """Draw the mean shape and its spread of modes.
 
     Args:
@@ -114,9 +73,10 @@ def render_study(
     tracked = posterior_modes(
         model, posterior, full, modes, wanted=wanted, samples=samples, seed=seed
     )
-    have = {mode.number for mode in tracked}
-    drawn = draw_modes(study, model, tracked, progress=progress) if tracked else ()
-    at_one = []
+    folder = study.result("pictures")
+    drawn = mode_pictures(model, tracked)
+    pictures = save_pictures(drawn, folder, progress, "Drawing mode shapes")
+    have, at_one = {mode.number for mode in tracked}, []
     for number in wanted:
         if number not in have:
             shape = full.shapes[number - 1].reshape(-1, 3)
@@ -126,55 +86,55 @@ def render_study(
             path = study.path("pictures", f"model_mode_{number}.png")
             at_one.append(save_figure(figure, path))
     moving = _animate(study, model, tracked, progress) if animated and tracked else ()
-    shapes = shape_table(model, posterior, tracked) if tracked else None
-    file = None
+    told: list[Item] = [Note(content={"modes": []})]
     if tracked:
-        zeta = posterior.zeta_samples
-        written = [
-            RecordedMode(
-                name=mode.label,
-                frequency_hz=mode.tracked.frequency_mean,
-                damping=None if zeta is None else float(zeta.mean()),
-                sensors=model.reduced.floors,
-                shape=(mode.tracked.recognised @ model.reduced.floor_shapes.T).mean(axis=0),
-            )
-            for mode in tracked
-        ]
-        levels, along = levels_with_base(model.building)[1:], direction_of(model.building)
+        # The modes of a stick share one picture.
+        table = mode_table(tracked, pictures * (len(tracked) // len(pictures)))
         path = study.result("tables", "shapes.uff")
-        file = write_modes_uff(path, written, levels.tolist(), along)
-    return RenderReport(tracked, drawn, moving, tuple(at_one), shapes, file)
+        levels, along = levels_with_base(model.building)[1:], direction_of(model.building)
+        file = write_modes_uff(path, _recorded(model, posterior, tracked), levels.tolist(), along)
+        shapes = shape_table(model, posterior, tracked)
+        told = [table, shapes, Notes((table.note,)), Note(f"  {file}", {"uff": file})]
+    told += [Note(f"  {path}") for path in pictures]
+    told.append(Note("\n".join(f"  {path}" for path in moving), {"animations": moving}))
+    if at_one:
+        told.append(
+            Note("  - The base motion does not excite these modes, so no data changed them:")
+        )
+    told.append(Note("\n".join(f"  {path}" for path in at_one), {"at_factors_1": tuple(at_one)}))
+    return Told(told)
 
 
-def draw_model(
-    study: Study, model: StudyModel, modes: FullModes, progress: Progress = SILENT
-) -> tuple[Path, ...]:
-    """Draw the modes that move most of the mass, at theta = 1."""
-    chosen = modes_of_model(model, modes, _MODES)
-    return tuple(dict.fromkeys(draw_modes(study, model, chosen, "model_mode", progress)))
+def _recorded(
+    model: StudyModel, posterior: Posterior, modes: Sequence[StudyMode]
+) -> list[RecordedMode]:
+    """Modes at the floors, for other programs."""
+    zeta = posterior.zeta_samples
+    return [
+        RecordedMode(
+            name=mode.label,
+            frequency_hz=mode.tracked.frequency_mean,
+            damping=None if zeta is None else float(zeta.mean()),
+            sensors=model.reduced.floors,
+            shape=mode.at_floors(model).mean(axis=0),
+        )
+        for mode in modes
+    ]
 
 
-def draw_modes(
-    study: Study,
-    model: StudyModel,
-    modes: Sequence[StudyMode],
-    name: str = "mode",
-    progress: Progress = SILENT,
-) -> tuple[Path, ...]:
-    """Draw the mean shape of every mode and, of several samples, its spread.
+def mode_pictures(
+    model: StudyModel, modes: Sequence[StudyMode], name: str = "mode"
+) -> list[Picture]:
+    """The mean shape of every mode and, of several samples, its spread; of a stick one picture.
 
     Args:
         name: of the pictures, before the number of the mode.
-
-    Returns:
-        the picture of every mode; the modes of a stick share one.
     """
-    # Pictures of the model lie in the study, those of a posterior beside its other results.
-    folder = study.result("pictures") if name == "mode" else study.path("pictures")
-    several = len(modes[0].tracked.frequency_hz) > 1
-    if model.reduced.node_shapes is None:
-        shapes = [mode.tracked.recognised @ model.reduced.floor_shapes.T for mode in modes]
-        figure = stick_mode_shapes(
+    several = any(len(mode.tracked.frequency_hz) > 1 for mode in modes)
+    if modes and model.reduced.node_shapes is None:
+        shapes = [mode.at_floors(model) for mode in modes]
+        draw = partial(
+            stick_mode_shapes,
             levels_with_base(model.building),
             _with_base([shape.mean(axis=0) for shape in shapes]),
             [_heading(mode) for mode in modes],
@@ -182,18 +142,17 @@ def draw_modes(
             floors=("base", *model.reduced.floors),
             title="Mode shapes of the posterior" if several else "Mode shapes, all factors 1",
         )
-        return (save_figure(figure, folder / f"{name}s.png"),) * len(modes)
-    geometry, building = _geometry(model), model.building
-    floors = list(zip(("base", *building.floors), levels_with_base(building), strict=True))
-    progress.start("Drawing mode shapes", len(modes))
-    paths = []
-    for mode in modes:
+        return [Picture(f"{name}s", draw)]
+
+    def drawn(mode: StudyMode) -> Figure:
+        levels = levels_with_base(model.building)
+        floors = list(zip(("base", *model.building.floors), levels, strict=True))
         mean, spread = mean_shape(node_displacements(model.reduced, mode.tracked.recognised))
         sd = spread if several else None
-        figure = mode_shape_figure(geometry, mean, shape_sd=sd, floors=floors, title=_title(mode))
-        paths.append(save_figure(figure, folder / f"{name}_{_file_label(mode)}.png"))
-        progress.advance()
-    return tuple(paths)
+        shown: dict[str, Any] = {"shape_sd": sd, "floors": floors, "title": _title(mode)}
+        return mode_shape_figure(_geometry(model), mean, **shown)
+
+    return [Picture(f"{name}_{_file_label(mode)}", partial(drawn, mode)) for mode in modes]
 
 
 def _animate(
@@ -201,15 +160,14 @@ def _animate(
 ) -> tuple[Path, ...]:
     """Write the mean shapes of modes as GIF files; the modes of a stick share one."""
     progress.start("Animating mode shapes", len(modes))
-    means = [mode.tracked.recognised.mean(axis=0) for mode in modes]
     if model.reduced.node_shapes is None:
         path = study.result("pictures", "modes.gif")
         levels, floors = levels_with_base(model.building), ("base", *model.reduced.floors)
-        shapes = _with_base([mean @ model.reduced.floor_shapes.T for mean in means])
+        shapes = _with_base([mode.at_floors(model).mean(axis=0) for mode in modes])
         return (stick_animation(levels, shapes, [_heading(mode) for mode in modes], floors, path),)
     geometry, paths = _geometry(model), []
-    for mode, mean in zip(modes, means, strict=True):
-        shape = node_displacements(model.reduced, mean)
+    for mode in modes:
+        shape = node_displacements(model.reduced, mode.tracked.recognised.mean(axis=0))
         path = study.result("pictures", f"mode_{_file_label(mode)}.gif")
         paths.append(mode_animation(geometry, shape, path, title=_title(mode)))
         progress.advance()

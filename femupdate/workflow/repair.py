@@ -9,15 +9,20 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.document import Building
+from femupdate.building.document import Building, without_effects
+from femupdate.building.files import save_building
 from femupdate.building.parameters import factor_titles
 from femupdate.discrepancy.evidence import missed_in_turn
 from femupdate.discrepancy.findings import STANDS_IN
 from femupdate.discrepancy.fit import Fit, likelihood_about, parameters_at
+from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.repair import Held, KeptOut, Repair, hold, mend
 from femupdate.discrepancy.search import FinderModel
 from femupdate.discrepancy.thresholds import DiagnosisSettings
+from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.effects.drawn_building import DrawnBuilding
+from femupdate.effects.registry import with_effect
+from femupdate.effects.tolerances import tolerances_of
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import found_from
@@ -26,17 +31,26 @@ from femupdate.progress import SILENT, Progress
 from femupdate.report.curves import Curve
 from femupdate.report.scale import plus_minus
 from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
-from femupdate.seeds import Seed
-from femupdate.study import BUILDING_FILE, Study, typed
+from femupdate.seeds import Seed, spawn
+from femupdate.study import BUILDING_FILE, REPAIRED, Study, typed
 from femupdate.tables import Column, Table
-from femupdate.workflow.amplitude import level_between
+from femupdate.workflow.amplitude import level_between, level_settings
 from femupdate.workflow.calibrate_effects import with_fitted
+from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.diagnose import finder_model, keep_found, search
+from femupdate.workflow.effects import MESH_ERROR_PART, finder_origin, keep_basis
 from femupdate.workflow.kinds import Measured, measured_of, read_both, with_rest
-from femupdate.workflow.likelihoods import Sampled, data_of
-from femupdate.workflow.model import StudyModel, on_kept_finer, open_study
+from femupdate.workflow.likelihoods import CalibrationSettings, Sampled, data_of
+from femupdate.workflow.model import (
+    FINER_PART,
+    CertifiedModel,
+    StudyModel,
+    finer_origin,
+    keep_model,
+    on_kept_finer,
+    open_study,
+)
 from femupdate.workflow.observed import ObservationSource, direction_of
-from femupdate.workflow.repaired import keep_repaired, keep_repaired_posterior, repaired_building
 from femupdate.workflow.sampling import FROM_FIT, Target, sampled_about_maxima
 
 
@@ -121,10 +135,11 @@ class RepairReport(Result):
     def _kept_out(self) -> dict[str, Any]:
         """How both models meet the data, and data kept out, for JSON."""
         halves = self.in_turn or (None, None)
+        figures = {} if self.held is None else self.held.figures
         held = {
-            f"holdout_{key}_{when}": getattr(self.held, f"{name}_{when}", None)
-            for key, name in (("error", "error"), ("own_error", "own"), ("chi2", "chi2"))
-            for when in ("before", "after")
+            f"holdout_{key}_{when}": figures.get(key, (None, None))[number]
+            for key in ("error", "own_error", "chi2")
+            for number, when in enumerate(("before", "after"))
         }
         squares = {"chi2_before": self.repair.before.chi2, "chi2_after": self.repair.after.chi2}
         return {**squares, **held, "halves_chi2_before": halves[0], "halves_chi2_after": halves[1]}
@@ -263,10 +278,15 @@ def repair_study(
     building, kept = model.building, None
     if done.rounds:
         building = repaired_building(building, done)
-        kept = keep_repaired(study, model, building, mended.reduced, finder.mesh)
+        kept = _kept(study, model, building, mended.reduced, finder.mesh)
         repaired = with_fitted(open_study(kept), mended, done.after, finder.mesh)
-        known = given, source, after, settings.seed, problem.levels
-        keep_repaired_posterior(kept, repaired, *known)
+        # The posterior of the study, with all that was added as it was fitted.
+        drawing, count = spawn(settings.seed, 4), len(after.runs[0].theta)
+        how = CalibrationSettings(particles=count, exact=True, chains=1, anyway=True)
+        told = concluded(
+            repaired, given, how, after, drawing, kept.result("posterior.nc")
+        ).with_settings(level_settings(repaired, repaired.system.placed, source, problem.levels))
+        told.keep(kept, "repair", source, source.files_as_settings())
     theta = [draws.parameters.split(draws.runs[0].theta).theta.numpy() for draws in (before, after)]
     report = RepairReport(
         repair=done,
@@ -317,3 +337,36 @@ def _kept_out(
         histories=read if isinstance(read, Histories) else None,
         direction=direction_of(model.building),
     )
+
+
+def repaired_building(building: Building, done: Repair) -> Building:
+    """The building with all effects of the last fit at their fitted values."""
+    repaired = without_effects(building)
+    varying = tolerances_of(building)
+    for number, placed in enumerate(done.after.placed):
+        if placed not in varying:  # the file states them still
+            repaired = with_effect(repaired, placed, done.after.known_of(number))
+    names = "; ".join(added.finding.placed.in_words for added in done.rounds)
+    text = f"{building.description.rstrip()}\nRepaired: {names}.".strip()
+    return repaired.model_copy(update={"description": text})
+
+
+def _kept(
+    study: Study,
+    model: StudyModel,
+    building: Building,
+    reduced: ReducedStructure,
+    mesh: MeshError | None,
+) -> Study:
+    """A study of the repaired building in a study's folder, with all that the fit was made on."""
+    kept = Study(study.path(REPAIRED))
+    kept.folder.mkdir(parents=True, exist_ok=True)
+    save_building(building, kept.path(BUILDING_FILE))
+    keep_model(kept, building, CertifiedModel(model.reduced, model.reduction_error))
+    if reduced.structure.operators is not None:
+        keep_basis(kept, reduced, building)
+    if mesh is not None:
+        kept.keep(MESH_ERROR_PART, finder_origin(building), mesh)
+    if model.finer is not None:
+        kept.keep(FINER_PART, finer_origin(building), model.finer)
+    return kept

@@ -1,16 +1,15 @@
 """report: everything that a study says, on one page to hand on."""
 
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
 from femupdate import __version__
 from femupdate.errors import StudyError
 from femupdate.progress import SILENT, Progress
-from femupdate.report.page import Page, added_section, require_picture, write_page
-from femupdate.result import Item, Note, Notes, Result
+from femupdate.report.page import Image, Page, added_section, write_page
+from femupdate.result import Note, Notes, Told
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.workflow.calibration_report import kept_calibration
 from femupdate.workflow.model import open_study
@@ -19,27 +18,6 @@ from femupdate.workflow.predict import kept_prediction
 from femupdate.workflow.status import DAMAGED, MISSING, STALE, study_status
 
 PAGE = "report.html"
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReportReport(Result):
-    """The page that was written, of `size` bytes; `stale` things on it no longer hold."""
-
-    path: Path
-    size: int
-    sections: tuple[str, ...]
-    stale: tuple[str, ...]
-    seconds: float
-
-    def items(self) -> Iterator[Item]:
-        """What the page holds, and where it is."""
-        yield Note(
-            f"Report of {len(self.sections)} sections, {self.size / 1e6:.1f} MB, "
-            f"{self.seconds:.1f} s",
-            {"bytes": self.size, "sections": self.sections, "seconds": self.seconds},
-        )
-        yield Notes(self.stale, key="stale")
-        yield Note(f"  {self.path}", {"report": self.path})
 
 
 def report_study(
@@ -52,7 +30,7 @@ def report_study(
     client: str | None = None,
     logo: Path | None = None,
     added: Sequence[Path] = (),
-) -> ReportReport:
+) -> Told:
     """Write the page of a study; changes nothing else in it.
 
     Args:
@@ -84,7 +62,7 @@ def report_study(
     )
     names = {"Client": client, "Author": author}
     credits = tuple(f"{role}: {name}" for role, name in names.items() if name)
-    picture = None if logo is None else require_picture(logo)
+    picture = None if logo is None else Image.of(logo)
     extra = [added_section(file, f"added-{k}") for k, file in enumerate(added, 1)]
     progress.start("Writing the page", 2)
     sections = (*page_sections(page), *extra, appendix(page))
@@ -101,10 +79,14 @@ def report_study(
         ),
         path or study.result(PAGE),
     )
-    return ReportReport(
-        path=written,
-        size=written.stat().st_size,
-        sections=tuple(section.title for section in sections if section.blocks),
-        stale=tuple(f"{held.name}: {held.state}" for held in status.holds if held.state == STALE),
-        seconds=time.monotonic() - started,
+    size, seconds = written.stat().st_size, time.monotonic() - started
+    shown = tuple(section.title for section in sections if section.blocks)
+    stale = tuple(f"{held.name}: {held.state}" for held in status.holds if held.state == STALE)
+    text = f"Report of {len(shown)} sections, {size / 1e6:.1f} MB, {seconds:.1f} s"
+    return Told(
+        (
+            Note(text, {"bytes": size, "sections": shown, "seconds": seconds}),
+            Notes(stale, key="stale"),
+            Note(f"  {written}", {"report": written}),
+        )
     )

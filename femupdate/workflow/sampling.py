@@ -23,7 +23,7 @@ from femupdate.study import Study
 from femupdate.surrogate.storage import find_surrogate, require_surrogate
 from femupdate.units import percent
 from femupdate.workflow.calibrate_effects import FittedEffects
-from femupdate.workflow.calibrate_notes import (
+from femupdate.workflow.conclusion import (
     calibration_notes,
     elsewhere_warnings,
     latent_notes,
@@ -236,7 +236,15 @@ def sample_exact(
     notes = (*noise_notes(model, measured.base, model.least_noise), *sampled.notes)
     warnings = reduction_warnings(model, measured.base)
     if many:
-        missed = _missed_by_best(sampled)
+        # Root mean square by which the likeliest draw misses the measured ln|H|.
+        base = sampled.likelihood.base
+        assert base is not None
+        density = np.concatenate([run.log_likelihood.numpy() for run in sampled.runs])
+        best = torch.cat([run.theta for run in sampled.runs])[int(density.argmax())]
+        values = target.prior.split(best[None])
+        answer = base.predicted(sampled.likelihood.system, values.theta, values.zeta, values.sizes)
+        left = (base.log_frf - answer[0])[base.valid]
+        missed = float(left.square().mean().sqrt())
         warnings += elsewhere_warnings(model, measured.base, model.least_noise, missed)
     return replace(
         sampled,
@@ -275,18 +283,6 @@ def _target(
     return Target(
         on_fewer_modes(found.likelihood), found.found, origin, local=local, tried=found.tried
     )
-
-
-def _missed_by_best(sampled: Sampled) -> float:
-    """Root mean square by which the likeliest draw misses the measured ln|H|."""
-    likelihood = sampled.likelihood
-    base = likelihood.base
-    assert base is not None
-    density = np.concatenate([run.log_likelihood.numpy() for run in sampled.runs])
-    best = torch.cat([run.theta for run in sampled.runs])[int(density.argmax())]
-    values = likelihood.prior.split(best[None])
-    answer = base.predicted(likelihood.system, values.theta, values.zeta, values.sizes)[0]
-    return float((base.log_frf - answer)[base.valid].square().mean().sqrt())
 
 
 def sample_latent(

@@ -1,7 +1,7 @@
 """status: what a study holds, what is stale, and what to do next. Reads only, and fast."""
 
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from femupdate.study import (
 )
 from femupdate.tables import Table
 from femupdate.units import capital
-from femupdate.workflow.summary import kept_summary
+from femupdate.workflow.calibration_report import kept_summary
 
 CURRENT, STALE, DAMAGED, MISSING = "current", "stale", "changed by hand", "missing"
 # Commands that need no files. Others do their work on the way, and so much more as well.
@@ -123,147 +123,142 @@ def study_status(study: Study) -> StatusReport:
         StudyError: the record of the study cannot be read.
         BuildingError: its building file cannot be used.
     """
-    look = _Look(study)
-    known, kept, unfinished = look.building, {}, []
-    if (name := study.key("posterior")) in look.artefacts:
-        kept = kept_summary(study)
-    if "surrogate" not in look.artefacts and study.path("dataset").exists():
-        unfinished = ["A training was interrupted; `femupdate train` goes on where it stopped."]
+    artefacts, path = study.artefacts(), study.path(BUILDING_FILE)
+    building = load_building(path) if path.exists() else None
+    name = None if building is None else f"{building.name} ({building.title or building.name})"
+    # In the order in which they were made.
+    made = sorted(artefacts.items(), key=lambda pair: pair[1].created)
+    holds = tuple(_holding(study, building, artefacts, *pair) for pair in made)
+    kept = kept_summary(study) if study.key("posterior") in artefacts else {}
+    interrupted = "surrogate" not in artefacts and study.path("dataset").exists()
+    goes_on = "A training was interrupted; `femupdate train` goes on where it stopped."
+    studies = tuple(path.parent for path in sorted(study.folder.glob("*/study.json")))
+    stale, again = list[str](), dict[str, str]()
+    for item in holds:
+        if item.state != CURRENT:
+            command = _typed(study, item.again, item)
+            reason = f" {capital(item.reason)}." if item.reason else ""
+            again[command] = f"The {item.name} is {item.state}.{reason or ' '}"
+            stale.append(
+                f"The {item.name} is {item.state}{': ' if item.reason else ''}{item.reason}. What "
+                f"is said of it does not hold; `{command}` makes it again."
+            )
+    following = tuple(again.items()) or _next(study, artefacts, studies)
+    if building is None:
+        reason = "The study has no building yet; NAME is a file or one of `femupdate list`."
+        following = ((_typed(study, "build-model NAME"), reason),)
     return StatusReport(
         folder=study.folder,
-        building=None if known is None else f"{known.name} ({known.title or known.name})",
-        holds=look.holds,
-        unfinished=tuple(unfinished),
-        stale=tuple(
-            f"The {item.name} is {item.state}{': ' if item.reason else ''}{item.reason}. What is "
-            f"said of it does not hold; `{look.say(item.again, item)}` makes it again."
-            for item in look.holds
-            if item.state != CURRENT
-        ),
+        building=name,
+        holds=holds,
+        unfinished=(goes_on,) if interrupted else (),
+        stale=tuple(stale),
         first=tuple(kept.get("first", ())),
-        warnings=tuple(f"{capital(name)}: {text}" for text in kept.get("warnings", ())),
-        studies=look.studies,
-        next=look.next(),
+        warnings=tuple(
+            f"{capital(study.key('posterior'))}: {text}" for text in kept.get("warnings", ())
+        ),
+        studies=studies,
+        next=following,
     )
 
 
-class _Look:
-    """One look at a study."""
+def _holding(
+    study: Study,
+    building: Building | None,
+    artefacts: Mapping[str, Artefact],
+    name: str,
+    artefact: Artefact,
+) -> Holding:
+    """The state of an item, and the command that makes it again, as far as it is known."""
+    sources, beside = sources_of(artefact), files_beside_of(artefact)
+    words = artefact.settings.get("words", ())
+    if not words or (words[0] != artefact.command and artefact.command in _ALONE):
+        words = [artefact.command, *sources]
+        if artefact.command == "predict":
+            words.insert(1, "--record")
+        words += [word for option, file in beside.items() for word in (f"--{option}", file)]
+        if owner_of(name) != MAIN_POSTERIOR:
+            option = "--name" if artefact.command == "calibrate" else "--posterior"
+            words += [option, owner_of(name)]
+    path, state, reason = study.path(artefact.file), CURRENT, ""
+    if not path.exists():
+        state = MISSING
+    elif file_hash(path) != artefact.sha256:
+        state = DAMAGED
+    elif changed := _changed(study, building, artefacts, name, artefact):
+        state, reason = STALE, f"the {' and the '.join(dict.fromkeys(changed))} changed since"
+    return Holding(
+        name=name,
+        file=artefact.file,
+        state=state,
+        reason=reason,
+        command=artefact.command,
+        version=artefact.version,
+        created=artefact.created,
+        sources=sources,
+        again=shlex.join(words),
+    )
 
-    def __init__(self, study: Study) -> None:
-        self.study = study
-        self.artefacts = study.artefacts()
-        path = study.path(BUILDING_FILE)
-        self.building: Building | None = load_building(path) if path.exists() else None
-        # Of the building, and of it without its effects, from which the finder's basis is made.
-        self.hashes = (
-            ()
-            if self.building is None
-            else (mechanics_hash(self.building), mechanics_hash(without_effects(self.building)))
-        )
-        # In the order in which they were made.
-        made = sorted(self.artefacts.items(), key=lambda pair: pair[1].created)
-        self.holds = tuple(self._item(name, artefact) for name, artefact in made)
-        self.studies = tuple(path.parent for path in sorted(study.folder.glob("*/study.json")))
 
-    def _item(self, name: str, artefact: Artefact) -> Holding:
-        """The state of an item, and the command that makes it again, as far as it is known."""
-        words = artefact.settings.get("words", ())
-        if not words or (words[0] != artefact.command and artefact.command in _ALONE):
-            words = [artefact.command, *sources_of(artefact)]
-            if artefact.command == "predict":
-                words.insert(1, "--record")
-            for option, file in files_beside_of(artefact).items():
-                words += [f"--{option}", file]
-            if owner_of(name) != MAIN_POSTERIOR:
-                option = "--name" if artefact.command == "calibrate" else "--posterior"
-                words += [option, owner_of(name)]
-        state, reason = self._state(name, artefact)
-        return Holding(
-            name=name,
-            file=artefact.file,
-            state=state,
-            reason=reason,
-            command=artefact.command,
-            version=artefact.version,
-            created=artefact.created,
-            sources=sources_of(artefact),
-            again=shlex.join(words),
-        )
+def _changed(
+    study: Study,
+    building: Building | None,
+    artefacts: Mapping[str, Artefact],
+    name: str,
+    artefact: Artefact,
+) -> list[str]:
+    """What an item was made from and is another now."""
+    seen, changed = Study(study.folder, owner_of(name)), []
+    for key, value in artefact.made_from.items():
+        other = artefacts.get(seen.key(key))
+        if key != "building":
+            differs = other is not None and other.sha256 != value
+        else:
+            # The finder's basis is made from the building without its effects.
+            both = [] if building is None else [building, without_effects(building)]
+            differs = bool(both) and value not in map(mechanics_hash, both)
+        changed += [key] if differs else []
+    # Sources that are still where they were but have another content.
+    hashes = set(artefact.made_from.values())
+    files = map(Path, (*sources_of(artefact), *files_beside_of(artefact).values()))
+    there = [file for file in files if file.is_file()]
+    return changed + [f"file {file.name}" for file in there if file_hash(file) not in hashes]
 
-    def _state(self, name: str, artefact: Artefact) -> tuple[str, str]:
-        path = self.study.path(artefact.file)
-        if not path.exists():
-            return MISSING, ""
-        if file_hash(path) != artefact.sha256:
-            return DAMAGED, ""
-        seen, changed = Study(self.study.folder, owner_of(name)), []
-        for key, value in artefact.made_from.items():
-            other = self.artefacts.get(seen.key(key))
-            if key == "building":
-                differs = bool(self.hashes) and value not in self.hashes
-            else:
-                differs = other is not None and other.sha256 != value
-            if differs:
-                changed.append(key)
-        # Sources that are still where they were but have another content.
-        hashes = set(artefact.made_from.values())
-        names = (*sources_of(artefact), *files_beside_of(artefact).values())
-        there = [Path(file) for file in names if Path(file).is_file()]
-        changed += [f"file {file.name}" for file in there if file_hash(file) not in hashes]
-        if changed:
-            return STALE, f"the {' and the '.join(dict.fromkeys(changed))} changed since"
-        return CURRENT, ""
 
-    def next(self) -> tuple[tuple[str, str], ...]:
-        """What to run, and why, in the order of the work."""
-        if self.building is None:
-            reason = "The study has no building yet; NAME is a file or one of `femupdate list`."
-            return ((self.say("build-model NAME"), reason),)
-        again = [
-            (
-                self.say(item.again, item),
-                f"The {item.name} is {item.state}. {_sentence(item.reason)}",
-            )
-            for item in self.holds
-            if item.state != CURRENT
-        ]
-        if again:
-            return tuple(dict(again).items())
-        if not self.study.posteriors():
-            reason = "Nothing is calibrated yet; OBSERVATION is a measured file."
-            return ((self.say("calibrate OBSERVATION"), reason),)
-        shown = self._shown()
-        option = "" if shown.posterior == MAIN_POSTERIOR else f" --posterior {shown.posterior}"
-        if kept_summary(shown).get("warnings") and "diagnosis" not in self.artefacts:
-            files = shlex.join(sources_of(self.artefacts[shown.key("posterior")]))
-            reason = "The posterior is to be used with care; this looks for what is missing."
-            return ((self.say(f"diagnose {files}"), reason),)
-        if shown.key("prediction") not in self.artefacts:
-            reason = "Nothing is predicted yet; RECORD is a ground motion."
-            return ((self.say(f"predict --record RECORD{option}"), reason),)
-        reason = "Everything is current; this writes the page to hand on."
-        report = (self.say(f"report{option}"), reason)
-        repaired = self.study.path(REPAIRED)
-        if repaired not in self.studies:
-            return (report,)
-        command = typed("report", repaired / BUILDING_FILE)
-        return (report, (command, "The same of the building that `repair` made."))
+def _next(
+    study: Study, artefacts: Mapping[str, Artefact], studies: Sequence[Path]
+) -> tuple[tuple[str, str], ...]:
+    """What to run where all is current, and why, in the order of the work."""
+    have = study.posteriors()
+    if not have:
+        reason = "Nothing is calibrated yet; OBSERVATION is a measured file."
+        return ((_typed(study, "calibrate OBSERVATION"), reason),)
+    # The chosen posterior, or the first that there is.
+    shown = study if study.posterior in have else Study(study.folder, have[0])
+    option = "" if shown.posterior == MAIN_POSTERIOR else f" --posterior {shown.posterior}"
+    if kept_summary(shown).get("warnings") and "diagnosis" not in artefacts:
+        files = shlex.join(sources_of(artefacts[shown.key("posterior")]))
+        reason = "The posterior is to be used with care; this looks for what is missing."
+        return ((_typed(study, f"diagnose {files}"), reason),)
+    if shown.key("prediction") not in artefacts:
+        reason = "Nothing is predicted yet; RECORD is a ground motion."
+        return ((_typed(study, f"predict --record RECORD{option}"), reason),)
+    reason = "Everything is current; this writes the page to hand on."
+    report = (_typed(study, f"report{option}"), reason)
+    repaired = study.path(REPAIRED)
+    if repaired not in studies:
+        return (report,)
+    command = typed("report", repaired / BUILDING_FILE)
+    return (report, (command, "The same of the building that `repair` made."))
 
-    def _shown(self) -> Study:
-        """The study with the chosen posterior, or the first that it holds."""
-        have = self.study.posteriors()
-        if self.study.posterior in have:
-            return self.study
-        return Study(self.study.folder, have[0])
 
-    def say(self, command: str, item: Holding | None = None) -> str:
-        """A command as it is typed, with the study where it is not the usual one."""
-        where = self.study.folder
-        # A repair is asked of the study of the building as it was, and writes into one inside it.
-        if item is not None and (item.name, item.command, where.name) == _REPAIRED_POSTERIOR:
-            where = where.parent
-        return typed(command, where / BUILDING_FILE)
+def _typed(study: Study, command: str, item: Holding | None = None) -> str:
+    """A command as it is typed, with the study where it is not the usual one."""
+    where = study.folder
+    # A repair is asked of the study of the building as it was, and writes into one inside it.
+    if item is not None and (item.name, item.command, where.name) == _REPAIRED_POSTERIOR:
+        where = where.parent
+    return typed(command, where / BUILDING_FILE)
 
 
 def sources_of(artefact: Artefact) -> tuple[str, ...]:
@@ -276,7 +271,3 @@ def sources_of(artefact: Artefact) -> tuple[str, ...]:
 def files_beside_of(artefact: Artefact) -> Mapping[str, str]:
     """Files beside those, by the option that named them."""
     return {key: str(artefact.settings[key]) for key in BESIDE if key in artefact.settings}
-
-
-def _sentence(reason: str) -> str:
-    return f"{capital(reason)}." if reason else ""

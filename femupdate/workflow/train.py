@@ -2,15 +2,14 @@
 
 import shutil
 import time
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from femupdate import __version__
 from femupdate.errors import SurrogateError
 from femupdate.progress import SILENT, Progress
-from femupdate.result import Item, Note, Result, first_lines
+from femupdate.result import Note, Told, first_lines
 from femupdate.seeds import DATA_SET, stream
 from femupdate.study import BUILDING_FILE, Study, file_hash, typed
 from femupdate.surrogate.dataset import ModalDataset, compute_dataset, modes_kept
@@ -27,8 +26,8 @@ from femupdate.surrogate.training import (
     TrainingTask,
     train_mvae,
 )
+from femupdate.workflow.effects import with_finer_mesh
 from femupdate.workflow.likelihoods import unserved
-from femupdate.workflow.mesh_error import with_finer_mesh
 from femupdate.workflow.model import StudyModel, choose_building, require_named
 
 _CHECKPOINT = "training.safetensors"
@@ -39,50 +38,27 @@ _MODES_KEPT = 28
 USUAL, THOROUGH = (50_000, 16), (100_000, 45)
 
 
-@dataclass(frozen=True)
-class TrainReport(Result):
-    """What was trained, or found.
-
-    Attributes:
-        path: where they are.
-        folder: of the study.
-        seconds: spent on the data set and on the training, now; none where they were there.
-    """
-
-    surrogate: Surrogate
-    path: Path
-    folder: Path
-    dataset_seconds: float = 0.0
-    training_seconds: float = 0.0
-
-    @property
-    def trained(self) -> bool:
-        """Whether no fitting surrogate was there already."""
-        return self.training_seconds > 0.0
-
-    def items(self) -> Iterator[Item]:
-        """How it went."""
-        metrics = self.surrogate.info.metrics
-        yield Note(
-            content={
-                "surrogate": self.path,
-                "trained": self.trained,
-                "dataset_seconds": self.dataset_seconds,
-                "training_seconds": self.training_seconds,
-                "metrics": metrics,
-            }
-        )
-        there = f"{self.path} fits this building; --fresh trains again"
-        took = f"data set {self.dataset_seconds:.0f} s, training {self.training_seconds:.0f} s"
-        yield from first_lines(
-            f"Verdict: {'trained' if self.trained else 'trained already'}.",
-            f"Surrogate: {took if self.trained else there}.",
-            f"`{typed('calibrate FILE', self.folder / BUILDING_FILE)}`",
-        )
-        if self.trained:
-            epochs = f"best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}"
-            loss = f"validation loss {metrics['validation_loss']:.1f}"
-            yield Note(f"  {epochs}, {loss}\n  {self.path}", detail=True)
+def _told(
+    surrogate: Surrogate, path: Path, folder: Path, seconds: tuple[float, float] | None = None
+) -> Told:
+    """What was trained into a study, with the seconds of data set and training; else found."""
+    trained, metrics = seconds is not None, surrogate.info.metrics
+    dataset, training = seconds or (0.0, 0.0)
+    content = {"surrogate": path, "trained": trained, "metrics": metrics}
+    content |= {"dataset_seconds": dataset, "training_seconds": training}
+    there = f"{path} fits this building; --fresh trains again"
+    took = f"data set {dataset:.0f} s, training {training:.0f} s"
+    first = first_lines(
+        f"Verdict: {'trained' if trained else 'trained already'}.",
+        f"Surrogate: {took if trained else there}.",
+        f"`{typed('calibrate FILE', folder / BUILDING_FILE)}`",
+    )
+    more = []
+    if trained:
+        epochs = f"best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}"
+        loss = f"validation loss {metrics['validation_loss']:.1f}"
+        more = [Note(f"  {epochs}, {loss}\n  {path}", detail=True)]
+    return Told((Note(content=content), *first, *more))
 
 
 def check_samples(samples: int, settings: TrainingSettings) -> None:
@@ -132,7 +108,7 @@ def train_study(
     start: Path | None = None,
     progress: Progress = SILENT,
     device: str = "cpu",
-) -> TrainReport:
+) -> Told:
     """Make the data set and train; skipped when a fitting surrogate is there.
 
     With `start`, a weights file of the same sizes, training goes on from there instead of from
@@ -145,7 +121,7 @@ def train_study(
     """
     found = None if fresh or start is not None else find_surrogate(study, model.building)
     if found is not None:
-        return TrainReport(*found, study.folder)
+        return _told(*found, study.folder)
     settings = settings or default_settings(model)
     check_samples(samples, settings)
     initial = None if start is None else load_surrogate(start).mvae
@@ -189,9 +165,8 @@ def train_study(
     checkpoint.unlink(missing_ok=True)
     # What other trainings left here, killed and then abandoned, goes as well.
     shutil.rmtree(folder.parent, ignore_errors=True)
-    path = study.path(TRAINED.file)
-    spent = between - started, time.monotonic() - between
-    return TrainReport(surrogate, path, study.folder, *spent)
+    seconds = between - started, time.monotonic() - between
+    return _told(surrogate, study.path(TRAINED.file), study.folder, seconds)
 
 
 def default_settings(model: StudyModel, **changes: Any) -> TrainingSettings:
@@ -201,10 +176,10 @@ def default_settings(model: StudyModel, **changes: Any) -> TrainingSettings:
     return replace(settings, full_share=min(settings.full_share, 1.0 - settings.roof_share))
 
 
-def network_sizes(model: StudyModel) -> NetworkSizes:
-    """Sizes of the networks: what a floor contributes shrinks as floors are added."""
+def training_task(model: StudyModel, dataset: ModalDataset, device: str = "cpu") -> TrainingTask:
+    """What a building's MVAE learns from a data set; of many floors each contributes less."""
     floors = len(model.reduced.floors)
-    return NetworkSizes(
+    sizes = NetworkSizes(
         floors=floors,
         points=len(model.frequency_hz),
         parameters=model.prior.size,
@@ -212,16 +187,12 @@ def network_sizes(model: StudyModel) -> NetworkSizes:
         modes=modes_kept(model.system, _MODES_KEPT),
         floor_features=max(24, 384 // floors),
     )
-
-
-def training_task(model: StudyModel, dataset: ModalDataset, device: str = "cpu") -> TrainingTask:
-    """What a building's MVAE learns from a data set."""
     return TrainingTask(
         dataset,
         model.frequency_hz.float(),
         model.system,
         (model.damping.lower, model.damping.upper),
         model.prior,
-        network_sizes(model),
+        sizes,
         device,
     )

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import click
-from femupdate.cli.answer import Answer
 from femupdate.cli.bars import Bars
-from femupdate.cli.common import Failure, running, shared_out
-from femupdate.cli.parameters import BuildingName, Columns, InputFile, Names
+from femupdate.cli.common import Answer, Failure, running, shared_out
+from femupdate.cli.parameters import BUILDING_NAME, COLUMNS, INPUT_FILE, NAMES
 
 from .frame_coverage import BUILDING
 from .result import Job, Report
@@ -50,7 +49,7 @@ def benchmark(name: str) -> Callable[[Command], click.Command]:
         def run(output_folder: Path, seed: int, as_json: bool, **options: Any) -> None:
             with Bars() as bars:
                 report = function(Job(output_folder, seed, bars), **options)
-            Answer(report, report.pictures or None, files=(report.json,)).show(as_json)
+            Answer(report, pictures=report.pictures or None, files=(report.json,)).show(as_json)
 
         return run
 
@@ -95,7 +94,7 @@ def regression(job: Job, quick: bool, reference: Path | None, only: str) -> Repo
 @benchmark("solver")
 @click.option(
     "--sizes",
-    type=Names(),
+    type=NAMES,
     default="small",
     show_default=True,
     help="Buildings of the speed comparison: small, medium, large, with commas (1,680, 8,640 and "
@@ -125,7 +124,7 @@ def shear4dof(job: Job, runs: int, observations: int, quick: bool) -> Report:
 @click.option(
     "--sensors",
     "floors",
-    type=Names(),
+    type=NAMES,
     default=(),
     help="Observed floors, or `any` for random sets; default: the roof alone.",
 )
@@ -250,10 +249,10 @@ def frame_coverage(job: Job, latent: bool, **plan: Any) -> Report:
 
 
 @benchmark("measured")
-@click.argument("files", type=InputFile(), nargs=-1, required=True)
-@click.option("--building", type=BuildingName(), required=True, help="Shipped name or TOML file.")
+@click.argument("files", type=INPUT_FILE, nargs=-1, required=True)
+@click.option("--building", type=BUILDING_NAME, required=True, help="Shipped name or TOML file.")
 @click.option("--base", default="base", show_default=True, help="Column of the base's motion.")
-@click.option("--columns", type=Columns(), help="Column names: ours=theirs,...")
+@click.option("--columns", type=COLUMNS, help="Column names: ours=theirs,...")
 @count("--particles", 1000, 200, "Posterior draws.")
 @count("--samples", 200, 20, "Histories of a prediction.")
 @click.option("--several", is_flag=True, help="Each file from all others together.")

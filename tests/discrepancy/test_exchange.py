@@ -50,8 +50,9 @@ WRONG = {
 def test_the_right_name_is_found_and_theta_with_it(hidden, label):
     problem, base = hidden(**WRONG[label])
     found = promising(problem, base, exchanges(problem))
-    assert found[0].placed.label == label
-    assert found[0].share < 0.1
+    share, placed, _ = found[0]
+    assert placed.label == label
+    assert share < 0.1
     best = min(exchange_fits(problem, base, exchanges(problem)), key=lambda one: one.chi2)
     assert best.placed[-1].label == label
     theta, sd = best.theta()

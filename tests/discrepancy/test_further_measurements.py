@@ -40,7 +40,7 @@ def fitted(chains, building_of, observe, pose):
 def test_what_a_floor_is_worth_is_what_its_data_then_bring(fitted, floors):
     """Half the chi-square by which the wrong effect misses once that floor is measured."""
     problem, (right, wrong) = fitted(floors, (FIRST, SECOND))
-    worth = {one.what: one.log_evidence for one in measurement_values(problem, right, [wrong])}
+    worth = dict(measurement_values(problem, right, [wrong]))
     assert set(worth) == set(FLOORS) - set(floors)
     for floor, expected in worth.items():
         measured = [name for name in FLOORS if name in (*floors, floor)]
@@ -51,7 +51,7 @@ def test_what_a_floor_is_worth_is_what_its_data_then_bring(fitted, floors):
 
 def test_the_phase_is_offered_where_it_was_not_measured(fitted):
     problem, (right, wrong) = fitted(FLOORS, (FIRST, SECOND), phase=False)
-    assert [one.what for one in measurement_values(problem, right, [wrong])] == [PHASE]
+    assert [what for what, _ in measurement_values(problem, right, [wrong])] == [PHASE]
     problem, (right, wrong) = fitted(FLOORS, (FIRST, SECOND))
     assert measurement_values(problem, right, [wrong]) == ()
 

@@ -13,7 +13,7 @@ from femupdate.measurement import TextFile, inspect_file, kind_in, read_measured
 from femupdate.measurement.quantity import bracketed
 from femupdate.measurement.readers import uff
 from femupdate.measurement.table import split_complex
-from femupdate.workflow.identify import identify
+from femupdate.workflow.inspect_files import identify
 
 
 def test_data_of_no_type_in_a_matlab_file(tmp_path):

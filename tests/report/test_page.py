@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from femupdate.report import ElementField, Geometry, Page, Section, scene_content, thinned_geometry
+from femupdate.report import Geometry, Page, Section, scene_content, thinned_geometry
 from femupdate.report.figure import new_figure
 from femupdate.report.page import page_html, prose_html
 from femupdate.report.plot_measured import thinned
@@ -76,23 +76,22 @@ def grid(count):
 
 def test_a_mesh_is_thinned_to_what_a_screen_can_draw():
     full = grid(60)
-    thin = thinned_geometry(full, 900)
-    assert 200 < len(thin.faces) + len(thin.lines) <= 900
-    assert np.array_equal(thin.geometry.nodes, full.nodes[thin.nodes])
-    low, high = thin.geometry.nodes.min(axis=0), thin.geometry.nodes.max(axis=0)
+    thin, nodes, faces, lines = thinned_geometry(full, 900)
+    assert 200 < len(faces) + len(lines) <= 900
+    assert np.array_equal(thin.nodes, full.nodes[nodes])
+    low, high = thin.nodes.min(axis=0), thin.nodes.max(axis=0)
     assert np.abs(low).max() < 1.0
     assert np.abs(high[:2] - 10.0).max() < 1.0
-    same = thinned_geometry(full, 10_000)
-    assert len(same.faces) == 3600
-    assert np.array_equal(same.geometry.shells, full.shells)
+    same, _, faces, _ = thinned_geometry(full, 10_000)
+    assert len(faces) == 3600
+    assert np.array_equal(same.shells, full.shells)
 
 
 def test_a_scene_colours_elements_by_their_own_values():
     full = grid(4)
     values = np.arange(16.0)
-    field = ElementField(
-        name="factor", unit="", faces=values, lines=np.full(4, np.nan), map="factor"
-    )
+    colours = {"name": "factor", "unit": "", "map": "factor"}
+    field = {**colours, "faces": values, "lines": np.full(4, np.nan)}
     content = scene_content(thinned_geometry(full), [field], [], [], [("base", 0.0)])
     (own,) = content["fields"]
     assert (own["low"], own["high"]) == (0.0, 15.0)

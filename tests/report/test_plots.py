@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from femupdate.measurement import Observation
-from femupdate.report import SampleSet, frf_fit, posterior_pairs, stick_mode_shapes, theta_intervals
+from femupdate.report import frf_fit, posterior_pairs, stick_mode_shapes, theta_intervals
 from femupdate.report.curves import history_curves, response_curves, spectrum_curves
 from femupdate.report.plot_curves import (
     floor_history_bands,
@@ -20,7 +20,7 @@ from femupdate.report.plot_curves import (
     story_shear_drift,
     strong_part,
 )
-from femupdate.report.plot_diagnosis import Ranked, ResidualMap, ranking, residual_map
+from femupdate.report.plot_diagnosis import ResidualMap, ranking, residual_map
 
 FLOORS = ("2F", "3F", "4F", "5F", "6F", "RF")
 RNG = np.random.default_rng(11)
@@ -59,11 +59,9 @@ def samples(parameters: int, spread: float, count: int = 600) -> np.ndarray:
     return np.clip(1.0 + spread * RNG.normal(size=(count, parameters)) @ mix, 0.34, 2.9)
 
 
-def cases(parameters: int) -> list[SampleSet]:
-    return [
-        SampleSet("Case 1: all floors", samples(parameters, 0.03)),
-        SampleSet("Case 2: roof alone", samples(parameters, 0.3)),
-    ]
+def cases(parameters: int, count: int = 2) -> dict[str, np.ndarray]:
+    spreads = {"Case 1: all floors": 0.03, "Case 2: roof alone": 0.3}
+    return {name: samples(parameters, sd) for name, sd in list(spreads.items())[:count]}
 
 
 def bounds(parameters: int) -> np.ndarray:
@@ -123,7 +121,7 @@ def member_forces() -> Figure:
 HEIGHTS = np.array([0.0, 3.0])
 EDGES = np.geomspace(0.5, 20.0, 6)
 MISFIT = np.linspace(0.3, 40.0, 30).reshape(6, 5)
-RANKED = [Ranked("soft story in S2", 80.0, "0.30 ± 0.02", leading=True), Ranked("mass", -1.0, "")]
+RANKED = [("soft story in S2", 80.0, "0.30 ± 0.02", True), ("mass", -1.0, "", False)]
 
 
 def gappy_motion() -> np.ndarray:
@@ -142,9 +140,9 @@ FIGURES = {
         f"pairs {p}": lambda p=p: posterior_pairs(cases(p), names(p), bounds(p), np.ones(p))
         for p in (1, 7)
     },
-    "pairs of one case": lambda: posterior_pairs(cases(4)[:1], names(4), bounds(4)),
+    "pairs of one case": lambda: posterior_pairs(cases(4, 1), names(4), bounds(4)),
     "pairs with a constant": lambda: posterior_pairs(
-        [SampleSet("fixed", np.hstack([samples(2, 0.1), np.ones((600, 1))]))], names(3), bounds(3)
+        {"fixed": np.hstack([samples(2, 0.1), np.ones((600, 1))])}, names(3), bounds(3)
     ),
     "intervals": lambda: theta_intervals(names(6), cases(6), bounds(6)),
     "history": lambda: bands(measured=gappy_motion()),
@@ -236,15 +234,14 @@ def test_pairs_of_parameters():
     assert [panel.get_ylabel() for panel in panels[:, 0]] == ["", *names(3)[1:]]
     for row in range(3):
         assert line(panels[row, row], "Truth")[0, 0] == 1.0 + 0.1 * row
-        for text, one in zip(panels[row, row].texts, both, strict=True):
-            assert float(text.get_text().split(" ± ")[0]) == pytest.approx(
-                one.samples[:, row].mean(), abs=0.05
-            )
-    for text, one in zip(panels[0, 2].texts, both, strict=True):
+        for text, draws in zip(panels[row, row].texts, both.values(), strict=True):
+            mean = float(text.get_text().split(" ± ")[0])
+            assert mean == pytest.approx(draws[:, row].mean(), abs=0.05)
+    for text, draws in zip(panels[0, 2].texts, both.values(), strict=True):
         shown = float(text.get_text().replace("\u2212", "-"))
-        assert shown == pytest.approx(np.corrcoef(one.samples[:, [0, 2]].T)[0, 1], abs=0.0051)
+        assert shown == pytest.approx(np.corrcoef(draws[:, [0, 2]].T)[0, 1], abs=0.0051)
     points = panels[2, 0].lines[0].get_xydata()
-    np.testing.assert_array_equal(points, both[0].samples[::2, [0, 2]])
+    np.testing.assert_array_equal(points, next(iter(both.values()))[::2, [0, 2]])
     assert legend(figure) == ["Case 1: all floors", "Case 2: roof alone", "Truth"]
 
 
@@ -258,13 +255,12 @@ def test_intervals_of_stiffness_factors():
     assert [(bar.get_x(), bar.get_x() + bar.get_width()) for bar in prior] == [
         pytest.approx((1 / 3, 3.0))
     ] * 2
-    for drawn, given in zip(panel.collections, both, strict=True):
+    for drawn, given in zip(panel.collections, both.values(), strict=True):
         ends = np.array([segment[:, 0] for segment in drawn.get_segments()])
-        np.testing.assert_allclose(ends, np.quantile(given.samples, [0.05, 0.95], axis=0).T)
+        np.testing.assert_allclose(ends, np.quantile(given, [0.05, 0.95], axis=0).T)
     for row, text in enumerate(panel.texts[:2]):
-        assert float(text.get_text().split()[0]) == pytest.approx(
-            both[0].samples[:, row].mean(), abs=0.01
-        )
+        mean = both["Case 1: all floors"][:, row].mean()
+        assert float(text.get_text().split()[0]) == pytest.approx(mean, abs=0.01)
     assert legend(figure) == [
         "Case 1: all floors: mean, 5 to 95 %",
         "Case 2: roof alone: mean, 5 to 95 %",

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from femupdate.report import SampleSet, posterior_pairs, stick_mode_shapes
+from femupdate.report import posterior_pairs, stick_mode_shapes
 from femupdate.report.curves import history_curves
 from femupdate.report.plot_curves import member_force_bands, strong_part
 
@@ -48,7 +48,7 @@ def test_long_names_of_parameters_do_not_run_into_one_another():
         "softening in run, all: size",
         "softening in run: damping",
     ]
-    figure = posterior_pairs([SampleSet("RF", draws)], names, np.array([[-9.0, 9.0]] * 6))
+    figure = posterior_pairs({"RF": draws}, names, np.array([[-9.0, 9.0]] * 6))
     figure.canvas.draw()
     panels = np.reshape(figure.axes, (6, 6))
     below = [panel.xaxis.label.get_window_extent() for panel in panels[-1]]
@@ -68,7 +68,7 @@ def luminance(color):
 def test_series_stay_apart_in_grey_print():
     """Two posteriors: colours of nearly one grey, so their lines differ, and from the truth's."""
     draws = np.random.default_rng(1).normal(size=(2, 300, 2))
-    sets = [SampleSet("roof", draws[0]), SampleSet("all", draws[1])]
+    sets = {"roof": draws[0], "all": draws[1]}
     figure = posterior_pairs(sets, ["θ1", "θ2"], np.array([[-9.0, 9.0]] * 2), truth=[0.0, 0.0])
     lines = figure.axes[0].lines
     assert len(lines) == 3

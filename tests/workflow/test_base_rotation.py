@@ -20,7 +20,7 @@ from femupdate.workflow import (
     open_study,
     predict_study,
 )
-from femupdate.workflow.calibrate_draws import predictive_log_frf
+from femupdate.workflow.calibration_report import predictive_log_frf
 
 THETA, ZETA = (0.8, 1.2, 0.9), 0.02
 TURNS = "foundation_rocking and table_pitch are not looked for"

@@ -19,8 +19,8 @@ from femupdate.workflow import (
     open_study,
     train_study,
 )
-from femupdate.workflow.calibrate_draws import predictive_log_frf
-from femupdate.workflow.calibrate_notes import elsewhere_warnings
+from femupdate.workflow.calibration_report import predictive_log_frf
+from femupdate.workflow.conclusion import elsewhere_warnings
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 QUICK = CalibrationSettings(

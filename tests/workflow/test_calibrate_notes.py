@@ -7,8 +7,7 @@ import pytest
 
 from femupdate.inference import DrawnBy, Parameter, Parameters, Posterior, PredictiveCheck
 from femupdate.measurement import Observation
-from femupdate.workflow.calibrate_draws import Fitting
-from femupdate.workflow.calibrate_notes import judgement, overstated_noise
+from femupdate.workflow.conclusion import Fitting, judgement, overstated_noise
 
 FACTORS = Parameters.uniform(("theta_1", "theta_2"), [1.0 / 3.0] * 2, [3.0] * 2)
 KNOWN = Parameter(name="zeta", kind="damping", lower=0.05, upper=0.05)

@@ -24,8 +24,7 @@ from femupdate.workflow import (
     render_study,
     report_study,
 )
-from femupdate.workflow.effects import BASIS, finder_origin
-from femupdate.workflow.mesh_error import MESH_ERROR
+from femupdate.workflow.effects import BASIS, MESH_ERROR, finder_origin
 
 SHIPPED = Path(__file__).parents[2] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
 

@@ -8,7 +8,7 @@ import pytest
 
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.inference import Parameter, Parameters
-from femupdate.workflow.calibrate_draws import with_error_of_all, with_own_errors
+from femupdate.workflow.conclusion import with_error_of_all, with_own_errors
 
 
 @dataclass(frozen=True)

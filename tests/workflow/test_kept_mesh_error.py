@@ -15,8 +15,7 @@ from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import Observation
 from femupdate.study import Study
 from femupdate.workflow import kept_mesh_error, open_study, with_finer_mesh
-from femupdate.workflow.effects import finder_origin
-from femupdate.workflow.mesh_error import MESH_ERROR_PART
+from femupdate.workflow.effects import MESH_ERROR_PART, finder_origin
 from femupdate.workflow.model import FINER
 
 LEARNED = MeshError(

@@ -87,8 +87,8 @@ def test_the_factors_come_back_to_the_truth_and_data_kept_out_are_predicted_bett
     assert before.max() > 5.0 * after.max()
     held = report.held
     assert held.name == "kept.csv"
-    assert held.error_after < 0.25 * held.error_before
-    assert held.chi2_after < 0.2 * held.chi2_before
+    assert held.figures["error"][1] < 0.25 * held.figures["error"][0]
+    assert held.figures["chi2"][1] < 0.2 * held.figures["chi2"][0]
 
 
 def test_the_study_itself_stays_as_it_was(repaired, calibrated_before):
@@ -247,11 +247,11 @@ def test_pages_of_a_repair_name_it_and_every_file(repaired, home, tmp_path):
 
     done, _ = repaired
     before, after = Study(done.path.parent), done.study
-    html = report_study(before, tmp_path / "before.html").path.read_text("utf-8")
+    html = report_study(before, tmp_path / "before.html").report.read_text("utf-8")
     assert "A repaired model has a page of its own. Added to the model: Added mass at" in html
     assert "kept.csv" in html
     assert file_hash(home / "kept.csv")[:16] in html
-    html = report_study(after, tmp_path / "after.html").path.read_text("utf-8")
+    html = report_study(after, tmp_path / "after.html").report.read_text("utf-8")
     assert "This model was repaired. Added to the model: Added mass at" in html
     assert re.search(r"The model holds effects: Added mass at 3F: [\d.]+ \[.*\] % \(share", html)
     # Data kept out made no artefact of the repaired study itself.

@@ -50,7 +50,7 @@ def test_the_page_has_every_section_and_is_small(written):
 
 
 def test_the_page_says_what_the_study_holds(written, study):
-    html = written.path.read_text(encoding="utf-8")
+    html = written.report.read_text(encoding="utf-8")
     assert study.artefacts()["posterior"].sha256[:16] in html
     assert "story high" in html
     assert file_hash(study.path("building.toml"))[:16] in html
@@ -62,7 +62,7 @@ def test_the_page_says_what_the_study_holds(written, study):
 
 
 def test_the_first_section_has_verdict_figures_and_the_model(written):
-    html = written.path.read_text(encoding="utf-8")
+    html = written.report.read_text(encoding="utf-8")
     first = html[html.index('id="summary"') : html.index('id="building"')]
     places = [first.index(part) for part in ("Verdict:", 'alt="model"', "Stiffness", "nothing of")]
     assert places == sorted(places)
@@ -93,7 +93,7 @@ def test_a_client_has_title_names_logo_and_own_sections(bare, tmp_path):
         logo=logo,
         added=[text, logo],
     )
-    html = report.path.read_text(encoding="utf-8")
+    html = report.report.read_text(encoding="utf-8")
     assert report.sections[-3:] == ("On <site>", "logo", "How it was made")
     assert "<p>Two walls were removed.</p>" in html
     assert "Client: The city</p>" in html
@@ -116,13 +116,15 @@ def test_something_stale_is_told_on_the_page(study, tmp_path):
     entries["artefacts"]["prediction"]["made_from"]["posterior"] = "older"
     write_text(copy.path("study.json"), json.dumps(entries))
     report = report_study(copy)
-    assert report.path == copy.path("report.html")
+    assert report.report == copy.path("report.html")
     assert report.stale == ("prediction: stale",)
-    assert "The prediction is stale: the posterior changed since" in report.path.read_text("utf-8")
+    assert "The prediction is stale: the posterior changed since" in report.report.read_text(
+        "utf-8"
+    )
 
 
 def test_a_study_without_a_posterior_has_a_page_too(bare):
-    html = report_study(bare).path.read_text(encoding="utf-8")
+    html = report_study(bare).report.read_text(encoding="utf-8")
     assert "There is no posterior yet" in html
     assert "Nothing was predicted" in html
 
@@ -164,7 +166,7 @@ def test_the_page_works_in_a_browser(browser, written):
     page.on("console", lambda one: wrong.append(one.text) if one.type == "error" else None)
     page.on("pageerror", lambda one: wrong.append(str(one)))
     page.on("request", lambda one: asked.append(one.url))
-    page.goto(written.path.as_uri())
+    page.goto(written.report.as_uri())
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     page.set_viewport_size({"width": 1280, "height": 900})
     assert page.evaluate("document.documentElement.scrollWidth") <= 1280

@@ -18,7 +18,7 @@ from femupdate.measurement import Observation
 from femupdate.surrogate import Surrogate
 from femupdate.surrogate.storage import ANY_FLOORS
 from femupdate.workflow import StudyModel
-from femupdate.workflow.calibrate_draws import latent_zeta
+from femupdate.workflow.conclusion import latent_zeta
 from femupdate.workflow.likelihoods import on_fewer_modes
 
 from .coverage import density_level, ranks, tarp_level
