@@ -50,7 +50,7 @@ def compare_modes(before: Path, after: Path) -> Told:
     first, second = earlier.of_floors(floors), later.of_floors(floors)
     # The modal assurance criterion of every two shapes (Allemang 2003, equation 4).
     alike = np.array([[mac(shape, other) for other in second.shape] for shape in first.shape])
-    # One to one, so that their MAC adds up to most; above .5 two are more alike than not.
+    # Pairs such that their MAC adds up to most; above .5 two are more alike than not.
     rows, columns = linear_sum_assignment(-alike)
     sure = alike[rows, columns] >= 0.5
     rows, columns = rows[sure], columns[sure]
@@ -135,7 +135,7 @@ def compare_frfs(before: str, after: str, study: Study) -> Told:
         models[name] = model, kept_posterior(opened, model.building)
         grids.append(model.frequency_hz.numpy())
     grid = max(grids, key=len) if grids else np.arange(*_BAND, _STEP)
-    low, high = max([own[0] for own in grids] or [0.0]), min([own[-1] for own in grids] or [np.inf])
+    low, high = max([g[0] for g in grids] or [0.0]), min([g[-1] for g in grids] or [np.inf])
     grid = grid[(grid >= low) & (grid <= high)]
     if grid.size < 10:
         raise MeasurementError(f"{before} and {after} share {grid.size} frequencies; ten are least")
@@ -143,13 +143,18 @@ def compare_frfs(before: str, after: str, study: Study) -> Told:
     seen: dict[str, tuple[tuple[str, ...], Complexes]] = {}
     used, estimator = np.ones(grid.size, dtype=bool), None
     for name, data in files.items():
-        own = estimate_frf(data, grid, direction) if isinstance(data, Histories) else None
-        own = on_grid(data, grid) if isinstance(data, Observation) else own
-        assert own is not None
-        estimator = own.estimator or estimator
-        used &= np.isfinite(own.log_frf).all(axis=0)
-        h = np.exp(own.log_frf) if own.phase is None else np.exp(own.log_frf + 1j * own.phase)
-        seen[name] = own.floors, h
+        if isinstance(data, Histories):
+            seen_at = estimate_frf(data, grid, direction)
+        else:
+            seen_at = on_grid(data, grid)
+        estimator = seen_at.estimator or estimator
+        used &= np.isfinite(seen_at.log_frf).all(axis=0)
+        h = (
+            np.exp(seen_at.log_frf)
+            if seen_at.phase is None
+            else np.exp(seen_at.log_frf + 1j * seen_at.phase)
+        )
+        seen[name] = seen_at.floors, h
     for name, (model, posterior) in models.items():
         mean = posterior.parameters.split(torch.from_numpy(posterior.values.mean((0, 1))[None]))
         at = torch.from_numpy(grid if estimator is None else estimator.frequency_hz)

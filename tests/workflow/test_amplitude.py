@@ -11,7 +11,7 @@ from scipy.signal import StateSpace, lsim
 from femupdate.building import from_document
 from femupdate.dynamics import ConstantDamping, System, motion_level, reduced_on
 from femupdate.effects import CATALOGUE, Placed, structure_of
-from femupdate.inference.parameters import Values
+from femupdate.inference import Values
 from femupdate.measurement import GroundMotion
 from femupdate.workflow.amplitude import at_own_level, far_stronger, own_level
 
