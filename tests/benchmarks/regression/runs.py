@@ -215,9 +215,6 @@ def _repairs(folders: Folders) -> Iterator[Run]:
         yield Run(f"{name} repair", ("repair", first, *options), read_repair)
         predict = ("predict", *folders.ground_motion(), "--study", f"{name}/repaired")
         yield Run(f"{name} repaired predict", predict, read_prediction)
-    # Mass and rocking, by themselves each explaining less than half: others imitate them.
-    both = ("repair", folders.observation("two_0"), "--building", "shear_4dof", "--study", "two")
-    yield Run("two repair", both, read_repair)
     again = ("calibrate", folders.observation("mass_2"), "--exact", "--study", "mass/repaired")
     yield Run("mass repaired exact", again, read_posterior)
 
