@@ -20,7 +20,7 @@ _NOUNS = {
     "Effect": "effects.effect",
     "GroundMotion": "measurement.record",
     "Likelihood": "inference.likelihood",
-    "ModelError": "inference.joint_error",
+    "ModelError": "inference.likelihood",
     "Observation": "measurement.observation",
     "Parameters": "inference.parameters",
     "Posterior": "inference.posterior",

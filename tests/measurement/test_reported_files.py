@@ -151,7 +151,7 @@ FRICTIONS = {
     ),
     9: ("page", ("What is assumed", "damping, law", "Client: Kobe", "Author: me")),
     10: ("page", ("Verdict:", "counter(page)", "prefers-color-scheme", "How it was made")),
-    11: ("page", ("The model at rest", 'alt="model"')),
+    11: ("page", ('alt="model"',)),
     12: ("page", ("share of the mass",)),
     14: (
         "inspect {shared}/first_day/quoted_thousands.csv",
