@@ -273,7 +273,7 @@ class CalibrationReport(Result):
             draws["damping ratio"] = posterior.zeta_samples
         told = f"factors of {len(draws)} parameters"
         if not self._many:
-            told = ", ".join(f"{name} {range_text(own)}" for name, own in draws.items())
+            told = ", ".join(f"{name} {range_text(values)}" for name, values in draws.items())
         return f"Verdict: {verdict} ({of}).", f"Intervals (90 %): {told}."
 
     @property
