@@ -116,7 +116,7 @@ def find_latent(
     mvae: Mvae,
     data: LatentData,
     proposal: LatentMixture,
-    own: tuple[LatentData, Callable[[Tensor, Tensor], Tensor]],
+    reduced: tuple[LatentData, Callable[[Tensor, Tensor], Tensor]],
     generator: torch.Generator,
     settle: Callable[[Tensor], tuple[Tensor, Callable[[Tensor], Tensor]]] | None = None,
 ) -> FoundLatent:
@@ -124,9 +124,9 @@ def find_latent(
 
     Args:
         data: the observation with the variance of noise and decoder.
-        own: the observation with the variance of its noise alone, and the building's own responses:
-            theta (n, p) and damping ratios (n,) to ln|H| (n, f, k) of the decoder's floors. What
-            they give for floors that are not observed does not matter.
+        reduced: the observation with the variance of its noise alone, and the building's own
+            responses: theta (n, p) and damping ratios (n,) to ln|H| (n, f, k) of the decoder's
+            floors. What they give for floors that are not observed does not matter.
         settle: parameters (s, p) with the damping ratio last, from the decoder, to those of the
             building's own maxima and to residuals that allow for its errors; None where the noise
             is all there is.
@@ -140,7 +140,7 @@ def find_latent(
     # In double precision: differences of responses are taken.
     precise = copy.deepcopy(mvae).double()
 
-    misfit, starts = _own_misfit(precise, own, near.z.double(), settle)
+    misfit, starts = _own_misfit(precise, reduced, near.z.double(), settle)
     ended = descend(misfit, starts, Search(iterations=8, small_nats=0.02, most_damping=100.0))
     # Points from which much is still to be gained are at the edge of what can be asked: what they
     # say of the inside is not to be trusted where something better is at hand.
@@ -163,14 +163,14 @@ def find_latent(
         log_weight.log_softmax(0),
         found.z.double(),
         found.information.double(),
-        squares / int((own[0].weight > 0).sum()),
+        squares / int((reduced[0].weight > 0).sum()),
         misfit.responses,
     )
 
 
 def _own_misfit(
     mvae: Mvae,
-    own: tuple[LatentData, Callable[[Tensor, Tensor], Tensor]],
+    reduced: tuple[LatentData, Callable[[Tensor, Tensor], Tensor]],
     near: Tensor,
     settle: Callable[[Tensor], tuple[Tensor, Callable[[Tensor], Tensor]]] | None,
 ) -> tuple[Residuals, Tensor]:
@@ -183,7 +183,7 @@ def _own_misfit(
         return mvae.parameters_at(z), mvae.decoder.damping(z)
 
     if settle is None:
-        data, respond = own
+        data, respond = reduced
         return Misfit(lambda z: respond(*parameters(z)), data, _RESPONSE_STEP), reached
 
     def joined(z: Tensor) -> Tensor:
