@@ -157,7 +157,7 @@ FRICTIONS = {
         "inspect {shared}/first_day/quoted_thousands.csv",
         ("Times in ms are called time_s (ms)",),
     ),
-    15: ("calibrate run.csv --study s --columns x=y", ("--columns",)),
+    15: ("calibrate run.csv --study s --columns x=y", ("no column 'y' to take for x",)),
     17: ("list", ("infill_stiffness",)),
     18: ("calibrate run.csv --study s --particles 200 --no-pictures", ("Verdict:", "Next:")),
     19: ("site", ("Home: index.md", "Tutorial:", "How-to:", "Reference:", "Explanation:")),
