@@ -26,8 +26,9 @@ def list_all() -> Told:
     for name in sorted(CATALOGUE):
         effect = CATALOGUE[name]
         # Where it can sit: in its words, or the first line of its own method's docstring.
-        places = capital(effect.sits)
-        if type(effect).places is not Effect.places:
+        if type(effect).places is Effect.places:
+            places = capital(effect.sits)
+        else:
             places = (inspect.getdoc(type(effect).places) or "").splitlines()[0].rstrip(".")
         parameters = [
             {"name": p.name, "unit": p.unit, "meaning": p.text} for p in effect.parameters
