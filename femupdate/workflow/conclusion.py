@@ -252,18 +252,6 @@ def elsewhere_warnings(
     )
 
 
-def reduction_warnings(model: StudyModel, observation: Observation) -> tuple[str, ...]:
-    """Where the data are better than the reduced model."""
-    typical = float(np.median(observation.noise_sd[observation.valid]))
-    if model.reduction_error <= max(typical, model.least_noise):
-        return ()
-    return (
-        f"The reduced model misses the full one by {model.reduction_error:.2g} in ln|H| (rms, at "
-        f"the lowest damping), but the data show a noise of {typical:.2g}. This posterior is "
-        "narrower than the model deserves.",
-    )
-
-
 def noise_notes(model: StudyModel, observation: Observation, least: float) -> tuple[str, ...]:
     """Where the data have less noise than the likelihood believes, `least` in ln|H|."""
     typical = float(np.median(observation.noise_sd[observation.valid]))

@@ -175,7 +175,9 @@ def smooth_likelihood(
         base = base_data([measured.base], model.system, phase)
         base = base if phase else base.as_logs(model.system, modes=None)
         cost = cost_of_scatter(measured.base, base)
-    base = base.with_least_noise(max(least_noise, model.least_noise))
+    # Of what the reduced model is known to miss, the data say nothing.
+    least = max(least_noise, model.least_noise, model.reduction_error)
+    base = base.with_least_noise(least)
     whole = likelihood_of((base, *others), model.system, model.parameters, cost)
     return replace(whole, known=model.shared)
 

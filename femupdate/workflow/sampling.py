@@ -29,7 +29,6 @@ from femupdate.workflow.conclusion import (
     latent_notes,
     misfit_warnings,
     noise_notes,
-    reduction_warnings,
 )
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
@@ -234,7 +233,7 @@ def sample_exact(
     if fitted is not None or measured.beyond_surrogates:
         return sampled
     notes = (*noise_notes(model, measured.base, model.least_noise), *sampled.notes)
-    warnings = reduction_warnings(model, measured.base)
+    warnings: tuple[str, ...] = ()
     if many:
         # Root mean square by which the likeliest draw misses the measured ln|H|.
         base = sampled.likelihood.base
@@ -245,7 +244,7 @@ def sample_exact(
         answer = base.predicted(sampled.likelihood.system, values.theta, values.zeta, values.sizes)
         left = (base.log_frf - answer[0])[base.valid]
         missed = float(left.square().mean().sqrt())
-        warnings += elsewhere_warnings(model, measured.base, model.least_noise, missed)
+        warnings = elsewhere_warnings(model, measured.base, model.least_noise, missed)
     return replace(
         sampled,
         notes=notes,
