@@ -221,7 +221,9 @@ def test_two_effects_that_others_imitate_are_repaired(study, tmp_path):
     assert before > 10.0 > 1.5 > after
     told = report.as_dict()
     assert [told[f"halves_chi2_{when}"] for when in ("before", "after")] == [before, after]
-    assert f"kept out in turn: error (chi2 a point) {before:.1f} -> " in "\n".join(report.lines())
+    assert f"kept out in turn: error (chi2 a point) {before:.1f} -> " in "\n".join(
+        report.lines(details=True)
+    )
 
 
 def test_a_factor_that_ends_at_its_limit_is_told(diagnosed, study, tmp_path):

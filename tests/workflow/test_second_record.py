@@ -79,7 +79,9 @@ def test_softening_is_named_repaired_and_of_the_right_size(repaired, study, home
     assert before > 1.5 > after
     told = report.as_dict()
     assert [told[f"halves_chi2_{when}"] for when in ("before", "after")] == [before, after]
-    assert f"kept out in turn: error (chi2 a point) {before:.1f} -> " in "\n".join(report.lines())
+    assert f"kept out in turn: error (chi2 a point) {before:.1f} -> " in "\n".join(
+        report.lines(details=True)
+    )
     # The repaired building is an ordinary one: the first record alone is explained by it.
     again = diagnose_study(report.study, open_study(report.study, None), weak)
     assert again.diagnosis.verdict == "none"
