@@ -80,8 +80,9 @@ def option(
     names: str, text: str, kind: Any = None, default: Any = None, **more: Any
 ) -> Callable[[F], F]:
     """An option by its names, help, type and default, which the help shows."""
-    more = {"show_default": default is not None, **more}
-    return click.option(*names.split(), type=kind, default=default, help=text, **more)
+    if default is not None:  # none at all, for click lets a required option be None by default
+        more = {"default": default, "show_default": True, **more}
+    return click.option(*names.split(), type=kind, help=text, **more)
 
 
 def flag(names: str, text: str) -> Callable[[F], F]:

@@ -3,17 +3,18 @@
 import codecs
 import difflib
 import importlib
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
 from femupdate.storage import read_file
+
+if TYPE_CHECKING:  # commands read heads of files before anything heavy is imported
+    from femupdate.arrays import Floats
 
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _ZIP_MARK = b"PK\x03\x04"
@@ -155,11 +156,13 @@ def finite(text: str) -> float | None:
         value = float(text)
     except ValueError:
         return None
-    return value if np.isfinite(value) else None
+    return value if math.isfinite(value) else None
 
 
-def wrapped_numbers(file: TextFile, start: int, count: int, announced_at: int) -> Floats:
+def wrapped_numbers(file: TextFile, start: int, count: int, announced_at: int) -> "Floats":
     """Return the numbers that fill the lines from index `start` to the end, row by row."""
+    import numpy as np
+
     values: list[float] = []
     for index, line in enumerate(file.lines[start:], start=start):
         # Full columns of fixed-width output touch where a number is negative: 0.12E-01-0.34E-01.
@@ -195,7 +198,7 @@ _END = re.compile(r"^/&|^End-of-data|points of (accel|veloc|displ) data", re.IGN
 
 def fixed_columns(
     file: TextFile, at: int, count: int, layout: tuple[int, int], channel: str, whole: bool = False
-) -> Floats:
+) -> "Floats":
     """Return numbers in columns of one width.
 
     Args:
@@ -205,6 +208,8 @@ def fixed_columns(
         channel: what messages call them.
         whole: whether they are counts, without a decimal point.
     """
+    import numpy as np
+
     per_line, width = layout
 
     def numbers(fields: list[str]) -> bool:

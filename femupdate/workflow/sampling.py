@@ -97,8 +97,7 @@ def sampled_about_maxima(
     started = time.monotonic()
     target.likelihood(few)
     ahead = waiting((time.monotonic() - started) * total / len(few))
-    show.say(f"Sampling takes {ahead}: {total:,} responses of the building")
-    show.start("Importance sampling (data-space likelihood)", total)
+    show.start(f"Importance sampling ({ahead}, {total:,} responses of the building)", total)
     drawing, choosing = spawn(seed, 2)
     # A thousand at a time: all processors start and end together.
     counted = Counted(target.likelihood, show, rows=1024)

@@ -147,7 +147,7 @@ FRICTIONS = {
     5: ("build-model shear_3dof --study b --no-pictures", ("Heaviest modes: 3.880 Hz (X)",)),
     7: (
         "calibrate run.csv --study s --exact --particles 200 --no-pictures",
-        ("Sampling takes about",),
+        ("Importance sampling (about",),
     ),
     9: ("page", ("What is assumed", "damping, law", "Client: Kobe", "Author: me")),
     10: ("page", ("Verdict:", "counter(page)", "prefers-color-scheme", "How it was made")),
