@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from femupdate.workflow.model import StudyModel
     from femupdate.workflow.repair import RepairReport
     from femupdate.workflow.status import StatusReport
+    from femupdate.workflow.train import Trained
 
 Folder = Study | Path | str
 File = Path | str
@@ -142,7 +143,7 @@ def train(
     device: str = "cpu",
     progress: Progress = SILENT,
     **settings: Unpack[Training],
-) -> "Told":
+) -> "Trained":
     """Train the surrogate of a study's building; resumes, and skips what is there already.
 
     Args:

@@ -2,6 +2,7 @@
 
 import shutil
 import time
+from collections.abc import Iterable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 from femupdate import __version__
 from femupdate.errors import SurrogateError
 from femupdate.progress import SILENT, Progress
-from femupdate.result import Note, Told, first_lines
+from femupdate.result import Item, Note, Told, first_lines
 from femupdate.seeds import DATA_SET, stream
 from femupdate.study import BUILDING_FILE, Study, file_hash, typed
 from femupdate.surrogate.dataset import ModalDataset, compute_dataset, modes_kept
@@ -38,9 +39,17 @@ _MODES_KEPT = 28
 USUAL, THOROUGH = (50_000, 16), (100_000, 45)
 
 
+class Trained(Told):
+    """What `train` tells, with the surrogate itself."""
+
+    def __init__(self, surrogate: Surrogate, items: Iterable[Item]) -> None:
+        super().__init__(items)
+        self.surrogate = surrogate
+
+
 def _told(
     surrogate: Surrogate, path: Path, folder: Path, seconds: tuple[float, float] | None = None
-) -> Told:
+) -> Trained:
     """What was trained into a study, with the seconds of data set and training; else found."""
     trained, metrics = seconds is not None, surrogate.info.metrics
     dataset, training = seconds or (0.0, 0.0)
@@ -58,7 +67,7 @@ def _told(
         epochs = f"best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}"
         loss = f"validation loss {metrics['validation_loss']:.1f}"
         more = [Note(f"  {epochs}, {loss}\n  {path}", detail=True)]
-    return Told((Note(content=content), *first, *more))
+    return Trained(surrogate, (Note(content=content), *first, *more))
 
 
 def check_samples(samples: int, settings: TrainingSettings) -> None:
@@ -108,7 +117,7 @@ def train_study(
     start: Path | None = None,
     progress: Progress = SILENT,
     device: str = "cpu",
-) -> Told:
+) -> Trained:
     """Make the data set and train; skipped when a fitting surrogate is there.
 
     With `start`, a weights file of the same sizes, training goes on from there instead of from

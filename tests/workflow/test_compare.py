@@ -34,7 +34,7 @@ def state(tmp_path_factory, tower_file):
         source = ObservationSource(path)
         chosen = CalibrationSettings(particles=400, exact=True, seed=seed)
         calibrate_study(study, open_study(study, str(tower_file)), source, chosen)
-        return open_state(study)
+        return SimpleNamespace(state=open_state(study), folder=study.folder)
 
     return calibrated
 
@@ -47,7 +47,7 @@ def states(state):
 
 
 def test_a_story_softened_by_a_tenth_is_named(states):
-    report = compare_states(states.before, states.softer)
+    report = compare_states(states.before.state, states.softer.state)
     assert report.verdict == "changed"
     assert report.sentence().startswith("The stiffness of story high changed by -")
     answer = report.as_dict()
@@ -58,7 +58,7 @@ def test_a_story_softened_by_a_tenth_is_named(states):
 
 
 def test_no_change_is_said_to_be_none(states):
-    report = compare_states(states.before, states.same)
+    report = compare_states(states.before.state, states.same.state)
     assert report.verdict == "unchanged"
     assert report.sentence().startswith("Nothing has changed, with a probability of")
     assert "or more would have been seen" in report.sentence()
@@ -71,7 +71,7 @@ def test_the_command_prints_and_draws(states, tmp_path):
     from femupdate.cli.main import group
 
     picture = tmp_path / "change.png"
-    words = [str(states.before.path), str(states.softer.path), "--picture", str(picture)]
+    words = [str(states.before.folder), str(states.softer.folder), "--picture", str(picture)]
     done = CliRunner().invoke(group, ["compare", *words], catch_exceptions=False)
     assert done.exit_code == 0
     assert "story high" in done.stdout.splitlines()[1] + done.stdout.splitlines()[3]
@@ -79,10 +79,10 @@ def test_the_command_prints_and_draws(states, tmp_path):
 
 
 def test_two_posteriors_of_one_study_are_compared_by_their_names(states, tmp_path):
-    study = Study(shutil.copytree(states.before.path, tmp_path / "study"))
+    study = Study(shutil.copytree(states.before.folder, tmp_path / "study"))
     later = Study(study.folder, "after")
     later.result().mkdir(parents=True)
-    shutil.copyfile(states.softer.path / "posterior.nc", later.result("posterior.nc"))
+    shutil.copyfile(states.softer.folder / "posterior.nc", later.result("posterior.nc"))
     later.record("posterior", "posterior.nc", "calibrate", {"observation": "another"})
     report = compare_states(find_state("posterior", study), find_state("after", study))
     assert report.verdict == "changed"

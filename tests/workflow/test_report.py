@@ -45,7 +45,7 @@ def written(study, tmp_path_factory):
 def test_the_page_has_every_section_and_is_small(written):
     assert written.sections[0] == "In short"
     assert {"Posterior", "Prediction", "How it was made"} <= set(written.sections)
-    assert written.size < 8e6
+    assert written.bytes < 8e6
     assert written.stale == ()
 
 
