@@ -137,6 +137,18 @@ def test_runs_that_do_not_agree_are_told_and_gone_on_with(tmp_path, tower_model,
     assert ((mean > 0.9 * TRUTH) & (mean < TRUTH)).all()
 
 
+def test_floors_may_be_of_one_run_only(tower_model, tables, tower_frf, tmp_path):
+    clean = np.log(np.abs(tower_frf(TRUTH, ZETA, GRID)))
+    roof = write_table(tmp_path / "roof.csv", clean[1:], 0.1, ("RF",))
+    low = write_table(tmp_path / "low.csv", clean[:1], 0.1, ("2F",))
+    both = observation_of(tower_model.building, source_of(roof, low))
+    assert both.floors == ("2F", "RF")
+    np.testing.assert_allclose(both.log_frf, clean, atol=1e-9)
+    assert "cannot be told" in both.notes[0]
+    more = observation_of(tower_model.building, source_of(tables[0], roof, sensors=("RF",)))
+    assert more.floors == ("RF",)
+
+
 def test_runs_that_cannot_be_taken_together(tmp_path, tower_model, tables):
     copy = tmp_path / "copy.csv"
     copy.write_text("# The same under another name.\n" + tables[0].read_text())
