@@ -40,11 +40,11 @@ USUAL, THOROUGH = (50_000, 16), (100_000, 45)
 
 
 class Trained(Told):
-    """What `train` tells, with the surrogate itself."""
+    """What `train` tells, with the surrogate itself and the path of its file."""
 
-    def __init__(self, surrogate: Surrogate, items: Iterable[Item]) -> None:
+    def __init__(self, surrogate: Surrogate, path: Path, items: Iterable[Item]) -> None:
         super().__init__(items)
-        self.surrogate = surrogate
+        self.surrogate, self.path = surrogate, path
 
 
 def _told(
@@ -67,7 +67,7 @@ def _told(
         epochs = f"best epoch {metrics['best_epoch']:.0f} of {metrics['epochs']:.0f}"
         loss = f"validation loss {metrics['validation_loss']:.1f}"
         more = [Note(f"  {epochs}, {loss}\n  {path}", detail=True)]
-    return Trained(surrogate, (Note(content=content), *first, *more))
+    return Trained(surrogate, path, (Note(content=content), *first, *more))
 
 
 def check_samples(samples: int, settings: TrainingSettings) -> None:

@@ -60,7 +60,7 @@ def header(path):
 def test_what_is_written(trained):
     study, report = trained
     assert report.trained
-    assert report.surrogate == study.path("surrogate.safetensors")
+    assert report.path == study.path("surrogate.safetensors")
     assert report.dataset_seconds > 0.0
     assert report.training_seconds > 0.0
     # Neither shards nor checkpoint stay behind.
@@ -70,7 +70,7 @@ def test_what_is_written(trained):
         "study.json",
         "surrogate.safetensors",
     }
-    info = load_surrogate(report.surrogate).info
+    info = load_surrogate(report.path).info
     assert (info.building, info.floors, info.noise_sd) == ("tower", ("2F", "RF"), 0.2)
     assert info.mechanics_hash == open_study(study).hash
     assert info.settings["samples"] == SAMPLES
@@ -82,7 +82,7 @@ def test_a_second_training_is_skipped(copy, snapshot):
     before = snapshot(copy.folder)
     report = train_study(copy, open_study(copy), SAMPLES, SMALL)
     assert not report.trained
-    assert report.surrogate == copy.path("surrogate.safetensors")
+    assert report.path == copy.path("surrogate.safetensors")
     assert snapshot(copy.folder) == before
 
 
@@ -127,18 +127,18 @@ def test_a_killed_training_goes_on_to_the_same_surrogate(trained, tmp_path, towe
     assert "epoch 1" not in epochs
     assert f"epoch {EPOCHS}" in epochs
     straight = trained[1]
-    once, again = weights(straight.surrogate), weights(report.surrogate)
+    once, again = weights(straight.path), weights(report.path)
     assert once.keys() == again.keys()
     for name, value in once.items():
         np.testing.assert_array_equal(again[name], value, err_msg=name)
     # The time that it took is all that tells the two files apart.
-    written, expected = header(report.surrogate), header(straight.surrogate)
+    written, expected = header(report.path), header(straight.path)
     for content in (written, expected):
         content["metrics"].pop("seconds", None)
     assert written == expected
     # A killed command leaves its lock, which the next one takes.
     left = {path.name for path in study.folder.iterdir() if not path.name.startswith(".lock")}
-    assert left == {path.name for path in straight.surrogate.parent.iterdir()}
+    assert left == {path.name for path in straight.path.parent.iterdir()}
 
 
 def test_a_checkpoint_of_another_training_is_named(copy):
