@@ -189,7 +189,8 @@ def against_data(
             density = error.log_densities(misses)
             at = int(density.logsumexp(1).argmax())
             left = data.remains(error, int(density[at].argmax()), misses[at])
-            errors.append(f"{left.sentence} The intervals allow for it." if left.size else "")
+            allowed = "The intervals allow for what shows, not for what factors took up."
+            errors.append(f"{left.sentence} {allowed}" if left.size else "")
     told = tuple(filter(None, errors))
     return Fitting(misfit, check, likelihood.explained(drawn), likelihood.learns, wild, told)
 
@@ -326,7 +327,7 @@ def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
     if missed:
         what = "the measured ln|H|" if posterior.observation.valid.any() else "what was measured"
         allowed = (
-            "the intervals allow for it"
+            "the intervals allow for what shows, not for what factors took up"
             if fitting.learned
             else "the standard deviations are too small by about that factor"
         )

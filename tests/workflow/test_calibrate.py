@@ -141,7 +141,7 @@ def test_a_real_frame_is_followed_and_its_misfit_told(tmp_path):
     np.testing.assert_allclose(found[1:], peaks[1:], rtol=0.02)
     assert report.misfit > 4.0
     assert any("something is missing in the model" in note for note in report.notes)
-    assert any("the intervals allow for it" in note for note in report.notes)
+    assert any("the intervals allow for what shows" in note for note in report.notes)
 
 
 def test_a_second_observation_replaces_the_first(
