@@ -30,6 +30,12 @@ def banana(z: Tensor) -> Tensor:
     return torch.stack([(z[:, 0] + 0.5) / 0.15, (z[:, 1] - 2.0 * z[:, 0] ** 2) / 0.01], dim=1)
 
 
+def broad(z: Tensor) -> Tensor:
+    """A solution that is about as wide in two directions, and no Gaussian."""
+    u, v = (z[:, 0] - 0.3) / 0.05, (z[:, 1] - 0.2) / 0.06
+    return torch.stack([u + 0.5 * v**2, v + 0.5 * u**2], dim=1)
+
+
 def straight(z: Tensor) -> Tensor:
     """A Gaussian."""
     return torch.stack([(z[:, 0] - 0.5) / 0.05, (z[:, 1] + z[:, 0]) / 0.01], dim=1)
@@ -89,6 +95,16 @@ def test_a_row_of_gaussians_has_mass_and_moments_of_the_density(
     assert mass == pytest.approx(true_mass, abs=0.06)
     np.testing.assert_allclose(sd, true_sd, rtol=0.06)
     assert np.all(np.abs(mean - true_mean) < 0.06 * true_sd)
+
+
+def test_a_maximum_as_wide_in_two_directions_has_no_ridge() -> None:
+    misfit = _misfit(broad)
+    point = _solution(misfit, (0.3, 0.2))
+    assert bool(bent(misfit, point, REACH)[0])
+    found = along_ridges(misfit, point, point[[]], REACH)
+    # A way that is followed in circles has 56 Gaussians, of twice the mass.
+    assert len(found.z) == 1
+    assert _of_mixture(found)[0] == pytest.approx(_by_quadrature(broad)[0], abs=0.06)
 
 
 def test_a_gaussian_solution_is_left_as_it_is() -> None:
