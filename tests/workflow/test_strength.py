@@ -31,11 +31,11 @@ def motion(seed, seconds=60.0):
     return np.fft.irfft(fine, count * FINE) * FINE
 
 
-def shaken(base, yields):
+def shaken(base, yields, gap=np.inf):
     """Accelerations (c, floors, n) of chains whose stories follow Bouc and Wen (exponent one).
 
     They yield at displacements (c, stories), m, from which a share of their stiffness stays;
-    infinite: never. Semi-implicit Euler steps.
+    infinite: never. The top strikes a spring beyond a gap, m. Semi-implicit Euler steps.
     """
     drift = np.eye(3) - np.eye(3, k=-1)
     chain = drift.T @ np.diag(SPRING) @ drift
@@ -48,6 +48,7 @@ def shaken(base, yields):
     for n, pushed in enumerate(base):
         shear = SPRING * (share * (moved @ drift.T) + (1.0 - share) * lag)
         own = -(shear @ drift + speed @ damping) / MASS
+        own[:, -1] -= SPRING[-1] * np.maximum(moved[:, -1] - gap, 0.0) / MASS[-1]
         seen[..., n] = own
         speed = speed + step * (own - pushed)
         moved = moved + step * speed
@@ -103,3 +104,13 @@ def test_a_story_that_yields_is_told_with_its_place():
         assert found.verdict == "nonlinear"
         assert found.leading.placed.label == f"amplitude_softening@S{story + 1}"
         assert found.leading.size < -0.01
+        assert f"S{story + 1} changes while it shakes" in found.sentence
+
+
+def test_a_floor_that_strikes_a_neighbour_is_told_as_such():
+    base, still = motion(1), np.full((1, 3), np.inf)
+    (struck,) = shaken(base, still, gap=0.006)
+    found, _ = found_in(base, struck, 2)
+    assert found.verdict == "nonlinear"
+    assert found.sentence.startswith("Something acts on RF")
+    assert found.leading is None
