@@ -2,12 +2,14 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
 
+from femupdate.arrays import Floats
 from femupdate.building.model_tables import file_text
 from femupdate.errors import BuildingError
 
@@ -17,23 +19,24 @@ _ENTRIES = {8: 8, 16: 4}  # data on a line, by the width of its fields
 
 # What becomes part of the model.
 TAKEN = (
-    *("GRID", "CQUAD4", "CQUADR", "CTRIA3", "CTRIAR", "CBAR", "CBEAM", "CROD", "CONM2", "CMASS2"),
-    *("CELAS2", "RBE2", "SPC", "SPC1", "SPCADD", "PSHELL", "PBAR", "PBARL", "PBEAM", "PBEAML"),
-    *("PROD", "MAT1", "CORD2R", "PARAM"),
+    *("GRID", "CQUAD4", "CQUADR", "CTRIA3", "CTRIAR", "CBAR", "CBEAM", "CROD", "CONROD", "CTUBE"),
+    *("CONM2", "CMASS2", "CELAS1", "CELAS2", "CBUSH", "CDAMP2", "RBE2", "RBAR", "SPC", "SPC1"),
+    *("SPCADD", "PSHELL", "PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE", "PELAS", "PBUSH"),
+    *("MAT1", "CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S", "PARAM", "GRDSET"),
+    *("BAROR", "BEAMOR"),
 )
-# What modes do not depend on: loads, requests, and the choice of a method.
-LEFT_OUT = (
-    *("FORCE", "MOMENT", "PLOAD", "PLOAD1", "PLOAD2", "PLOAD4", "GRAV", "LOAD", "TEMP", "TEMPD"),
-    *("RFORCE", "ACCEL", "ACCEL1", "SPCD", "DAREA", "DLOAD", "RLOAD1", "RLOAD2", "TLOAD1"),
-    *("TLOAD2", "TABLED1", "TABLED2", "TABDMP1", "FREQ", "FREQ1", "TSTEP", "EIGR", "EIGRL"),
-    *("PLOTEL", "SET1", "SET3", "ASET", "ASET1", "TSTEPNL", "NLPARM", "DTI"),
+# What modes do not depend on: loads, requests, sizing, and the choice of a method.
+LEFT_OUT = re.compile(
+    r"FORCE\d?|MOMENT\d?|PLOAD\w*|GRAV|LOAD|LOADSET|LSEQ|TEMP\w*|RFORCE|ACCEL1?|SPCD|DAREA|DLOAD"
+    r"|[RT]LOAD[12]|DELAY|DPHASE|TIC|TABLE\w\w|TABDMP1|TABRND1|RANDPS|FREQ\d?|TSTEP(NL)?|EIG\w+"
+    r"|PLOTEL\d?|SET[123]|[ABCQ]SET1?|OMIT1?|USET1?|NL\w+|DTI|MDLPRM|DOPTPRM|DESVAR|DRESP\d|DCONSTR"
+    r"|P(SOLID|SHEAR|COMPG?|GAP|BEND|VISC|DAMP|MASS|FAST|WELD)|DVPREL1|DEFORM|BOUTPUT|MATT\d|MAT[2-9]|MAT1\d|CREEP|SUPORT1?|CMONPNT|MONPNT1|ECHO(ON|OFF)"
 )
+# Cards whose fields stand where those of another kind are empty.
+_USUAL = {"GRID": "GRDSET", "CBAR": "BAROR", "CBEAM": "BEAMOR"}
 MEND = {
     "RBE3": "write RBE2 where the nodes move as one body, or CONM2 at the nodes themselves",
-    "CELAS1": "write it as CELAS2",
-    "CORD2C": "write the nodes in a rectangular system (CORD2R)",
-    "PCOMP": "write PSHELL with the stiffness of the whole section",
-    "INCLUDE": "other files are not read; put the content of that file here",
+    "RBE1": "write it as RBE2",
 }
 
 
@@ -49,6 +52,13 @@ class Card:
     def text(self, number: int) -> str:
         """A datum as it is written; empty where there is none."""
         return self.data[number] if number < len(self.data) else ""
+
+    def completed(self, usual: "Card") -> "Card":
+        """The card with the data of another one where it has none; vectors are given whole."""
+        data = [a or b or "" for a, b in zip_longest(self.data, usual.data)]
+        if self.name != "GRID" and self.text(4):
+            data[4:7] = [self.text(k) for k in (4, 5, 6)]
+        return replace(self, data=tuple(data))
 
     def whole(self, number: int, usual: int | None = None) -> int:
         """A whole number."""
@@ -71,6 +81,10 @@ class Card:
             said = repr(text) if text else "empty"
             raise self.error(f"field {number + 2} is {said}; write a number, such as 2.1+11")
         return value
+
+    def reals(self, start: int) -> Floats:
+        """Three numbers, (3,), 0 where they are empty."""
+        return np.array([self.real(start + k, 0.0) for k in range(3)])
 
     def error(self, text: str) -> BuildingError:
         """A complaint about this card, with its file and line."""
@@ -106,14 +120,17 @@ def read_deck(file: Path) -> tuple[dict[str, list[Card]], int | None]:
 
 @lru_cache(maxsize=2)
 def _read(file: Path, changed: int, size: int) -> tuple[dict[str, list[Card]], int | None]:
-    lines = file_text(file).splitlines()
-    begins = (n for n, line in enumerate(lines) if re.match(r"\s*BEGIN\s*BULK", line, re.I))
-    begin = next(begins, -1)
-    control = "\n".join(lines[: max(begin, 0)])
+    lines = _lines(file, ())
+    starts = re.compile(r"\s*BEGIN(\s+BULK|\s*(\$.*)?$)", re.I)
+    begin = next((n for n, (_, _, line) in enumerate(lines) if starts.match(line)), -1)
+    control = "\n".join(line for _, _, line in lines[: max(begin, 0)])
     chosen = re.findall(r"^\s*SPC\s*=\s*(\d+)", control, re.I | re.M)
     cards: dict[str, list[Card]] = {}
-    for card in _cards(file.name, lines, begin + 1):
+    for card in _cards(lines[begin + 1 :]):
         cards.setdefault(card.name, []).append(card)
+    for name, usual in _USUAL.items():
+        for given in cards.get(usual, [])[-1:]:
+            cards[name] = [card.completed(given) for card in cards.get(name, [])]
     if "GRID" not in cards:
         raise BuildingError(
             f"{file.name}: it has no GRID between BEGIN BULK and ENDDATA; check that this is bulk "
@@ -122,22 +139,44 @@ def _read(file: Path, changed: int, size: int) -> tuple[dict[str, list[Card]], i
     return cards, int(chosen[-1]) if chosen else None
 
 
-def _cards(file: str, lines: list[str], start: int) -> Iterator[Card]:
+def whole_text(file: Path) -> str:
+    """The text of a deck with all that it includes."""
+    return "\n".join(line for _, _, line in _lines(file, ()))
+
+
+def _lines(file: Path, users: tuple[Path, ...]) -> list[tuple[str, int, str]]:
+    """Lines of a deck with their file and number, those of INCLUDE in its place."""
+    lines: list[tuple[str, int, str]] = []
+    for number, line in enumerate(file_text(file).splitlines(), 1):
+        text = line.split("$", 1)[0].strip()
+        if not re.match(r"INCLUDE\b", text, re.I):
+            lines.append((file.name, number, line))
+            continue
+        named = text[7:].strip(" ='\",").replace("\\", "/")
+        path = file.parent / named
+        error = Card(file.name, "INCLUDE", number, ()).error
+        if not path.is_file():
+            raise error(f"there is no file {named}; put it beside the deck, or remove the line")
+        if path in (file, *users):
+            raise error(f"{named} includes itself; remove the line")
+        lines += _lines(path, (file, *users))
+    return lines
+
+
+def _cards(lines: list[tuple[str, int, str]]) -> Iterator[Card]:
     """Yield the cards of bulk data, continued lines joined."""
-    name, first, data, mark = "", 0, [""], ""
-    for number, line in enumerate(lines[start:], start + 1):
-        line = line.split("$", 1)[0].rstrip().expandtabs(8)
+    name, first, data, mark, of = "", 0, [""], "", ""
+    for file, number, whole in lines:
+        line = whole.split("$", 1)[0].rstrip().expandtabs(8)
         if not line.strip():
             continue
         if line.strip().upper().startswith("ENDDATA"):
             break
-        if line.lstrip().upper().startswith("INCLUDE"):
-            raise Card(file, "INCLUDE", number, ()).error(f"{MEND['INCLUDE']}")
         head, fields, after = _fields(file, number, line)
         if head[:1] not in ("", "+", "*"):
             if name:
-                yield Card(file, name, first, tuple(data))
-            name, first, data = head.rstrip("* ").upper(), number, []
+                yield Card(of, name, first, tuple(data))
+            name, first, data, of = head.rstrip("* ").upper(), number, [], file
             if not re.fullmatch(r"[A-Z][A-Z0-9]*", name):
                 raise Card(file, name, number, ()).error(
                     "this is no name of a card; begin the line with one, or with $ for a comment"
@@ -152,7 +191,7 @@ def _cards(file: str, lines: list[str], start: int) -> Iterator[Card]:
         data += fields
         mark = after.strip("+* ")
     if name:
-        yield Card(file, name, first, tuple(data))
+        yield Card(of, name, first, tuple(data))
 
 
 def _fields(file: str, number: int, line: str) -> tuple[str, list[str], str]:

@@ -18,10 +18,12 @@ from femupdate.building.sections import (
     RectangleSection,
     SectionFigures,
     TSection,
+    rectangle_torsion_constant,
 )
 from femupdate.errors import BuildingError
 
-_LINES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD")
+_LINES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
+_OTHER = ("PSOLID", "PSHEAR", "PCOMP", "PCOMPG", "PBEND", "PBUSH")
 # A direction of Nastran's element axes in those of our beams: its y is our z, its z our -y.
 _OURS = np.array([0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10])
 
@@ -49,14 +51,18 @@ class NastranModel(ModelFile[Card]):
     @property
     def left_out(self) -> dict[str, int]:
         """As of a `ModelFile`."""
-        counts = {name: count for name, count in self.counts.items() if name in LEFT_OUT}
+        counts = {
+            name: count
+            for name, count in self.counts.items()
+            if LEFT_OUT.fullmatch(name) and name not in TAKEN
+        }
         other = [card for card in self.of("PARAM") if card.text(0).upper() != "WTMASS"]
         return counts | ({"PARAM": len(other)} if other else {})
 
     @property
     def unknown(self) -> list[str]:
         """Names of cards that are neither taken nor known to change nothing."""
-        return [name for name in self.counts if name not in TAKEN and name not in LEFT_OUT]
+        return [name for name in self.counts if name not in TAKEN and not LEFT_OUT.fullmatch(name)]
 
     def by_number(self, *names: str) -> dict[int, Card]:
         """Cards by their identification, which no two may share."""
@@ -76,33 +82,42 @@ class NastranModel(ModelFile[Card]):
         return values[-1] if values else 1.0
 
     @cached_property
-    def systems(self) -> dict[int, tuple[Floats, Floats]]:
-        """Origin (3,) and axes as rows (3, 3) of every system, in the basic one."""
-        cards = self.by_number("CORD2R")
-        placed = {0: (np.zeros(3), np.eye(3))}
+    def systems(self) -> dict[int, "System"]:
+        """Systems by their number."""
+        cards: dict[int, Card] = self.by_number("CORD2R", "CORD2C", "CORD2S")
+        for card in self.of("CORD1R", "CORD1C", "CORD1S"):
+            for k in range(0, len(card.data), 4):
+                if card.text(k):
+                    cards[card.whole(k)] = replace(card, data=card.data[k : k + 4])
+        grids = self.by_number("GRID")
+        placed = {0: System("R", np.zeros(3), np.eye(3))}
 
-        def place(number: int, user: Card, way: tuple[int, ...]) -> tuple[Floats, Floats]:
+        def place(number: int, user: Card, way: tuple[int, ...]) -> System:
             if number in placed:
                 return placed[number]
             card = known(user, cards, number, "CORD2R")
             if number in way:
                 ring = " to ".join(map(str, (*way[way.index(number) :], number)))
                 raise card.error(f"systems refer to each other in a circle ({ring}); correct one")
-            origin, axes = place(card.whole(1, 0), card, (*way, number))
-            a, b, c = (np.array([card.real(k + i, 0.0) for i in range(3)]) for k in (2, 5, 8))
+            if card.name.startswith("CORD1"):
+                rows = [known(card, grids, card.whole(k), "GRID") for k in (1, 2, 3)]
+                named = [(row, row.whole(1, 0), row.reals(2)) for row in rows]
+            else:
+                named = [(card, card.whole(1, 0), card.reals(k)) for k in (2, 5, 8)]
+            a, b, c = (place(n, row, (*way, number)).point(p) for row, n, p in named)
             across = np.cross(b - a, c - a)
             if np.linalg.norm(across) <= 1e-9 * np.linalg.norm(b - a) * np.linalg.norm(c - a):
                 raise card.error("its three points lie on one line; correct one of them")
             z, y = (v / np.linalg.norm(v) for v in (b - a, across))
-            placed[number] = origin + a @ axes, np.stack([np.cross(y, z), y, z]) @ axes
+            placed[number] = System(card.name[-1], a, np.stack([np.cross(y, z), y, z]))
             return placed[number]
 
         for number, card in cards.items():
             place(number, card, ())
         return placed
 
-    def system(self, number: int, user: Card) -> tuple[Floats, Floats]:
-        """Origin and axes of a system that a card names."""
+    def system(self, number: int, user: Card) -> "System":
+        """The system that a card names."""
         return known(user, self.systems, number, "CORD2R")
 
     def fill(self, tables: ModelTables) -> None:
@@ -115,6 +130,40 @@ class NastranModel(ModelFile[Card]):
         reading.fixed()
 
 
+@dataclass(frozen=True)
+class System:
+    """A system of coordinates in the basic one."""
+
+    kind: str  # "R", "C" or "S": rectangular, cylindrical or spherical
+    origin: Floats  # (3,)
+    axes: Floats  # (3, 3), as rows
+
+    def point(self, given: Floats) -> Floats:
+        """The point (3,) of coordinates, whose angles are in degrees."""
+        first, *angles = given[0], *np.deg2rad(given[1:])
+        if self.kind == "C":
+            given = np.array([first * np.cos(angles[0]), first * np.sin(angles[0]), given[2]])
+        elif self.kind == "S":
+            theta, phi = angles
+            across = np.sin(theta) * np.array([np.cos(phi), np.sin(phi)])
+            given = first * np.array([*across, np.cos(theta)])
+        return self.origin + given @ self.axes
+
+    def at(self, point: Floats) -> Floats:
+        """Directions of motion at a point, as rows (3, 3)."""
+        x, y, z = (point - self.origin) @ self.axes.T
+        if self.kind == "R" or not np.hypot(x, y) > 0.0:
+            return self.axes
+        (c, s), flat = np.array([x, y]) / np.hypot(x, y), np.hypot(x, y)
+        outwards, round_it, up = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        if self.kind == "C":
+            return np.stack([outwards, round_it, up]) @ self.axes
+        radius = np.array([z, flat]) / np.hypot(z, flat)
+        away = radius @ np.stack([up, outwards])
+        down = radius @ np.stack([-outwards, up])
+        return np.stack([away, -down, round_it]) @ self.axes
+
+
 class _DeckReading:
     """The cards of a deck, read into tables one kind after the other."""
 
@@ -123,12 +172,11 @@ class _DeckReading:
         tables.mass *= deck.mass_factor
         self.turns: dict[int, Floats] = {}
         for name, card in deck.by_number("GRID").items():
-            origin, axes = deck.system(card.whole(1, 0), card)
-            given = np.array([card.real(2 + i, 0.0) for i in range(3)])
-            node = tables.node(str(name), origin + given @ axes)
+            point = deck.system(card.whole(1, 0), card).point(card.reals(2))
+            node = tables.node(str(name), point)
             if card.whole(5, 0):
-                self.turns[node] = deck.system(card.whole(5), card)[1]
-        self.properties = deck.by_number("PSHELL", *_LINES)
+                self.turns[node] = deck.system(card.whole(5), card).at(point)
+        self.properties = deck.by_number("PSHELL", *_LINES, *_OTHER)
         self.materials = deck.by_number("MAT1")
         self.plate, self.section = cache(self._plate), cache(self._section)
         self.material = cache(self._material)
@@ -218,7 +266,15 @@ class _DeckReading:
             figures, extra = self._shape(card)
         else:
             shear = [0.0, 0.0]
-            if card.name == "PROD":
+            if card.name == "PTUBE":
+                wide, thick = card.real(2), card.real(3, 0.0)
+                hole = wide - 2.0 * thick if thick else 0.0
+                area, torsion = (
+                    0.25 * np.pi * (wide**2 - hole**2),
+                    np.pi / 32.0 * (wide**4 - hole**4),
+                )
+                extra, first, second = card.real(4, 0.0), 0.0, 0.0
+            elif card.name == "PROD":
                 area, torsion, extra = card.real(2), card.real(3, 0.0), card.real(5, 0.0)
                 first = second = 0.0
             elif card.name == "PBAR":
@@ -231,7 +287,7 @@ class _DeckReading:
                 )
                 shear = _uniform(card)
             shear = [share * area for share in shear]
-            rod = card.name == "PROD"
+            rod = card.name in ("PROD", "PTUBE")
             if extra < 0.0:
                 raise card.error("the area must be positive and nothing negative; correct it")
             figures = self.tables.section(card, area, (first, second), torsion, shear, rod=rod)
@@ -242,18 +298,21 @@ class _DeckReading:
 
     def beams(self) -> None:
         tables = self.tables
-        for card in self.deck.of("CBAR", "CBEAM", "CROD"):
-            rod = card.name == "CROD"
-            allowed = _LINES[-1:] if rod else _LINES[:-1]
-            figures, product, stuff = self.section(self._property(card, allowed))
-            ends = [self.node(card, 2), self.node(card, 3)]
+        for card in self.deck.of("CBAR", "CBEAM", "CROD", "CTUBE", "CONROD"):
+            rod, first = card.name not in ("CBAR", "CBEAM"), 1 if card.name == "CONROD" else 2
+            if card.name == "CONROD":  # its property stands with it
+                named = replace(card, name="PROD", data=("", *card.data[3:]))
+            else:
+                named = self._property(card, _LINES[4:] if rod else _LINES[:4])
+            figures, product, stuff = self.section(named)
+            ends = [self.node(card, first), self.node(card, first + 1)]
             arms, pins = np.zeros((2, 3)), np.zeros(12, dtype=np.bool_)
             if rod:
                 pins[[4, 5, 10, 11]] = True
             else:
                 for end in range(2):
-                    arm = [card.real(10 + 3 * end + k, 0.0) for k in range(3)]
-                    arms[end] = self.length * np.array(arm) @ self.turns.get(ends[end], np.eye(3))
+                    arm = self.length * card.reals(10 + 3 * end)
+                    arms[end] = arm @ self.turns.get(ends[end], np.eye(3))
                     which = np.array(card.components(8 + end), dtype=np.int64) + 6 * end
                     pins[_OURS[which]] = True
                 if card.text(7).upper() not in ("", "GGG"):
@@ -267,13 +326,12 @@ class _DeckReading:
 
     def _up(self, card: Card, ends: list[int], arms: Floats, axis: Floats) -> Floats:
         """Vector across a line: its y axis in Nastran, its z axis here."""
-        if card.name == "CROD":
+        if card.name not in ("CBAR", "CBEAM"):
             return np.eye(3)[int(np.abs(axis).argmin())]
         if card.text(4) and not card.text(5) and "." not in card.text(4):
             points = self.tables.points
             return np.asarray(points[self.node(card, 4)] - points[ends[0]] - arms[0])
-        given = np.array([card.real(4 + k, 0.0) for k in range(3)])
-        return np.asarray(given @ self.turns.get(ends[0], np.eye(3)))
+        return np.asarray(card.reals(4) @ self.turns.get(ends[0], np.eye(3)))
 
     def links(self) -> None:
         """RBE2, and masses, some of which stand off on rigid arms."""
@@ -287,10 +345,18 @@ class _DeckReading:
                 slave, flags = tables.find(card, str(grid)), np.zeros(6, dtype=np.bool_)
                 flags[self.directions(card, slave, tied)] = True
                 tables.tie(master, slave, flags)
+        for card in self.deck.of("RBAR"):
+            ends, free = [self.node(card, k) for k in (1, 2)], [card.components(k) for k in (3, 4)]
+            if {*map(len, free)} != {0, 6}:
+                raise card.error("one end must be independent in 123456; give CNA or CNB alone")
+            master = int(len(free[1]) == 6)
+            flags = np.isin(np.arange(6), card.components(6 - master) or range(6))
+            tables.tie(ends[master], ends[1 - master], flags)
         for card in self.deck.of("CONM2"):
             node, system = self.node(card, 1), card.whole(2, 0)
-            axes = self.deck.system(max(system, 0), card)[1]
-            arm = self.length * np.array([card.real(4 + k, 0.0) for k in range(3)]) @ axes
+            place = tables.points[node] / self.length
+            axes = self.deck.system(max(system, 0), card).at(place)
+            arm = self.length * card.reals(4) @ axes
             arm = arm - tables.points[node] if system == -1 else arm
             if np.linalg.norm(arm) > LEVEL**2:
                 tables.points.append(tables.points[node] + arm)
@@ -315,7 +381,10 @@ class _DeckReading:
             tables.point_mass(card, node, values[:3], values[3:])
 
     def springs(self) -> None:
-        for card in self.deck.of("CELAS2"):
+        rates: dict[int, float] = {}
+        for card in self.deck.of("PELAS"):
+            rates |= {card.whole(k): card.real(k + 1) for k in (0, 4) if card.text(k)}
+        for card in self.deck.of("CELAS1", "CELAS2", "CDAMP2"):
             ends = [(k, c) for k, c in ((2, 3), (4, 5)) if card.whole(k, 0)]
             if not ends:
                 raise card.error("it joins nothing; give G1")
@@ -330,7 +399,29 @@ class _DeckReading:
                 raise card.error("a spring between two directions is not modelled; give one")
             first, direction = joined[0]
             second = joined[1][0] if len(joined) > 1 else -1
-            self.tables.spring(first, second, direction, card.real(1))
+            if card.name == "CDAMP2":
+                self.tables.spring(first, second, direction, 0.0, card.real(1))
+                continue
+            named = card.name == "CELAS1"
+            rate = known(card, rates, card.whole(1), "PELAS") if named else card.real(1)
+            self.tables.spring(first, second, direction, rate)
+        for card in self.deck.of("CBUSH"):
+            bush, first = self._property(card, ("PBUSH",)), self.node(card, 2)
+            second, place = -1, self.tables.points[first]
+            if card.whole(3, 0):
+                second = self.node(card, 3)
+                if np.linalg.norm(self.tables.points[second] - place) > LEVEL:
+                    raise card.error("its nodes lie apart; put them in one place, or write CBAR")
+            axes = self.deck.system(card.whole(7, 0), card).at(place / self.length)
+            for start in (k for k in range(1, len(bush.data), 8) if bush.text(k) in ("K", "B")):
+                for number in (k for k in range(6) if bush.real(start + 1 + k, 0.0)):
+                    half, which = divmod(number, 3)
+                    along = int(np.abs(axes[which]).argmax())
+                    if abs(axes[which, along]) < 1.0 - 1e-6:
+                        raise card.error("it acts along no global axis; turn its system (CID)")
+                    rate, direction = bush.real(start + 1 + number), 3 * half + along
+                    pair = (rate, 0.0) if bush.text(start) == "K" else (0.0, rate)
+                    self.tables.spring(first, second, direction, *pair)
 
     def fixed(self) -> None:
         """What SPC, SPC1 and the permanent constraints of GRID hold."""
@@ -387,15 +478,49 @@ def _box(width: float, depth: float, flange: float, web: float) -> SectionFigure
 
 def _i(h: float, low: float, high: float, web: float, below: float, above: float) -> SectionFigures:
     if low != high or below != above:
-        raise ValueError
+        clear = h - below - above
+        flanges = ((low, below, 0.0, 0.5 * below), (high, above, 0.0, h - 0.5 * above))
+        return _plates(*flanges, (web, clear, 0.0, below + 0.5 * clear))
     return ISection(
         shape="I", width=low, depth=h, web_thickness=web, flange_thickness=below
     ).figures()
 
 
+def _plates(*plates: tuple[float, float, float, float]) -> SectionFigures:
+    """Figures of rectangles: width, depth, and where the middle is across and up."""
+    width, depth, across, up = np.array(plates).T
+    if not min(width.min(), depth.min()) > 0.0:
+        raise ValueError
+    area, flat = width * depth, width > depth
+    y, z = (side - area @ side / area.sum() for side in (across, up))
+    shear = [5.0 / 6.0 * float(area[some].sum() or area.sum()) for some in (flat, ~flat)]
+    return SectionFigures(
+        area=float(area.sum()),
+        shear_area_y=shear[0],
+        shear_area_z=shear[1],
+        inertia_y=float(area @ (depth**2 / 12.0 + z**2)),
+        inertia_z=float(area @ (width**2 / 12.0 + y**2)),
+        torsion_constant=float(sum(map(rectangle_torsion_constant, width, depth))),
+        extent=(
+            float(np.ptp([across - 0.5 * width, across + 0.5 * width])),
+            float(np.ptp([up - 0.5 * depth, up + 0.5 * depth])),
+        ),
+    )
+
+
+def _channel(arm: float, web: float, clear: float, depth: float) -> SectionFigures:
+    flange, middle = 0.5 * (depth - clear), 0.5 * (web + arm)
+    arms = [(arm, flange, middle, side * 0.5 * (clear + flange)) for side in (-1.0, 1.0)]
+    return _plates((web, depth, 0.0, 0.0), *arms)
+
+
 # Sections of PBARL and PBEAML: how many sides they have, and their figures.
 SHAPES: dict[str, tuple[int, Callable[..., SectionFigures]]] = {
     "ROD": (1, lambda r: CircleSection(shape="circle", diameter=2.0 * r).figures()),
+    "TUBE2": (
+        2,
+        lambda r, t: PipeSection(shape="pipe", diameter=2.0 * r, thickness=t).figures(),
+    ),
     "TUBE": (
         2,
         lambda r, inner: PipeSection(shape="pipe", diameter=2.0 * r, thickness=r - inner).figures(),
@@ -408,8 +533,34 @@ SHAPES: dict[str, tuple[int, Callable[..., SectionFigures]]] = {
         ).figures(),
     ),
     "I": (6, _i),
+    "I1": (4, lambda a, w, clear, h: _i(h, a + w, a + w, w, *(0.5 * (h - clear),) * 2)),
+    "H": (
+        4,
+        lambda clear, two, h, web: _plates(
+            (0.5 * two, h, -0.5 * clear - 0.25 * two, 0.0),
+            (0.5 * two, h, 0.5 * clear + 0.25 * two, 0.0),
+            (clear, web, 0.0, 0.0),
+        ),
+    ),
+    "CHAN": (4, lambda b, h, w, f: _channel(b - w, w, h - 2.0 * f, h)),
+    "CHAN1": (4, lambda a, w, clear, h: _channel(a, w, clear, h)),
+    "T1": (
+        4,
+        lambda h, arm, flange, web: _plates(
+            (flange, h, 0.0, 0.0), (arm, web, -0.5 * (flange + arm), 0.0)
+        ),
+    ),
+    "CROSS": (
+        4,
+        lambda a, w, h, f: _plates(
+            (w, h, 0.0, 0.0),
+            (0.5 * a, f, -0.25 * a - 0.5 * w, 0.0),
+            (0.5 * a, f, 0.25 * a + 0.5 * w, 0.0),
+        ),
+    ),
     "BOX": (4, _box),
 }
+SHAPES["T2"] = SHAPES["T"]
 
 
 def _uniform(card: Card) -> list[float]:
@@ -420,7 +571,7 @@ def _uniform(card: Card) -> list[float]:
             if abs(card.real(at + k, card.real(k, 0.0)) - card.real(k, 0.0)) > 0.0:
                 raise card.error("a tapered beam is not modelled; give it a mean section")
         at += 16 if card.text(at).upper() == "YES" else 8
-    if any(card.real(at + 8 + k, 0.0) for k in range(4)):
+    if any(card.real(at + 8 + k, 0.0) for k in range(8)):
         raise card.error("a neutral axis off the line (N1, N2) is not modelled; offset the beam")
     return [card.real(at, 1.0), card.real(at + 1, 1.0)]
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from femupdate.building.deck import whole_text
 from femupdate.building.entry import as_building_error
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.own_mesh import MeshBuilding
@@ -78,12 +79,15 @@ def _by_content(building: Building) -> dict[str, Any]:
     document = to_document(building)
     if isinstance(building, MeshBuilding):
         try:
-            content = Path(building.mesh.file).expanduser().read_bytes()
+            path = Path(building.mesh.file).expanduser()
+            content = path.read_bytes()
         except OSError as error:
             raise BuildingError(
                 f"{building.name}: mesh.file: {building.mesh.file} cannot be read "
                 f"({error.strerror}); correct the path"
             ) from None
+        if building.from_program and b"INCLUDE" in content.upper():
+            content = whole_text(path).encode()
         document["mesh"]["file"] = hashlib.sha256(content).hexdigest()
     return document
 

@@ -196,7 +196,7 @@ class ModelTables:
         self.ties: list[tuple[int, int, Flags]] = []
         self.bodies: list[Integers] = []  # nodes of diaphragms
         self.weights: list[tuple[Record, int, Floats]] = []
-        self.springs: list[tuple[int, int, int, float]] = []
+        self.springs: list[tuple[int, int, int, float, float]] = []
         self.changes: Counter[str] = Counter()
         self.skipped: Counter[str] = Counter()  # whose first word is the kind of the entry
         self.own_mass = 0.0
@@ -338,10 +338,12 @@ class ModelTables:
         """Let a node follow another one as a rigid body in some directions."""
         self.ties.append((master, slave, tied))
 
-    def spring(self, first: int, second: int, direction: int, stiffness: float) -> None:
-        """Add a spring, its stiffness in the file's units; -1 is the ground."""
+    def spring(
+        self, first: int, second: int, direction: int, stiffness: float, damping: float = 0.0
+    ) -> None:
+        """Add a spring and a dashpot, in the file's units; -1 is the ground."""
         scale = self.force * self.length ** (-1 if direction < 3 else 1)
-        self.springs.append((first, second, direction, stiffness * scale))
+        self.springs.append((first, second, direction, stiffness * scale, damping * scale))
 
     def point_mass(
         self, user: Record, node: int, mass: Sequence[float] | Floats, inertia: Floats
@@ -448,10 +450,11 @@ class ModelTables:
             values, where = np.concatenate([values, lumped[heavy]]), np.concatenate([where, heavy])
         springs = Springs()
         if self.springs:
-            first, second, way, stiffness = zip(*self.springs, strict=True)
+            first, second, way, stiffness, damping = zip(*self.springs, strict=True)
             group = np.full(len(first), CONSTANT, dtype=np.int64)
             pairs = np.stack([first, second], axis=1)
-            springs = Springs(pairs, np.array(way), np.array(stiffness), group)
+            dashpots = np.array(damping) if any(damping) else None
+            springs = Springs(pairs, np.array(way), np.array(stiffness), group, dashpots)
         model = FiniteElementModel(
             nodes=points,
             fixed=fixed,

@@ -78,12 +78,14 @@ def bulk_data(model: FiniteElementModel) -> str:
                 element += 1
                 cards.append(card("CMASS2", element, float(value), int(node), way))
     springs = model.springs
-    for ends, way, stiffness in zip(
-        springs.nodes + 1, springs.direction + 1, springs.stiffness, strict=True
+    for ends, way, *figures in zip(
+        springs.nodes + 1, springs.direction + 1, springs.stiffness, springs.dashpots, strict=True
     ):
-        element += 1
         joined = [value for node in ends.tolist() if node for value in (node, int(way))]
-        cards.append(card("CELAS2", element, float(stiffness), *joined))
+        for name, figure in zip(("CELAS2", "CDAMP2"), map(float, figures), strict=True):
+            if figure:
+                element += 1
+                cards.append(card(name, element, figure, *joined))
     links = model.links
     for master, slave, tied in zip(links.master, links.slave, links.tied, strict=True):
         element += 1

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building, mesh_building, save_building
+from femupdate.building.document import building_hash
 from femupdate.building.model_draft import draft_text, write_draft
 from femupdate.dynamics import choose_members
 from femupdate.errors import BuildingError
@@ -120,6 +121,20 @@ def test_a_deck_by_hand_is_read_with_its_units_floors_and_kinds(tmp_path):
     assert frequencies(mesh, 1)[0] > 1.0
 
 
+def test_what_a_deck_includes_is_part_of_it(tmp_path):
+    start, end = FRAME.index("CBAR    1"), FRAME.index("CONM2   21")
+    (tmp_path / "members.inc").write_text(FRAME[start:end])
+    path = write(tmp_path, FRAME)
+    whole = load_building(path)
+    expected = frequencies(mesh_building(whole))
+    write(tmp_path, FRAME[:start] + "INCLUDE 'members.inc'\n" + FRAME[end:])
+    parts = load_building(path)
+    np.testing.assert_allclose(frequencies(mesh_building(parts)), expected, rtol=1e-9)
+    before = building_hash(parts)
+    (tmp_path / "members.inc").write_text(FRAME[start:end].replace("300.    400.", "300.    500."))
+    assert building_hash(parts) != before
+
+
 def test_units_scale_everything_alike(tmp_path):
     path = write(tmp_path, FRAME.replace("2.5-9", "0.").replace("7.85-9", "0."))
     with pytest.raises(BuildingError, match=r"no units.*say force and length by --units"):
@@ -206,6 +221,37 @@ ALIKE = {
         .replace("GRID,5,,0.,0.,0.", "GRID,5,3,0.,0.,0.,3")
         .replace("5,1,1.0,0.0,0.0", "5,1,0.0,-1.0,0.0"),
     ),
+    "a cylindrical system": (
+        column(BAR, "GRID,8,,3.,4.,6.", "CONROD,70,4,8,1,.01", "SPC1,1,123456,5,8"),
+        column(
+            BAR,
+            "CORD2C,4,,0.,0.,6.,0.,0.,9.\n+,2.,0.,6.",
+            f"GRID,8,4,5.,{np.rad2deg(np.arctan2(4.0, 3.0)):.9f},0.,4",
+            "CROD,70,2,4,8",
+            "PROD,2,1,.01",
+            "SPC1,1,123456,5,8",
+        ),
+    ),
+    "a spherical system": (
+        column(BAR).replace("90,4,,4000.", "90,4,,4000.,0.,3.,4."),
+        column(BAR, "CORD2S,4,,0.,0.,6.,0.,0.,9.\n+,2.,0.,6.", "RBAR,80,4,7,123456")
+        .replace("90,4,", "90,7,")
+        .replace("GRID,1,", f"GRID,7,4,5.,{np.rad2deg(np.arctan2(3.0, 4.0)):.9f},90.\nGRID,1,"),
+    ),
+    "what cards have in common": (
+        column(BAR, "CORD1R,3,5,4,9", "GRID,9,,5.,0.,0."),
+        column(BAR, "CORD1R,3,5,4,9", "GRID,9,,5.,0.,0.", "GRDSET,,,,,,,,0", "BAROR,,1,,,1.,0.,0.")
+        .replace(",1,5,1,1.0,0.0,0.0", ",,5,1")
+        .replace("3,4,1.0,0.0,0.0", "3,4"),
+    ),
+    "springs by properties": (
+        column(BAR, "$SPC", *(f"CELAS2,{60 + k},{k}.+7,5,{k}" for k in range(1, 7))),
+        column(
+            BAR, "$SPC", "CBUSH,60,6,5,,,,,0", "PBUSH,6,K,1.+7,2.+7,3.+7,0.,0.,0.", "PELAS,7,4.+7"
+        )
+        .replace("PELAS,7,4.+7", "PELAS,7,4.+7,,,8,5.+7\nPELAS,9,6.+7\n")
+        .replace("9,6.+7\n", "9,6.+7\nCELAS1,61,7,5,4\nCELAS1,62,8,5,5\nCELAS1,63,9,5,6"),
+    ),
     "sets that are added": (
         column(BAR),
         column(BAR, "SPC1,2,123,5", "SPC,3,5,456,0.", "SPCADD,9,2,3"),
@@ -230,6 +276,29 @@ ALIKE = {
         ),
     ),
 }
+
+
+# Area and second moments that MYSTRAN 18.0.0.1 prints of sections (2026-11-26).
+SHAPES = {
+    "TUBE,,,,,\n+,.2,.15": (5.4978e-2, 8.5903e-4, 8.5903e-4),
+    "BOX,,,,,\n+,.3,.5,.02,.015": (2.58e-2, 9.3494e-4, 3.7048e-4),
+    "I,,,,,\n+,.5,.3,.4,.02,.03,.04": (3.36e-2, 1.41e-3, 2.8112e-4),
+    "I1,,,,,\n+,.28,.02,.44,.5": (2.68e-2, 1.1374e-3, 1.3529e-4),
+    "H,,,,,\n+,.44,.06,.3,.02": (2.68e-2, 1.3529e-4, 1.1374e-3),
+    "CHAN,,,,,\n+,.2,.5,.02,.03": (2.08e-2, 8.0557e-4, 8.1416e-5),
+    "CHAN1,,,,,\n+,.18,.02,.44,.5": (2.08e-2, 8.0557e-4, 8.1416e-5),  # whose I2 it has wrong
+    "T,,,,,\n+,.6,.5,.1,.2": (0.14, 3.2595e-3, 2.0667e-3),
+    "T1,,,,,\n+,.5,.28,.02,.03": (1.84e-2, 2.0896e-4, 1.5793e-4),
+    "CROSS,,,,,\n+,.28,.02,.5,.03": (1.84e-2, 2.0896e-4, 6.7813e-5),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_sections_have_the_figures_of_another_program(shape, tmp_path):
+    mesh = mesh_building(load_building(write(tmp_path, column(f"PBARL,1,1,,{shape}")), "N,m"))
+    (bars,) = mesh.model.elements
+    figures = (bars.area[0], bars.inertia_y[0], bars.inertia_z[0])
+    np.testing.assert_allclose(figures, SHAPES[shape], rtol=1e-4)
 
 
 @pytest.mark.parametrize("case", ALIKE)
