@@ -82,7 +82,7 @@ class NastranModel(ModelFile[Card]):
         return values[-1] if values else 1.0
 
     @cached_property
-    def systems(self) -> dict[int, "System"]:
+    def systems(self) -> dict[int, "DeckSystem"]:
         """Systems by their number."""
         cards: dict[int, Card] = self.by_number("CORD2R", "CORD2C", "CORD2S")
         for card in self.of("CORD1R", "CORD1C", "CORD1S"):
@@ -90,9 +90,9 @@ class NastranModel(ModelFile[Card]):
                 if card.text(k):
                     cards[card.whole(k)] = replace(card, data=card.data[k : k + 4])
         grids = self.by_number("GRID")
-        placed = {0: System("R", np.zeros(3), np.eye(3))}
+        placed = {0: DeckSystem("R", np.zeros(3), np.eye(3))}
 
-        def place(number: int, user: Card, way: tuple[int, ...]) -> System:
+        def place(number: int, user: Card, way: tuple[int, ...]) -> DeckSystem:
             if number in placed:
                 return placed[number]
             card = known(user, cards, number, "CORD2R")
@@ -109,14 +109,14 @@ class NastranModel(ModelFile[Card]):
             if np.linalg.norm(across) <= 1e-9 * np.linalg.norm(b - a) * np.linalg.norm(c - a):
                 raise card.error("its three points lie on one line; correct one of them")
             z, y = (v / np.linalg.norm(v) for v in (b - a, across))
-            placed[number] = System(card.name[-1], a, np.stack([np.cross(y, z), y, z]))
+            placed[number] = DeckSystem(card.name[-1], a, np.stack([np.cross(y, z), y, z]))
             return placed[number]
 
         for number, card in cards.items():
             place(number, card, ())
         return placed
 
-    def system(self, number: int, user: Card) -> "System":
+    def system(self, number: int, user: Card) -> "DeckSystem":
         """The system that a card names."""
         return known(user, self.systems, number, "CORD2R")
 
@@ -131,7 +131,7 @@ class NastranModel(ModelFile[Card]):
 
 
 @dataclass(frozen=True)
-class System:
+class DeckSystem:
     """A system of coordinates in the basic one."""
 
     kind: str  # "R", "C" or "S": rectangular, cylindrical or spherical

@@ -5,8 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from femupdate.building import load_building, mesh_building, save_building
-from femupdate.building.document import building_hash
+from femupdate.building import building_hash, load_building, mesh_building, save_building
 from femupdate.building.model_draft import draft_text, write_draft
 from femupdate.dynamics import choose_members
 from femupdate.errors import BuildingError
