@@ -78,14 +78,14 @@ def bulk_data(model: FiniteElementModel) -> str:
                 element += 1
                 cards.append(card("CMASS2", element, float(value), int(node), way))
     springs = model.springs
-    for ends, way, *figures in zip(
+    for ends, way, *rates in zip(
         springs.nodes + 1, springs.direction + 1, springs.stiffness, springs.dashpots, strict=True
     ):
         joined = [value for node in ends.tolist() if node for value in (node, int(way))]
-        for name, figure in zip(("CELAS2", "CDAMP2"), map(float, figures), strict=True):
-            if figure:
+        for name, rate in zip(("CELAS2", "CDAMP2"), rates, strict=True):
+            if rate:
                 element += 1
-                cards.append(card(name, element, figure, *joined))
+                cards.append(card(name, element, float(rate), *joined))
     links = model.links
     for master, slave, tied in zip(links.master, links.slave, links.tied, strict=True):
         element += 1
