@@ -76,9 +76,16 @@ def judged_by_strength(
         for part in by_strength(run, direction)
     ]
     thirds = reduce(together, parts) if parts else None
-    changed = _told_by_forces(found, thirds, run.histories, direction, settings)
-    if changed.verdict != NONLINEAR and thirds is not None:
-        changed = _told_by_thirds(found, thirds, settings)
+    base = found.base
+    theta, _, sizes = base.split
+    lowest = 0.5 * base.system.first_hz(theta, sizes)
+    band, names = np.array([lowest, base.likelihood.top_hz]), base.likelihood.building.story_names
+    text, story, size, sd = what_yields(run, direction, base.system, names, band)
+    if text:
+        changes = _changes(base, thirds, settings, story) if story and thirds is not None else ()
+        changes = tuple(replace(change, size=size, size_sd=sd) for change in changes)
+        return _nonlinear(found, changes, f"{text} {_SERVES}")
+    changed = found if thirds is None else _told_by_thirds(found, thirds, settings)
     if changed.verdict not in (NAMED, NONE, UNKNOWN):
         return changed
     named = found.verdict == NAMED
@@ -107,14 +114,14 @@ def missed_in_run(fitted: Fit, run: Observation, direction: str) -> float:
     _, seen, inputs, step = _of_measured(histories, direction, system)
     rows = [system.floors.index(name) for name in histories.means(direction)[2]]
     predicted = transformed_sensors(system, fitted.split, inputs, step)[rows]
-    band = float(run.frequency_hz[0]), fitted.likelihood.top_hz
+    band = np.array([run.frequency_hz[0], fitted.likelihood.top_hz])
     seen, left = (_within(motion, step, band) for motion in (seen, seen - predicted))
     weak, strong = _thirds(seen, step)
     more = np.square(left[:, strong]).mean() - np.square(left[:, weak]).mean()
     return float(np.sqrt(max(more, 0.0) / np.square(seen[:, strong]).mean()))
 
 
-def _within(motion: Floats, step: float, band: tuple[float, float], integrals: int = 0) -> Floats:
+def _within(motion: Floats, step: float, band: Floats, integrals: int = 0) -> Floats:
     """Motions (f, n) within a band of frequencies, Hz; displacements after two integrals."""
     spectrum, frequency = np.fft.rfft(motion, axis=1), np.fft.rfftfreq(motion.shape[1], step)
     inside = (frequency >= max(band[0], frequency[1])) & (frequency <= band[1])
@@ -185,61 +192,57 @@ def beyond_linear(
     return float(share), grown / np.linalg.norm(grown)
 
 
-def _told_by_forces(
-    found: Diagnosis,
-    thirds: FrfData | None,
-    histories: Histories,
-    direction: str,
-    settings: DiagnosisSettings,
-) -> Diagnosis:
-    """The diagnosis, told as nonlinear where what no linear structure does has one place."""
-    system, top_hz = found.base.system, found.base.likelihood.top_hz
-    share, grown = beyond_linear(histories, direction, system, top_hz)
+def what_yields(
+    run: Observation, direction: str, system: System, stories: Sequence[str], band: Floats
+) -> tuple[str, str, float, float]:
+    """What no linear structure does, where it has one place, whatever the model errs by.
+
+    Args:
+        stories: names of all.
+        band: from half the first frequency up to where the run says something, Hz.
+
+    Returns:
+        A sentence, empty where it has no place; the story, empty where it is not one; the change of
+        its stiffness with every doubling of the drift, and its standard deviation.
+    """
+    nothing = "", "", 0.0, 0.0
+    if (histories := run.histories) is None:
+        return nothing
+    share, grown = beyond_linear(histories, direction, system, band[1])
     if share < _BEYOND:
-        return found
+        return nothing
     names = histories.means(direction)[2]
     inside = np.diag(grown) * np.abs(np.diag(grown))
     below = [grown[: level + 1, : level + 1].sum() / (level + 1) for level in range(len(grown))]
     story, floor = int(inside.argmax()), int(np.argmax(below))
     share_of = f"{percent(share, 1)} of the strong motion no linear structure does, and that is a"
-    if inside[story] >= _IN_ONE:
-        levels = [system.floors.index(name) + 1 for name in names]
-        stories = found.base.likelihood.building.story_names[: levels[story]]
-        stories = stories[levels[story - 1] if story else 0 :]
-        where = " to ".join(dict.fromkeys((stories[0], stories[-1])))
-        theta, _, sizes = found.base.split
-        lowest = 0.5 * float(system.modes(theta, sizes).omega.min()) / (2.0 * np.pi)
-        kept, sd, doublings = secant_when_strong(
-            histories, direction, system, story, (lowest, top_hz)
-        )
-        softer = 1.0 - kept > 2.0 * sd
-        outside = "" if story or softer else f", or one on {names[0]} from outside"
-        text = f"{where} changes while it shakes."
-        if softer:
-            text = (
-                f"{where} changes while it shakes: in its strongest cycle it is "
-                f"{percent(1.0 - kept)} softer than in its weak ones (± {percent(sd)}), by shears "
-                "and drifts of the measured floors."
-            )
-        changes: tuple[Finding, ...] = ()
-        if len(stories) == 1 and thirds is not None:
-            size, spread = min(kept, 1.0) ** (1.0 / doublings) - 1.0, sd / doublings
-            changes = _changes(found.base, thirds, settings, stories[0])
-            changes = tuple(replace(each, size=size, size_sd=spread) for each in changes)
-        return _nonlinear(
-            found, changes, f"{text} {share_of} force within {where} alone{outside}. {_SERVES}"
-        )
-    if len(grown) > 2 and below[floor] * abs(below[floor]) >= _IN_ONE:
+    if inside[story] < _IN_ONE:
+        if len(grown) < 3 or below[floor] * abs(below[floor]) < _IN_ONE:
+            return nothing
         text = (
             f"Something acts on {names[floor]} where the motion is strong, such as a neighbour "
             f"that it strikes, or its sensor fails. {share_of} force on {names[floor]} alone."
         )
-        return _nonlinear(found, (), f"{text} {_SERVES}")
-    return found
+        return text, "", 0.0, 0.0
+    levels = [0, *(system.floors.index(name) + 1 for name in names)]
+    between = stories[levels[story] : levels[story + 1]]
+    where = " to ".join(dict.fromkeys((between[0], between[-1])))
+    kept, sd, doublings = secant_when_strong(histories, direction, system, story, band)
+    softer, text = 1.0 - kept > 2.0 * sd, f"{where} changes while it shakes."
+    if softer:
+        text = (
+            f"{where} changes while it shakes: in its strongest cycle it is {percent(1.0 - kept)} "
+            f"softer than in its weak ones (± {percent(sd)}), by shears and drifts of the measured "
+            "floors."
+        )
+    outside = "" if story or softer else f", or one on {names[0]} from outside"
+    size = min(kept, 1.0) ** (1.0 / doublings) - 1.0
+    text = f"{text} {share_of} force within {where} alone{outside}."
+    return text, where if len(between) == 1 else "", size, sd / doublings
 
 
 def secant_when_strong(
-    histories: Histories, direction: str, system: System, story: int, band: tuple[float, float]
+    histories: Histories, direction: str, system: System, story: int, band: Floats
 ) -> tuple[float, float, float]:
     """The secant stiffness below a measured floor in its strongest cycle, over that in weak ones.
 

@@ -223,7 +223,7 @@ def _follow(
 ) -> Iterator[ResponseHistories]:
     """Histories batch by batch, at the level that each has itself."""
     theta, sizes = task.system.split(parameters[:1])
-    period = 2.0 * np.pi / float(task.system.modes(theta, sizes).omega.min())
+    period = 1.0 / task.system.first_hz(theta, sizes)
     window = max(1, round(_WINDOW * period / task.time_step))
     begun = np.zeros((1, -(-(task.record.shape[1] - 1) // window)), dtype=np.int64)
     # All samples have much the same level: one finds it, and the others go on from there.

@@ -299,6 +299,10 @@ class System:
         seen, inverse = normal_modes(stiffness, mass, torch.cat([shapes, load], dim=1))
         return Modes(inverse, seen[:, :-2], seen[:, -2:], rigid @ base)
 
+    def first_hz(self, theta: Tensor, sizes: Tensor) -> float:
+        """The lowest frequency of all these parameters."""
+        return float(self.modes(theta, sizes).omega.min()) / (2.0 * np.pi)
+
     def ratio(self, omega: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Damping ratios (N, m) of modes omega (N, m), rad/s, with the effects."""
         ratio = self.law.ratio(omega, zeta)

@@ -10,6 +10,7 @@ from scipy.special import ndtr
 from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.discrepancy.strength import what_yields
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.effects.tolerances import TOLERANCES, key_of
 from femupdate.errors import InferenceError
@@ -38,6 +39,7 @@ from femupdate.workflow.likelihoods import (
     plain_settings,
 )
 from femupdate.workflow.model import StudyModel
+from femupdate.workflow.observed import direction_of
 
 _ZETA_GRID, _ZETA_SAMPLES = 25, 48  # damping ratios that are looked at, at draws of theta
 _CHECKED = 100  # draws that are held against the data
@@ -365,6 +367,21 @@ def large_error(posterior: Posterior, fitting: Fitting) -> bool:
     return fitting.misfit > 4.0 and (far or bool(_at_limits(posterior)))
 
 
+def changing(model: StudyModel, measured: Measured, posterior: Posterior) -> tuple[str, ...]:
+    """What the run shows that no linear structure does, where it has one place."""
+    if measured.run is None:
+        return ()
+    mean = posterior.parameters.split(torch.from_numpy(posterior.values.mean(axis=(0, 1))[None]))
+    band = np.array(
+        [0.5 * model.system.first_hz(mean.theta, mean.sizes), float(model.frequency_hz[-1])]
+    )
+    building = model.building
+    known = measured.run, direction_of(building), model.system, building.story_names, band
+    text = what_yields(*known)[0]
+    told = "The factors are those of its mean strength, and serve motions of that strength."
+    return (f"{text} {told}",) if text else ()
+
+
 def tolerance_notes(posterior: Posterior) -> tuple[str, ...]:
     """How much of the factors' intervals comes from what is known to a tolerance alone.
 
@@ -441,6 +458,7 @@ def concluded(
     posterior = posterior_of(model, measured, settings, sampled, latent, damping)
     fitting = against_data(model, measured, posterior, sampled, checking)
     warnings = (
+        *changing(model, measured, posterior),
         *measured.left_out,
         *measured.doubts,
         *sampled.warnings,

@@ -148,8 +148,8 @@ def predict_study(
     alone, at_level = _summary(system, posterior, motion, values, settings, None, progress)
     moving, erring = spawn(settings.seed, 2)
     # Errors of the model fade below the lowest frequency.
-    lowest = system.modes(values.theta[:1], values.sizes[:1]).omega.min()
-    errors = EventErrors(posterior, rows, 0.25 * float(lowest) / (2.0 * np.pi), erring)
+    lowest = system.first_hz(values.theta[:1], values.sizes[:1])
+    errors = EventErrors(posterior, rows, 0.25 * lowest, erring)
     scatter = _chosen_scatter(posterior, settings, rows)
     if settings.damping is not None or model.building.damping.is_rayleigh:
         scatter = replace(scatter, damping=0.0, damped=0.0)
