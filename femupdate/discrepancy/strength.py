@@ -23,6 +23,7 @@ from femupdate.discrepancy.score import score
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.dynamics.history import transformed_sensors
 from femupdate.dynamics.level import PERIODS, strongest_hz
+from femupdate.dynamics.spectra import response_spectrum
 from femupdate.dynamics.system import System
 from femupdate.effects.catalogue.softening import AmplitudeSoftening
 from femupdate.effects.effect import Placed
@@ -154,6 +155,36 @@ def _of_measured(
     )
     lever = [np.interp(numbers, at, np.arange(len(at)) == row) for row in range(1, len(at))]
     return np.array(lever) @ mass, floors, inputs, histories.time_step
+
+
+def peaks_with(base: Fit, fitted: Fit, run: Observation, direction: str) -> str:
+    """What naming an effect changes in the run itself, in a sentence: peaks, drifts, floor spectra.
+
+    Args:
+        base: the model without it, as it is fitted.
+    """
+    histories = run.histories
+    assert histories is not None
+    _, _, inputs, step = _of_measured(histories, direction, base.system)
+    band = np.array([run.frequency_hz[0], base.likelihood.top_hz])
+    frequency = np.geomspace(band[0], band[1], 60)
+    told = []
+    for each in (base, fitted):
+        floors = _within(transformed_sensors(each.system, each.split, inputs, step), step, band)
+        moved = np.vstack([_within(inputs[:1], step, band), floors])
+        drift = np.diff(_within(moved, step, band, 2), axis=0)
+        spectra = response_spectrum(floors, step, frequency)
+        told.append((np.abs(floors).max(axis=1), np.abs(drift).max(axis=1), spectra))
+    floors, drifts, spectra = (
+        np.abs(after / before - 1.0) for before, after in zip(*told, strict=True)
+    )
+    row, column = np.unravel_index(spectra.argmax(), spectra.shape)
+    names, stories = base.system.floors, base.likelihood.building.story_names
+    return (
+        f"In this run it changes peaks by up to {percent(floors.max())} ({names[floors.argmax()]}),"
+        f" drifts by up to {percent(drifts.max())} ({stories[drifts.argmax()]}) and floor spectra"
+        f" (5 %) by up to {percent(spectra.max())} ({names[row]}, {frequency[column]:.3g} Hz)."
+    )
 
 
 def beyond_linear(

@@ -28,7 +28,7 @@ from femupdate.discrepancy.search import (
     prepared,
     sought,
 )
-from femupdate.discrepancy.strength import judged_by_strength
+from femupdate.discrepancy.strength import judged_by_strength, peaks_with
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.effects.effect import EffectParameter
 from femupdate.effects.registry import CATALOGUE
@@ -325,6 +325,9 @@ def _notes(given: Measured, data: Sequence[Data], found: Diagnosis) -> Iterator[
     if given.has_base:
         base = found.base
         yield from screen_channels(given.base, base.system, base.theta()[0])
+        leading, run = found.leading, given.run
+        if leading is not None and found.verdict in (NAMED, PARTLY) and run and run.histories:
+            yield peaks_with(base, leading.fitted, run, direction_of(base.likelihood.building))
     yield from _of_tolerances(found)
     yield from _of_gravity(found.base)
     if found.verdict == PARTLY and not found.pair:

@@ -1,13 +1,18 @@
 """A chain that yields in one story is told to change while it shakes; a linear one is not."""
 
+import re
+
 import numpy as np
+import pytest
+import torch
+from scipy.signal import lsim
 
 from femupdate.building import from_document
 from femupdate.discrepancy import Diagnosis, DiagnosisSettings
 from femupdate.discrepancy.findings import NONE
-from femupdate.discrepancy.fit import fit_baseline
+from femupdate.discrepancy.fit import fit, fit_baseline
 from femupdate.discrepancy.search import problem_of
-from femupdate.discrepancy.strength import judged_by_strength, missed_in_run
+from femupdate.discrepancy.strength import judged_by_strength, missed_in_run, peaks_with
 from femupdate.dynamics import lumped
 from femupdate.effects import structure_of
 from femupdate.inference import COARSE_ERROR
@@ -58,7 +63,7 @@ def shaken(base, yields, gap=np.inf):
 
 
 def found_in(base, seen, seed):
-    """The diagnosis of a run with 2 % of noise, and what the model misses of it."""
+    """The diagnosis of a run with 2 % of noise, what the model misses of it, and the run."""
     rng = np.random.default_rng(seed)
     rows = np.vstack([base, seen])[:, ::FINE]
     rows = rows + 0.02 * rows.std(axis=1, keepdims=True) * rng.standard_normal(rows.shape)
@@ -84,13 +89,13 @@ def found_in(base, seen, seed):
     fitted = fit_baseline(problem_of(reduced, building, (data,)))[0]
     found = Diagnosis(fitted, NONE, (), (), (), (), fitted.remains(), (), "")
     missed = missed_in_run(fitted, whole, "x")
-    return judged_by_strength(found, whole, "x", DiagnosisSettings()), missed
+    return judged_by_strength(found, whole, "x", DiagnosisSettings()), missed, whole
 
 
 def test_a_story_that_yields_is_told_with_its_place():
     base = motion(1)
     (linear,) = shaken(base, np.full((1, 3), np.inf))
-    found, missed = found_in(base, linear, 2)
+    found, missed, _ = found_in(base, linear, 2)
     assert found.verdict == NONE
     assert missed < 0.05  # of noise, and of the error of Euler's steps
     # Yielding at two fifths of what it would reach.
@@ -99,7 +104,7 @@ def test_a_story_that_yields_is_told_with_its_place():
     stories = (0, 2)
     yields = np.where(np.eye(3)[list(stories)] > 0.0, 0.4 * most, np.inf)
     for story, seen in zip(stories, shaken(base, yields), strict=True):
-        found, missed = found_in(base, seen, 2)
+        found, missed, _ = found_in(base, seen, 2)
         assert missed > 0.1
         assert found.verdict == "nonlinear"
         assert found.leading.placed.label == f"amplitude_softening@S{story + 1}"
@@ -110,7 +115,42 @@ def test_a_story_that_yields_is_told_with_its_place():
 def test_a_floor_that_strikes_a_neighbour_is_told_as_such():
     base, still = motion(1), np.full((1, 3), np.inf)
     (struck,) = shaken(base, still, gap=0.006)
-    found, _ = found_in(base, struck, 2)
+    found, _, _ = found_in(base, struck, 2)
     assert found.verdict == "nonlinear"
     assert found.sentence.startswith("Something acts on RF")
     assert found.leading is None
+
+
+def peaks_by_lsim(factors, zeta, ground):
+    """Largest accelerations and drifts of the chain, mode by mode."""
+    drift = np.eye(3) - np.eye(3, k=-1)
+    chain = drift.T @ np.diag(factors * SPRING) @ drift
+    squared, shapes = np.linalg.eigh(chain / np.sqrt(np.outer(MASS, MASS)))
+    shapes = shapes / np.sqrt(MASS)[:, None]
+    share, time = shapes * (shapes.T @ MASS), np.arange(ground.size) * STEP
+    moved, seen = np.zeros((2, 3, ground.size))
+    for mode, omega in zip(share.T, np.sqrt(squared), strict=True):
+        whole = [1.0, 2.0 * zeta * omega, omega**2]
+        moved -= np.outer(mode, lsim(([1.0], whole), ground, time)[1])
+        seen += np.outer(mode, lsim((whole[1:], whole), ground, time)[1])
+    return np.abs(seen).max(axis=1), np.abs(drift @ moved).max(axis=1)
+
+
+def test_what_a_change_does_to_the_run_is_told_in_peaks_and_drifts():
+    base = motion(1)
+    (linear,) = shaken(base, np.full((1, 3), np.inf))
+    found, _, run = found_in(base, linear, 2)
+    before, moved = found.base, torch.tensor([0.0, 0.3, 0.0] + [0.0] * (len(found.base.z) - 3))
+    after = fit(before.likelihood, (), before.z + moved, 0)
+    told = peaks_with(before, after, run, "x")
+    by_hand = [
+        peaks_by_lsim(fitted.theta()[0], float(fitted.split[1]), run.histories.acceleration[0])
+        for fitted in (before, after)
+    ]
+    for what, old, new in zip(("peaks", "drifts"), *by_hand, strict=True):
+        change = np.abs(new / old - 1.0)
+        said = re.search(rf"{what} by up to ([\d.]+) % \((\w+)\)", told)
+        place = FLOORS[change.argmax()] if what == "peaks" else f"S{change.argmax() + 1}"
+        # The band leaves out what noise of the base moves above it.
+        assert 0.01 * float(said[1]) == pytest.approx(change.max(), abs=0.02)
+        assert said[2] == place
