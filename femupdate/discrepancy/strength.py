@@ -9,6 +9,7 @@ noise of the run, as strong in its weak parts as in its strong ones.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial, reduce
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -45,9 +46,11 @@ _ORDER = 12  # samples of the past from which the next follows, at 2.5 times the
 # what no linear structure does, over the strong motion: 84 sticks with every kind of effect had
 # .0034 at most, 15 of 16 that yield .025 to .12; ten runs of two real structures .011 to .093
 _BEYOND = 0.01
-# share of it (squared covariances) in one story, or of a force on one floor: .95 to 1.00 where a
-# story yields or a floor is struck; .62 and .79 at most in the real structures
-_IN_ONE = 0.9
+# share of it (squared covariances) within single stories: .95 to 1.00 where one yields, .82 to .99
+# where two or all do; or of a force on one floor: .99 to 1.00 where a floor is struck; in the real
+# structures .66 and .79 at most
+_WITHIN, _STRUCK = 0.8, 0.9
+_TAKES_PART = 0.05  # of that share, from which a story is named beside the first
 _SERVES = (
     "No linear effect explains that. The factors are those of the mean strength of this run, and "
     "serve motions of that strength; a record at another level shows how they change."
@@ -233,8 +236,8 @@ def what_yields(
         band: from half the first frequency up to where the run says something, Hz.
 
     Returns:
-        A sentence, empty where it has no place; the story, empty where it is not one; the change of
-        its stiffness with every doubling of the drift, and its standard deviation.
+        A sentence, empty where it has no place; the first story, empty where it is not one; the
+        change of its stiffness with every doubling of the drift, and its standard deviation.
     """
     nothing = "", "", 0.0, 0.0
     if (histories := run.histories) is None:
@@ -247,8 +250,8 @@ def what_yields(
     below = [grown[: level + 1, : level + 1].sum() / (level + 1) for level in range(len(grown))]
     story, floor = int(inside.argmax()), int(np.argmax(below))
     share_of = f"{percent(share, 1)} of the strong motion no linear structure does, and that is a"
-    if inside[story] < _IN_ONE:
-        if len(grown) < 3 or below[floor] * abs(below[floor]) < _IN_ONE:
+    if inside.sum() < _WITHIN:
+        if len(grown) < 3 or below[floor] * abs(below[floor]) < _STRUCK:
             return nothing
         text = (
             f"Something acts on {names[floor]} where the motion is strong, such as a neighbour "
@@ -256,8 +259,12 @@ def what_yields(
         )
         return text, "", 0.0, 0.0
     levels = [0, *(system.floors.index(name) + 1 for name in names)]
-    between = stories[levels[story] : levels[story + 1]]
-    where = " to ".join(dict.fromkeys((between[0], between[-1])))
+    between = [
+        " to ".join(dict.fromkeys((stories[low], stories[high - 1])))
+        for low, high in pairwise(levels)
+    ]
+    others = [between[k] for k in range(len(inside)) if k != story and inside[k] >= _TAKES_PART]
+    where = between[story]
     kept, sd, doublings = secant_when_strong(histories, direction, system, story, band)
     softer, text = 1.0 - kept > 2.0 * sd, f"{where} changes while it shakes."
     if softer:
@@ -266,10 +273,13 @@ def what_yields(
             f"softer than in its weak ones (± {percent(sd)}), by shears and drifts of the measured "
             "floors."
         )
-    outside = "" if story or softer else f", or one on {names[0]} from outside"
+    if others:
+        text = f"{text} {' and '.join(others)} {'does' if len(others) == 1 else 'do'} so, too."
+    elif not story and not softer:
+        text = f"{text} Or something acts on {names[0]} from outside, or its sensor fails."
     size = min(kept, 1.0) ** (1.0 / doublings) - 1.0
-    text = f"{text} {share_of} force within {where} alone{outside}."
-    return text, where if len(between) == 1 else "", size, sd / doublings
+    text = f"{text} {share_of} force within {' and '.join((where, *others))} alone."
+    return text, where if where in stories else "", size, sd / doublings
 
 
 def secant_when_strong(

@@ -110,6 +110,10 @@ def test_a_story_that_yields_is_told_with_its_place():
         assert found.leading.placed.label == f"amplitude_softening@S{story + 1}"
         assert found.leading.size < -0.01
         assert f"S{story + 1} changes while it shakes" in found.sentence
+    (seen,) = shaken(base, np.where([[True, False, True]], 0.4 * most, np.inf))
+    found, *_ = found_in(base, seen, 2)
+    assert found.verdict == "nonlinear"
+    assert re.search("within (S1 and S3|S3 and S1) alone", found.sentence)
 
 
 def test_a_floor_that_strikes_a_neighbour_is_told_as_such():
