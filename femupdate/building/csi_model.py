@@ -1,13 +1,17 @@
 """What SAP2000 and ETABS share: rows of text, local axes, modifiers, insertion, mass sources."""
 
+import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.deck_model import SHAPES
-from femupdate.building.model_tables import ModelTables, Stuff
+from femupdate.building.model_tables import ModelTables, Stuff, known
+from femupdate.building.quantities import ALL
 from femupdate.building.sections import SectionFigures
 from femupdate.errors import BuildingError
 from femupdate.fe.element import area_vectors
@@ -16,6 +20,13 @@ FORCES = {"n": "N", "kn": "kN", "kgf": "kgf", "tonf": "tf", "lb": "lbf", "kip": 
 LENGTHS = ("m", "cm", "mm", "in", "ft")
 FRAME_MODIFIERS = ("A", "AS2", "AS3", "J", "I22", "I33", "M", "W")
 AREA_MODIFIERS = ("F11", "F22", "F12", "M11", "M22", "M12", "V13", "V23", "M", "W")
+# How else they are called.
+_ALSO = {"A": "AREA", "AS2": "A2", "AS3": "A3", "J": "T", "I22": "I2", "I33": "I3"} | {
+    "M": "MASS",
+    "W": "WEIGHT",
+}
+_LEAST = 1e-4  # share of a stiffness whose modifier is 0
+_BY_DIRECTION = "modifiers by direction"  # what mesh.ignore takes at its mean
 # What a released force is in our beams, whose z axis is their 2 and whose y axis is their -3.
 _RELEASES = {"P": 0, "V2": 2, "V3": 1, "T": 3, "M2": 5, "M3": 4}
 GRAVITY = 9.80665
@@ -29,7 +40,7 @@ class Row:
     file: str
     table: str
     line: int
-    values: Mapping[str, str]
+    values: Mapping[str, str]  # by their keys in capitals
     read: set[str] = field(default_factory=set)  # keys that were asked for
 
     def error(self, text: str) -> BuildingError:
@@ -39,8 +50,9 @@ class Row:
 
     def text(self, *keys: str) -> str:
         """The first of these keys that is there; empty without one."""
-        self.read.update(keys)
-        return next((self.values[key] for key in keys if key in self.values), "")
+        names = [key.upper() for key in keys]
+        self.read.update(names)
+        return next((self.values[name] for name in names if name in self.values), "")
 
     def named(self, *keys: str) -> str:
         """As `text`, of what must be there."""
@@ -140,48 +152,125 @@ class MassSource:
         return self
 
 
-def material_of(tables: ModelTables, row: Row) -> tuple[Stuff, float]:
-    """A material, by the keys of either program, and its weight, N/m3."""
-    young, shear = row.real("E", "E1"), row.real("G12", usual=0.0)
-    ratio = row.real("U", "U12", usual=0.5 * young / shear - 1.0 if shear else 0.2)
-    weight = row.real("WEIGHTPERVOLUME", "UnitWeight", usual=0.0)
-    density = row.real("MASSPERVOLUME", "UnitMass", usual=weight * tables.length / GRAVITY)
-    stuff = tables.material(row, young, ratio, density, shear)
-    return stuff, weight * tables.force / tables.length**3
+def modifiers(row: Row, names: Sequence[str]) -> tuple[float, ...]:
+    """Modifiers of an assignment or a section, in any of their spellings."""
+    several = row.text("PROPMODIFIERS").split()
+    if several:
+        row = replace(row, values=dict(zip(names, several, strict=False)))
+    found = []
+    for name in names:
+        spelt = (name, _ALSO.get(name, name))
+        keys = [f"{start}{n}{end}" for n in spelt for start, end in _ENDS]
+        plain = [name] if several or (names is AREA_MODIFIERS and name not in "MW") else []
+        found.append(row.real(*keys, *plain, usual=1.0))
+    return tuple(found)
 
 
-def frame_figures(tables: ModelTables, row: Row) -> SectionFigures:
-    """Figures of a section, as they are given or as its sides make them, by either's keys.
+_ENDS = (("", "MOD"), ("", "MODIFIER"), ("PROPMOD", ""))
 
-    Raises:
-        BuildingError: the shape is not known, or the sides make none.
-    """
-    keys = (("D", "t3"), ("B", "t2"), ("TF", "tf", "T"), ("TW", "tw", "T"))
-    d, b, flange, web = (tables.length * row.real(*names, usual=0.0) for names in keys)
-    shape = row.text("SHAPE", "Shape")
-    if row.text("AREA", "Area"):
-        names = (("I33",), ("I22",), ("J", "TorsConst"), ("AS2",), ("AS3",))
-        i33, i22, torsion, *shear = (row.real(*keys_of, usual=0.0) for keys_of in names)
-        return tables.section(row, row.real("AREA", "Area"), (i33, i22), torsion, shear)
-    words = shape.lower()
-    known = {
-        "rectangular": ("BAR", (b, d)),
-        "circle": ("ROD", (d / 2.0,)),
-        "pipe": ("TUBE", (d / 2.0, d / 2.0 - (web or flange))),
-        "tube": ("BOX", (b, d, flange, web)),
-        "wide flange": ("I", (d, b, b, web, flange, flange)),
-        "tee": ("T", (b, d, flange, web)),
-    }
-    name = next((name for word, name in known.items() if word in words), None)
-    if name is None or not d > 0.0:
-        raise row.error(
-            f"its shape {shape!r} is not known, or its sides are missing; give its figures "
-            "(General), or one of Rectangular, Circle, Pipe, Tube, I/Wide Flange, Tee"
-        )
-    try:
-        return SHAPES[name[0]][1](*name[1])
-    except ValueError:
-        raise row.error(f"its sides make no {shape}; correct them") from None
+
+class Properties:
+    """Materials and sections by their name, which are read when they are used."""
+
+    def __init__(
+        self,
+        tables: ModelTables,
+        materials: Mapping[str, Row],
+        frames: Mapping[str, Row],
+        areas: Mapping[str, Row],
+    ) -> None:
+        """Keep the rows of each."""
+        self.tables, self._rows = tables, (materials, frames, areas)
+        self._frame_of, self._area_of = cache(self._frame), cache(self._area)
+
+    def frame(self, user: Row, name: str) -> FrameSection:
+        """The section of a frame."""
+        known(user, self._rows[1], name, "section")
+        return self._frame_of(name)
+
+    def area(self, user: Row, name: str) -> AreaSection:
+        """The section of an area."""
+        known(user, self._rows[2], name, "section")
+        return self._area_of(name)
+
+    def _material(self, row: Row) -> tuple[Stuff, float]:
+        """A material, and its weight, N/m3."""
+        tables, named = self.tables, row.named("MATERIAL", "CONCMATERIAL")
+        entry = known(row, self._rows[0], named, "material")
+        young, shear = entry.real("E", "E1"), entry.real("G12", usual=0.0)
+        ratio = entry.real("U", "U12", usual=0.5 * young / shear - 1.0 if shear else 0.2)
+        weight = entry.real("WEIGHTPERVOLUME", "UnitWeight", "W", usual=0.0)
+        usual = weight * tables.length / GRAVITY
+        density = entry.real("MASSPERVOLUME", "UnitMass", "M", usual=usual)
+        stuff = tables.material(entry, young, ratio, density, shear)
+        return stuff, weight * tables.force / tables.length**3
+
+    def _frame(self, name: str) -> FrameSection:
+        """A section of frames, with the figures that are given or that its sides make."""
+        tables, row = self.tables, self._rows[1][name]
+        stuff, weight = self._material(row)
+        keys = (("D", "t3"), ("B", "t2"), ("TF", "T"), ("TW", "T"))
+        d, b, flange, web = (tables.length * row.real(*names, usual=0.0) for names in keys)
+        shape = row.text("SHAPE")
+        if row.text("AREA"):
+            if row.real("I23", usual=0.0):
+                raise row.error("I23 couples both ways of bending; give principal axes")
+            names = (("I33",), ("I22",), ("J", "TorsConst"), ("AS2",), ("AS3",))
+            i33, i22, torsion, *shear = (row.real(*keys_of, usual=0.0) for keys_of in names)
+            figures = tables.section(row, row.real("AREA"), (i33, i22), torsion, shear)
+            return FrameSection(figures, stuff, weight, modifiers(row, FRAME_MODIFIERS))
+        words = shape.lower()
+        shapes = {
+            "rectangular": ("BAR", (b, d)),
+            "plate": ("BAR", (b, d)),
+            "circle": ("ROD", (d / 2.0,)),
+            "rod": ("ROD", (d / 2.0,)),
+            "pipe": ("TUBE", (d / 2.0, d / 2.0 - (web or flange))),
+            "tube": ("BOX", (b, d, flange, web)),
+            "wide flange": ("I", (d, b, b, web, flange, flange)),
+            "channel": ("CHAN", (b, d, web, flange)),
+            "tee": ("T", (b, d, flange, web)),
+        }
+        fitting = next((word for word in shapes if word in words), None)
+        if fitting is None or not d > 0.0 or re.search("fill|encase|double", words):
+            given = tables.said.sections.get(name)
+            if given is not None or tables.said.ignored == ALL:  # a draft asks for it
+                figures = given or SHAPES["BAR"][1](0.3, 0.3)
+                return FrameSection(figures, stuff, weight, modifiers(row, FRAME_MODIFIERS))
+            raise row.error(
+                f"its shape {shape!r} is not known, or its sides are missing; give its "
+                f"figures (General), its sides, or [sections.{json.dumps(name)}] in a building file"
+            )
+        kind, sides = shapes[fitting]
+        try:
+            figures = SHAPES[kind][1](*sides)
+        except ValueError:
+            raise row.error(f"its sides make no {shape}; correct them") from None
+        return FrameSection(figures, stuff, weight, modifiers(row, FRAME_MODIFIERS))
+
+    def _area(self, name: str) -> AreaSection:
+        tables, row = self.tables, self._rows[2][name]
+        stuff, weight = self._material(row)
+        keys = ("THICKNESS", "SLABTHICKNESS", "WALLTHICKNESS", "TM", "DECKSLABDEPTH")
+        thick, more = row.real(*keys), 0.0
+        kind = row.text("MODELINGTYPE", "TYPE").lower()
+        if "deck" in f"{row.text('PROPTYPE')} {kind}".lower():
+            wide = [row.real(f"DECKRIBWIDTH{side}", usual=0.0) for side in ("TOP", "BOTTOM")]
+            ribs = row.real("DECKRIBDEPTH", usual=0.0) * 0.5 * sum(wide)
+            thick += ribs / row.real("DECKRIBSPACING", usual=1.0)
+            more = row.real("DECKUNITWEIGHT", usual=0.0) * tables.force / tables.length**2
+            kind = "membrane"
+        plane = row.text("AREATYPE").lower() not in ("", "shell")
+        ribbed = row.text("SLABTYPE").lower() not in ("", "slab", "uniform", "drop", "stiff", "mat")
+        if "layer" in kind or "plate" in kind or plane or ribbed:
+            raise row.error(
+                "layers, ribs, plates and plane areas have no counterpart; use a shell of one "
+                "thickness"
+            )
+        bending = 0.0 if "membrane" in kind else row.real("BENDTHICK", "TB", usual=thick)
+        sizes = thick * tables.length, bending * tables.length
+        factors = modifiers(row, AREA_MODIFIERS)
+        return AreaSection(name, stuff, weight, *sizes, factors, more)
 
 
 def local_axes(axis: Floats, angle: float) -> Floats:
@@ -200,7 +289,8 @@ def add_frame(
     tables: ModelTables,
     row: Row,
     ends: list[int],
-    section: FrameSection,
+    properties: Properties,
+    name: str,
     source: MassSource,
     *,
     angle: float = 0.0,
@@ -208,39 +298,48 @@ def add_frame(
     rigid: Sequence[float] = (0.0, 0.0, 0.0),
     cardinal: int = 10,
     moved: Floats | None = None,
-    modifiers: Sequence[float] = (1.0,) * 8,
+    changes: Row | None = None,
     load: float = 0.0,
 ) -> None:
-    """Add a frame with all that is assigned to it.
+    """Add a frame with all that is assigned to it, or nothing where its section is none.
 
     Args:
+        name: of its section.
         released: such as "M3I".
         rigid: lengths of its end offsets in the file's unit, and the share that is rigid.
         cardinal: point of the section that lies on the line, 10 for the centroid.
         moved: (2, 3) offsets of its ends in global axes, in the file's unit.
+        changes: where its modifiers stand.
         load: what else is mass, kg/m.
     """
+    if name.upper() in ("", "NONE"):
+        tables.skipped[f"{row.table} without a section"] += 1
+        return
+    section = properties.frame(row, name)
     span = tables.points[ends[1]] - tables.points[ends[0]]
     length = float(np.linalg.norm(span))
     if not length > 0.0:
         raise row.error("it has no length; move a joint or remove it")
     axes = local_axes(span, angle)
-    factor = np.array(section.modifiers) * np.array(modifiers)
+    factor = np.array(section.modifiers)
+    if changes is not None:
+        factor = factor * modifiers(changes, FRAME_MODIFIERS)
     changed = [f"{n} {v:.3g}" for n, v in zip(FRAME_MODIFIERS, factor, strict=True) if v != 1.0]
     if changed:
         tables.changes[f"frames with modifiers {', '.join(changed)}"] += 1
     own = section.figures
+    if (factor < 0.0).any():
+        raise row.error("a modifier is negative; correct it")
+    factor[[0, 3, 4, 5]] = np.maximum(factor[[0, 3, 4, 5]], _LEAST)  # 0 leaves a mechanism
     figures = replace(
         own,
         area=own.area * factor[0],
-        shear_area_z=own.shear_area_z * factor[1],
-        shear_area_y=own.shear_area_y * factor[2],
+        shear_area_z=own.shear_area_z * factor[1] if factor[1] else np.inf,
+        shear_area_y=own.shear_area_y * factor[2] if factor[2] else np.inf,
         torsion_constant=own.torsion_constant * factor[3],
         inertia_z=own.inertia_z * factor[4],
         inertia_y=own.inertia_y * factor[5],
     )
-    if not (np.array([factor[0], *factor[3:6]]) > 0.0).all():
-        raise row.error("a modifier is zero or negative; write a small one instead")
     pins = np.zeros(12, dtype=np.bool_)
     for name in released:
         pins[_RELEASES[name[:-1]] + (6 if name[-1] == "J" else 0)] = True
@@ -268,20 +367,30 @@ def add_area(
     tables: ModelTables,
     row: Row,
     corners: list[int],
-    section: AreaSection,
+    properties: Properties,
+    name: str,
     source: MassSource,
     *,
-    modifiers: Sequence[float] = (1.0,) * 10,
+    changes: Row | None = None,
     load: float = 0.0,
     in_diaphragm: bool = False,
 ) -> None:
     """Add an area; a membrane in a rigid diaphragm is mass at its corners alone.
 
     Args:
+        name: of its section; without one it is its load alone.
+        changes: where its modifiers stand.
         load: what else is mass, kg/m2.
         in_diaphragm: whether all its corners are.
     """
-    factor = np.array(section.modifiers) * np.array(modifiers)
+    if name.upper() in ("", "NONE", "NULL"):  # an opening, or an area for loads
+        tables.skipped[f"{row.table} without a section"] += 1
+        _corner_mass(tables, row, corners, load)
+        return
+    section = properties.area(row, name)
+    factor = np.array(section.modifiers)
+    if changes is not None:
+        factor = factor * modifiers(changes, AREA_MODIFIERS)
     changed = [f"{n} {v:.3g}" for n, v in zip(AREA_MODIFIERS, factor, strict=True) if v != 1.0]
     if changed:
         tables.changes[f"areas with modifiers {', '.join(changed)}"] += 1
@@ -297,20 +406,18 @@ def add_area(
                 "it a shell"
             )
         tables.changes["areas without bending in a rigid diaphragm: their mass alone"] += 1
-        points = np.array([tables.points[k] for k in corners])
-        fan = np.array([[0, k, k + 1] for k in range(1, len(corners) - 1)])
-        normals = area_vectors(points[fan])
-        sizes = normals @ (normals.sum(axis=0) / max(np.linalg.norm(normals.sum(axis=0)), 1e-300))
-        for triangle, size in zip(fan.tolist(), sizes.tolist(), strict=True):
-            for k in triangle:
-                share = max(mass * size / 3.0, 0.0)
-                tables.point_mass(row, corners[k], [share] * 3, np.zeros(3))
+        _corner_mass(tables, row, corners, mass)
         return
     if np.ptp(factor[:3]) > 1e-6 or np.ptp(factor[3:6]) > 1e-6:
-        raise row.error(
-            "its modifiers differ by direction, and shells here are as stiff in all; give f11, "
-            "f22, f12 one value, and m11, m22, m12 another"
-        )
+        if tables.said.ignored != ALL and _BY_DIRECTION not in tables.said.ignored:
+            raise row.error(
+                "its modifiers differ by direction, and shells here are as stiff in all; give f11, "
+                "f22, f12 one value, and m11, m22, m12 another, or take their means by "
+                f'mesh.ignore = ["{_BY_DIRECTION}"] in a building file'
+            )
+        tables.changes["areas whose modifiers differ by direction: at their mean"] += 1
+        factor[:3], factor[3:6] = factor[:3].mean(), factor[3:6].mean()
+    factor[:6] = np.maximum(factor[:6], _LEAST)
     bending = float(factor[3]) * (section.bending / section.thickness) ** 3
     tables.area(
         row,
@@ -321,3 +428,15 @@ def add_area(
         membrane=float(factor[0]),
         area_mass=mass,
     )
+
+
+def _corner_mass(tables: ModelTables, row: Row, corners: list[int], mass: float) -> None:
+    """Put the mass of an area, kg/m2, at its corners."""
+    points = np.array([tables.points[k] for k in corners])
+    fan = np.array([[0, k, k + 1] for k in range(1, len(corners) - 1)])
+    normals = area_vectors(points[fan])
+    sizes = normals @ (normals.sum(axis=0) / max(np.linalg.norm(normals.sum(axis=0)), 1e-300))
+    for triangle, size in zip(fan.tolist(), sizes.tolist(), strict=True) if mass else ():
+        for k in triangle:
+            share = max(mass * size / 3.0, 0.0)
+            tables.point_mass(row, corners[k], [share] * 3, np.zeros(3))

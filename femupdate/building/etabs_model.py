@@ -13,21 +13,16 @@ import numpy as np
 
 from femupdate.arrays import Flags, Floats
 from femupdate.building.csi_model import (
-    AREA_MODIFIERS,
-    FRAME_MODIFIERS,
     GRAVITY,
-    AreaSection,
-    FrameSection,
     MassSource,
+    Properties,
     Row,
     add_area,
     add_frame,
-    frame_figures,
-    material_of,
     once,
     units_of,
 )
-from femupdate.building.model_tables import ModelFile, ModelTables, Stuff, file_text, known
+from femupdate.building.model_tables import ModelFile, ModelTables, file_text, known
 from femupdate.errors import BuildingError
 
 # How many values stand before the pairs of key and value, of what is taken.
@@ -47,10 +42,13 @@ _PLACES = {
     "MASSSOURCE": 1,
     "MASSSOURCELOAD": 3,
     "LOADPATTERN": 1,
+    "LOADCASE": 1,
+    "MASSOPTIONS": 0,
     "LINELOAD": 2,
     "AREALOAD": 2,
     "POINTLOAD": 2,
 }
+_READ = ("MATERIAL", "FRAMESECTION", "SHELLPROP", "LOADCASE")
 _REFUSED = ("LINKASSIGN", "LINK", "TENDON", "SPRINGASSIGN", "POINTSPRING", "REFERENCEPOINT")
 _WAYS = ("UX", "UY", "UZ", "RX", "RY", "RZ")
 _RELEASED = tuple(f"{part}{end}" for end in "IJ" for part in ("P", "V2", "V3", "T", "M2", "M3"))
@@ -103,7 +101,15 @@ class EtabsModel(ModelFile[Row]):
     @property
     def left_out(self) -> Mapping[str, int]:
         """What modes do not depend on."""
-        return {n: k for n, k in self.counts.items() if n not in (*_PLACES, *_REFUSED)}
+        taken = (*_PLACES, *_REFUSED)
+        return {n: k for n, k in self.counts.items() if n not in taken or n == "LOADCASE"}
+
+    @cached_property
+    def unsized(self) -> list[str]:
+        """As of a `ModelFile`."""
+        rows = self.merged["FRAMESECTION"]
+        used = dict.fromkeys(row.text("SECTION") for row in self.of("LINEASSIGN"))
+        return [name for name in used if name in rows and not rows[name].text("D", "AREA")]
 
     @property
     def unknown(self) -> list[str]:
@@ -131,7 +137,7 @@ class EtabsModel(ModelFile[Row]):
         tables.divide_lines()
         unread: Counter[str] = Counter()
         rows = [*(row for kind in self.merged.values() for row in kind.values())]
-        rows += [row for name in _PLACES if name not in self.merged for row in self.of(name)]
+        rows += [row for name in _PLACES if name not in _READ for row in self.of(name)]
         for row in rows:
             for key in row.values.keys() - row.read:
                 if not _HARMLESS.fullmatch(key):
@@ -160,14 +166,24 @@ class _EtabsReading:
         self.bodies: dict[tuple[str, str], set[int]] = defaultdict(set)
         self.loose: set[int] = set()  # points that are in no diaphragm
         self.source = self._mass_source()
+        kinds = ("MATERIAL", "FRAMESECTION", "SHELLPROP")
+        self.properties = Properties(tables, *(file.merged[kind] for kind in kinds))
 
     def _mass_source(self) -> MassSource:
         source, weights = MassSource(), {}
-        for row in self.file.of("LOADPATTERN"):
+        for row in self.file.of("LOADCASE", "LOADPATTERN"):  # the first in version 9
             weights[row.text("1")] = row.real("SELFWEIGHT", usual=0.0)
+        for row in self.file.of("MASSOPTIONS"):
+            name = row.text("LOAD")
+            if name:
+                source.add(name, row.real("FACTOR"), weights.get(name, 0.0))
+            elif row.text("SOURCE").upper() == "LOADS":
+                source.elements = False
         rows = self.file.of("MASSSOURCE")
         for row in [row for row in rows if row.flag("ISDEFAULT")] or rows[:1]:
             source.elements = row.flag("INCLUDEELEMENTS", True)
+            if not row.flag("INCLUDEVERTICALMASS", True):
+                self.tables.changes["mass source: lateral in ETABS, here in all directions"] += 1
             loads = row.flag("INCLUDELOADS", True)
             for load in self.file.of("MASSSOURCELOAD") if loads else []:
                 if load.text("1") == row.text("1"):
@@ -220,17 +236,6 @@ class _EtabsReading:
                 found[row.text("1"), row.text("2")] += self._share(row) * mean
         return found
 
-    def _material(self, row: Row) -> tuple[Stuff, float]:
-        name = row.named("MATERIAL")
-        entry = known(row, self.file.merged["MATERIAL"], name, "MATERIAL")
-        return material_of(self.tables, entry)
-
-    def _frame_section(self, row: Row, name: str) -> FrameSection:
-        entry = known(row, self.file.merged["FRAMESECTION"], name, "FRAMESECTION")
-        stuff, weight = self._material(entry)
-        figures = frame_figures(self.tables, entry)
-        return FrameSection(figures, stuff, weight, _modifiers(entry, FRAME_MODIFIERS))
-
     def lines(self) -> None:
         all_lines, loads = once(self.file.of("LINE"), "1"), self._loads("LINELOAD")
         for row in self.file.of("LINEASSIGN"):
@@ -238,9 +243,6 @@ class _EtabsReading:
             line = known(row, all_lines, name, "LINE")
             if line.text("2").upper() not in ("COLUMN", "BEAM", "BRACE"):
                 raise line.error(f"a {line.text('2')} has no counterpart; draw it as a frame")
-            if section.upper() in ("", "NONE"):
-                self.tables.skipped["LINEASSIGN without a section"] += 1
-                continue
             ends = [
                 self.node(row, line.named("3"), story, int(line.real("5", usual=0.0))),
                 self.node(row, line.named("4"), story),
@@ -251,21 +253,23 @@ class _EtabsReading:
             if not set(released) <= set(_RELEASED):
                 raise row.error(f"its release {' '.join(released)!r} is not known; write M2I M3I")
             rigid = [row.real(k, usual=0.0) for k in ("LENGTHOFFI", "LENGTHOFFJ", "RIGIDZONE")]
+            moved = np.array([[row.real(f"OFFSET{a}{e}", usual=0.0) for a in "XYZ"] for e in "IJ"])
+            stiff = row.flag("TRANSFORMSTIFFNESSFOROFFSETS")
             if rigid[2] and not any(rigid[:2]):
                 self.tables.changes["frames with automatic end offsets, which are left out"] += 1
             add_frame(
                 self.tables,
                 row,
                 ends,
-                self._frame_section(row, section),
+                self.properties,
+                section,
                 self.source,
                 angle=row.real("ANG", usual=0.0),
                 released=released,
                 rigid=rigid,
-                cardinal=int(row.real("CARDINALPT", usual=10.0))
-                if row.flag("TRANSFORMSTIFFNESSFOROFFSETS")
-                else 10,
-                modifiers=_modifiers(row, FRAME_MODIFIERS),
+                cardinal=int(row.real("CARDINALPT", usual=10.0)) if stiff else 10,
+                moved=moved if stiff else None,
+                changes=row,
                 load=loads[name, story] * self.tables.force / self.tables.length / GRAVITY,
             )
 
@@ -290,57 +294,17 @@ class _EtabsReading:
             found.append((row, name, story, section, corners))
         tables.bodies += [np.array(sorted(nodes)) for nodes in self.bodies.values()]
         for row, name, story, section, corners in found:
-            if section.upper() in ("", "NONE", "NULL"):  # an opening, or an area for loads
-                tables.skipped["AREAASSIGN without a section"] += 1
-                continue
             add_area(
                 tables,
                 row,
                 corners,
-                self._area_section(row, section),
+                self.properties,
+                section,
                 self.source,
-                modifiers=_modifiers(row, AREA_MODIFIERS),
+                changes=row,
                 load=loads[name, story] * tables.force / tables.length**2 / GRAVITY,
                 in_diaphragm=any(nodes.issuperset(corners) for nodes in self.bodies.values()),
             )
-
-    def _area_section(self, row: Row, name: str) -> AreaSection:
-        entry = known(row, self.file.merged["SHELLPROP"], name, "SHELLPROP")
-        stuff, weight = self._material(entry)
-        thick, more = entry.real("SLABTHICKNESS", "WALLTHICKNESS", "TM", "DECKSLABDEPTH"), 0.0
-        kind = entry.text("MODELINGTYPE").upper()
-        if entry.text("PROPTYPE").upper() == "DECK":
-            wide = [entry.real(f"DECKRIBWIDTH{side}", usual=0.0) for side in ("TOP", "BOTTOM")]
-            ribs = entry.real("DECKRIBDEPTH", usual=0.0) * 0.5 * sum(wide)
-            thick += ribs / entry.real("DECKRIBSPACING", usual=1.0)
-            more = (
-                entry.real("DECKUNITWEIGHT", usual=0.0) * self.tables.force / self.tables.length**2
-            )
-            kind = "MEMBRANE"
-        elif "LAYER" in kind or entry.text("SLABTYPE").upper() not in ("", "SLAB", "UNIFORM"):
-            raise entry.error("layers and ribs have no counterpart; use a shell of one thickness")
-        size = thick * self.tables.length
-        bending = 0.0 if "MEMBRANE" in kind else size
-        return AreaSection(
-            "", stuff, weight, size, bending, _modifiers(entry, AREA_MODIFIERS), more
-        )
-
-
-def _modifiers(row: Row, names: tuple[str, ...]) -> tuple[float, ...]:
-    """Modifiers of an assignment or a section, of which there are several spellings."""
-    several = row.text("PROPMODIFIERS").split()
-    if several:
-        names_given = dict(zip(names, several, strict=False))
-        row = Row(row.file, row.table, row.line, {f"PROPMOD{k}": v for k, v in names_given.items()})
-    return tuple(
-        row.real(
-            *(f"PROPMOD{n}" for n in ((name, "T") if name == "J" else (name,))),
-            f"{name}MODIFIER",
-            f"{name}MOD",
-            usual=1.0,
-        )
-        for name in names
-    )
 
 
 def _inside(points: Floats, corners: Floats) -> Flags:

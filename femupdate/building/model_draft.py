@@ -97,6 +97,12 @@ def draft_text(path: Path, units: str | None, beside: Path) -> str:
     head = f"# {file.program} does not say these. Correct them, and take the # away."
     lacks = "\n".join([head, *lines, ""]) if file.lacks else ""
     supports = '# [supports]\n# base = "fixed"   # or "pinned"\n\n' if file.lacks else ""
+    supports += "".join(
+        f"# A section that {file.program} only names: give its sides.\n"
+        f'# [sections.{json.dumps(name)}]\n# shape = "I"\n# width = "0.2 m"\n# depth = "0.4 m"\n'
+        '# web_thickness = "9 mm"\n# flange_thickness = "14 mm"\n\n'
+        for name in file.unsized
+    )
     return _DRAFT.format(
         program=file.program,
         name=path.stem,

@@ -125,6 +125,7 @@ def building_model(building: MeshBuilding) -> ReadModel:
         mass=mesh.mass,
         diaphragms=rigid,
         base=base if "supports.base" in file.lacks else None,
+        sections={name: section.figures() for name, section in building.sections.items()},
     )
     length, force = factor(mesh.unit, "length"), factor(mesh.force, "force")
     return read_model(file, length, force, said, base=mesh.base, levels=levels)

@@ -6,7 +6,7 @@ Nothing is dropped without a word: a reader counts what it takes, changes and le
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
@@ -105,6 +105,11 @@ class ModelFile(ABC, Generic[R]):
         return ()
 
     @property
+    def unsized(self) -> Sequence[str]:
+        """Sections that the file names without their figures."""
+        return ()
+
+    @property
     def counts(self) -> Mapping[str, int]:
         """How many entries of each kind there are."""
         return {kind: len(rows) for kind, rows in self.entries.items() if rows}
@@ -134,6 +139,8 @@ class Said:
     mass: str | None = None  # "lumped" or "consistent", of elements
     diaphragms: Floats | None = None  # levels of floors that are rigid in plan, m
     base: str | None = None  # "fixed" or "pinned", where the file says nothing
+    # that the file only names
+    sections: Mapping[str, SectionFigures] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

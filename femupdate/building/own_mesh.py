@@ -133,7 +133,7 @@ class MeshBuilding(MeshedBuilding):
             if self.mesh.force is None:
                 text = 'the key is missing; write the unit of force of the model, such as "N"'
                 raise Complaint("mesh.force", text)
-            for key in ("materials", "sections", "floor_mass", "springs"):
+            for key in ("materials", "floor_mass", "springs"):
                 if getattr(self, key):
                     raise Complaint(key, "the model has them; change them there, or give parts")
             if self.supports.base == "springs":

@@ -13,24 +13,23 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.building.csi_model import (
     GRAVITY,
-    AreaSection,
-    FrameSection,
     MassSource,
+    Properties,
     Row,
     add_area,
     add_frame,
-    frame_figures,
-    material_of,
     once,
     units_of,
 )
-from femupdate.building.model_tables import ModelFile, ModelTables, Stuff, file_text, known
+from femupdate.building.model_tables import ModelFile, ModelTables, file_text, known
 from femupdate.errors import BuildingError
 
 _TOKEN = re.compile(r'([^\s=]+)=("[^"]*"|\S*)')
 _GENERAL = "FRAME SECTION PROPERTIES 01 - GENERAL"
 _MATERIAL = "MATERIAL PROPERTIES 02 - BASIC MECHANICAL PROPERTIES"
 _ADDED = "JOINT ADDED MASS ASSIGNMENTS"
+_FRAME_MASS, _AREA_MASS = (f"{kind} ADDED MASS ASSIGNMENTS" for kind in ("FRAME", "AREA"))
+_TO_FRAMES = "AREA LOADS - UNIFORM TO FRAME"
 _OFFSETS = "FRAME OFFSET ALONG LENGTH ASSIGNMENTS"
 _DIAPHRAGMS, _BODIES = (f"CONSTRAINT DEFINITIONS - {kind}" for kind in ("DIAPHRAGM", "BODY"))
 _TAKEN = (
@@ -41,8 +40,8 @@ _TAKEN = (
     *("FRAME LOCAL AXES ASSIGNMENTS 1 - TYPICAL", "FRAME INSERTION POINT ASSIGNMENTS"),
     *("AREA STIFFNESS MODIFIERS", "JOINT SPRING ASSIGNMENTS 1 - UNCOUPLED", "PROGRAM CONTROL"),
     *("MASSES 1 - MASS SOURCE", "LOAD PATTERN DEFINITIONS", "JOINT LOADS - FORCE"),
-    *("FRAME LOADS - DISTRIBUTED", "AREA LOADS - UNIFORM", _GENERAL, _MATERIAL, _ADDED),
-    *(_OFFSETS, _DIAPHRAGMS, _BODIES),
+    *("FRAME LOADS - DISTRIBUTED", "FRAME LOADS - POINT", "AREA LOADS - UNIFORM", _TO_FRAMES),
+    *(_GENERAL, _MATERIAL, _ADDED, _FRAME_MASS, _AREA_MASS, _OFFSETS, _DIAPHRAGMS, _BODIES),
 )
 # Families of tables that change the structure, but for those that do not.
 _STRUCTURE = (
@@ -52,7 +51,7 @@ _STRUCTURE = (
 _HARMLESS = re.compile(
     r"(JOINT (LOADS|PATTERN)|FRAME (LOADS|DESIGN|OUTPUT|LOAD TRANSFER|AUTO MESH|P-DELTA|FIREPROOF"
     r"|SECTION PROPERTIES (0[2-9]|1|2))|AREA (LOADS|AUTO MESH|EDGE|DESIGN|LOCAL AXES|SECTION "
-    r"PROPERTY DESIGN|SECTION PROPERTIES -|OVERWRITES)|LINK PROPERTY|SOLID PROPERTY|CABLE SECTION"
+    r"PROPERTY DESIGN|SECTION PROPERTIES -)|LINK PROPERTY|SOLID PROPERTY|CABLE SECTION"
     r"|TENDON SECTION|JOINT (GROUPS|MERGE)|CONSTRAINT DEFINITIONS)"
 )
 _PARTS = ("P", "V2", "V3", "T", "M2", "M3")
@@ -88,7 +87,7 @@ class SapModel(ModelFile[Row]):
                 words += part.removesuffix("_") + " "
                 if part.endswith(" _"):
                     continue
-                found = {key: value.strip('"') for key, value in _TOKEN.findall(words)}
+                found = {key.upper(): value.strip('"') for key, value in _TOKEN.findall(words)}
                 if not found:
                     raise Row(file.name, name, number, {}).error(
                         f"{line.strip()!r} has no key=value; export the tables again"
@@ -139,7 +138,7 @@ class SapModel(ModelFile[Row]):
         reading.frames()
         reading.areas()
         tables.divide_lines()
-        known = {*_HARMLESS_KEYS}
+        known = {key.upper() for key in _HARMLESS_KEYS}
         for name in _TAKEN:
             asked = set().union(*(row.read for row in self.of(name)))
             there = set().union(*(row.values for row in self.of(name)))
@@ -167,7 +166,12 @@ class _SapReading:
     def __init__(self, file: SapModel, tables: ModelTables) -> None:
         self.file, self.tables = file, tables
         self.source = self._mass_source()
-        self.materials = once(file.of(_MATERIAL), "Material")
+        self.properties = Properties(
+            tables,
+            once(file.of(_MATERIAL), "Material"),
+            once(file.of(_GENERAL), "SectionName"),
+            once(file.of("AREA SECTION PROPERTIES"), "Section"),
+        )
         self.in_diaphragm: set[int] = set()
 
     def _mass_source(self) -> MassSource:
@@ -254,31 +258,20 @@ class _SapReading:
             inertia = np.array(values[3:]) * tables.mass * tables.length**2
             tables.point_mass(row, self.joint(row), mass, inertia)
         for row in self.file.of("JOINT LOADS - FORCE"):
-            share = -row.real("F3", usual=0.0) * self._share(row)
-            if share > 0.0:
-                kg = share * tables.force / GRAVITY
-                tables.point_mass(row, self.joint(row), [kg] * 3, np.zeros(3))
+            self._weigh(row, self.joint(row), -row.real("F3", usual=0.0) * self._share(row))
+
+    def _weigh(self, row: Row, node: int, weight: float) -> None:
+        """Add the mass of a weight, in the file's unit of force."""
+        if weight > 0.0:
+            kg = weight * self.tables.force / GRAVITY
+            self.tables.point_mass(row, node, [kg] * 3, np.zeros(3))
 
     def _share(self, row: Row) -> float:
         return self.source.patterns.get(row.text("LoadPat"), 0.0)
 
-    def _material(self, row: Row, name: str) -> tuple[Stuff, float]:
-        entry = known(row, self.materials, name, "material")
-        return material_of(self.tables, entry)
-
-    def _frame_section(self, row: Row) -> FrameSection:
-        stuff, weight = self._material(row, row.named("Material"))
-        figures = frame_figures(self.tables, row)
-        if row.text("Area") and row.real("I23", usual=0.0):
-            raise row.error("I23 couples both ways of bending; give principal axes")
-        modifiers = tuple(row.real(key, usual=1.0) for key in _SECTION_MODIFIERS)
-        return FrameSection(figures, stuff, weight, modifiers)
-
     def frames(self) -> None:
         file, tables = self.file, self.tables
-        rows = once(file.of(_GENERAL), "SectionName")
-        sections = {name: self._frame_section(row) for name, row in rows.items()}
-        assigned, angles, releases, offsets, points, modifiers = (
+        assigned, angles, releases, offsets, points, changes = (
             once(file.of(name), "Frame")
             for name in (
                 "FRAME SECTION ASSIGNMENTS",
@@ -289,17 +282,23 @@ class _SapReading:
                 "FRAME PROPERTY MODIFIERS",
             )
         )
+        lines = once(file.of("CONNECTIVITY - FRAME"), "Frame")
         loads: dict[str, float] = defaultdict(float)
         for row in file.of("FRAME LOADS - DISTRIBUTED"):
-            loads[row.text("Frame")] += self._share(row) * _load(row, "FOverLA", "FOverLB")
-        for name, row in once(file.of("CONNECTIVITY - FRAME"), "Frame").items():
-            given = assigned.get(name, row)
-            section = known(given, sections, given.named("AnalSect"), "section")
-            ends = [self.joint(row, key) for key in ("JointI", "JointJ")]
+            loads[row.text("Frame")] += self._load(row, "FOverLA", "FOverLB")
+        for row in file.of("FRAME LOADS - POINT"):
+            line = known(row, lines, row.named("Frame"), "frame")
+            share = row.real("RelDist")
+            for key, part in (("JointI", 1.0 - share), ("JointJ", share)):
+                self._weigh(row, self.joint(line, key), part * self._load(row, "Force", "Force"))
+        for row in file.of(_FRAME_MASS) if self.source.added else []:
+            given = row.real("MassPerLen", "MassPerLength") * GRAVITY / tables.length
+            loads[row.text("Frame")] += given
+        for name, row in lines.items():
+            if row.flag("IsCurved"):
+                raise row.error("a curved frame has no counterpart; divide it into straight ones")
             none = Row(row.file, row.table, row.line, {})
-            release, offset, point, change = (
-                known.get(name, none) for known in (releases, offsets, points, modifiers)
-            )
+            release, offset, point = (rows.get(name, none) for rows in (releases, offsets, points))
             moved, cardinal = None, 10
             if point.values and point.flag("Transform", point.flag("StiffTransform", True)):
                 # The number may come with its words: "8 (top center)".
@@ -307,85 +306,58 @@ class _SapReading:
                 moved = np.array(
                     [[point.real(f"JtOffset{a}{e}", usual=0.0) for a in "XYZ"] for e in "IJ"]
                 )
-            rigid = [offset.real(k, usual=0.0) for k in ("LengthI", "LengthJ", "RigidFactor")]
             add_frame(
                 tables,
                 row,
-                ends,
-                section,
+                [self.joint(row, key) for key in ("JointI", "JointJ")],
+                self.properties,
+                assigned.get(name, row).named("AnalSect"),
                 self.source,
                 angle=angles.get(name, none).real("Angle", usual=0.0),
                 released=[f"{p}{e}" for p in _PARTS for e in "IJ" if release.flag(f"{p}{e}")],
-                rigid=rigid,
+                rigid=[offset.real(k, usual=0.0) for k in ("LengthI", "LengthJ", "RigidFactor")],
                 cardinal=cardinal,
                 moved=moved,
-                modifiers=[change.real(*keys, usual=1.0) for keys in _FRAME_MODIFIERS],
+                changes=changes.get(name),
                 load=loads[name] * tables.force / tables.length / GRAVITY,
             )
 
     def areas(self) -> None:
         file, tables = self.file, self.tables
-        sections = {}
-        for name, row in once(file.of("AREA SECTION PROPERTIES"), "Section").items():
-            stuff, weight = self._material(row, row.named("Material"))
-            kind, thick = row.text("Type").lower(), row.real("Thickness")
-            area = row.text("AreaType").lower()
-            if "layer" in kind or "plate" in kind or area not in ("", "shell"):
-                raise row.error("layers, plates and plane areas have no counterpart; use a shell")
-            bending = 0.0 if "membrane" in kind else row.real("BendThick", usual=thick)
-            factors = tuple(row.real(*keys, usual=1.0) for keys in _AREA_SECTION_MODIFIERS)
-            sections[name] = AreaSection(
-                name, stuff, weight, thick * tables.length, bending * tables.length, factors
-            )
-        assigned, modifiers = (
+        assigned, changes = (
             once(file.of(table), "Area")
             for table in ("AREA SECTION ASSIGNMENTS", "AREA STIFFNESS MODIFIERS")
         )
         loads: dict[str, float] = defaultdict(float)
-        for row in file.of("AREA LOADS - UNIFORM"):
-            loads[row.text("Area")] += self._share(row) * _load(row, "UnifLoad", "UnifLoad")
+        for row in file.of("AREA LOADS - UNIFORM", _TO_FRAMES):
+            loads[row.text("Area")] += self._load(row, "UnifLoad", "UnifLoad")
+        for row in file.of(_AREA_MASS) if self.source.added else []:
+            loads[row.text("Area")] += row.real("MassPerArea") * GRAVITY / tables.length
         for name, row in once(file.of("CONNECTIVITY - AREA"), "Area").items():
-            count = int(row.real("NumJoints"))
-            given = assigned.get(name, row)
-            section = known(given, sections, given.named("Section"), "section")
-            corners = [self.joint(row, f"Joint{k + 1}") for k in range(count)]
-            change = modifiers.get(name, Row(row.file, row.table, row.line, {}))
+            corners = [self.joint(row, f"Joint{k + 1}") for k in range(int(row.real("NumJoints")))]
             add_area(
                 tables,
                 row,
                 corners,
-                section,
+                self.properties,
+                assigned.get(name, row).named("Section"),
                 self.source,
-                modifiers=[change.real(*keys, usual=1.0) for keys in _AREA_MODIFIERS],
+                changes=changes.get(name),
                 load=loads[name] * tables.force / tables.length**2 / GRAVITY,
                 in_diaphragm=self.in_diaphragm.issuperset(corners),
             )
+
+    def _load(self, row: Row, first: str, last: str) -> float:
+        """Mean load downwards on all of a frame or area that is mass, in the file's units."""
+        share = self._share(row)
+        mean = 0.5 * share * (row.real(first, usual=0.0) + row.real(last, usual=0.0))
+        part = row.real("RelDistB", usual=1.0) - row.real("RelDistA", usual=0.0)
+        if share and part != 1.0:
+            self.tables.changes["loads on a part of a frame: spread over all of it"] += 1
+        way = row.text("Dir").lower()
+        return part * (mean if "grav" in way else -mean if way == "z" else 0.0)
 
 
 _MASS_KEYS = tuple(
     (f"{name}{k + 1}", _WAYS[k + 3 * (name == "MMI")]) for name in ("Mass", "MMI") for k in range(3)
 )
-_SECTION_MODIFIERS = ("AMod", "A2Mod", "A3Mod", "JMod", "I2Mod", "I3Mod", "MMod", "WMod")
-_FRAME_MODIFIERS = (
-    *(("AMod",), ("AS2Mod", "A2Mod"), ("AS3Mod", "A3Mod"), ("JMod",), ("I22Mod", "I2Mod")),
-    *(("I33Mod", "I3Mod"), ("MassMod", "MMod"), ("WeightMod", "WMod")),
-)
-_STIFF = ("11", "22", "12")
-_AREA_MODIFIERS = (
-    *((f"{f}{k}",) for f in "fm" for k in _STIFF),
-    *(("v13",), ("v23",), ("MassMod", "MMod"), ("WeightMod", "WMod")),
-)
-_AREA_SECTION_MODIFIERS = (
-    *((f"{f}{k}Mod",) for f in "FM" for k in _STIFF),
-    *(("V13Mod",), ("V23Mod",), ("MMod",), ("WMod",)),
-)
-
-
-def _load(row: Row, first: str, last: str) -> float:
-    """Mean load downwards on all of a frame or area, in the file's units."""
-    mean = 0.5 * (row.real(first, usual=0.0) + row.real(last, usual=0.0))
-    way = row.text("Dir").lower()
-    ends = (row.real("RelDistA", usual=0.0), row.real("RelDistB", usual=1.0))
-    if ends != (0.0, 1.0):
-        raise row.error("a load on a part of a frame is no mass here; give it on all of it")
-    return mean if "grav" in way else -mean if way == "z" else 0.0

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building, mesh_building
+from femupdate.building.model_draft import write_draft
 from femupdate.fe import assemble, lowest_modes
 from femupdate.fe.export_nastran import bulk_data
 from tests.building.csi_texts import KG, etabs, sap2000
@@ -115,3 +116,104 @@ def test_what_is_assigned_has_its_closed_form(added, tmp_path):
     deck.write_text(bulk_data(mesh.model))
     back = mesh_building(load_building(deck, "N,m"))
     np.testing.assert_allclose(frequencies(back, 2), frequencies(mesh, 2), rtol=1e-6)
+
+
+# Other ways of writing the same building: what stands in place of what.
+SPELT = {
+    "e2k: version 9": (
+        ('TYPE "Concrete"    WEIGHTPERVOLUME 24.516625', "M 2.5  W 24.516625"),
+        ('SYMTYPE "Isotropic"  E', 'TYPE "ISOTROPIC"  E'),
+        ('UNITS  "KN"  "M"  "C"', 'UNITS  "KN"  "M"'),
+        ("LOADPATTERN", "LOADCASE"),
+        ("I22MODIFIER 0.7  I33MODIFIER 0.7", "I2MOD 0.7  I3MOD 0.7"),
+        ('MODELINGTYPE "Membrane"  SLABTYPE "Slab"  SLABTHICKNESS', 'TYPE "MEMBRANE"  TM'),
+        (
+            '  MASSSOURCE  "MsSrc1"    INCLUDEELEMENTS "No"    INCLUDEADDEDMASS "No"    '
+            'INCLUDELOADS "Yes"    LUMPATSTORIES "Yes"    ISDEFAULT "Yes"',
+            '  MASSOPTIONS  GRAVITY 9.81  SOURCE "LOADS"  LATERALONLY "YES"',
+        ),
+        ('MASSSOURCELOAD  "MsSrc1"  "Dead"  1', 'MASSOPTIONS  LOAD "Dead"  FACTOR 1'),
+        ('MASSSOURCELOAD  "MsSrc1"  "Live"  0.25', 'MASSOPTIONS  LOAD "Live"  FACTOR 0.25'),
+    ),
+    "e2k: decimal commas": (("0.25", "0,25"), ("0.5", "0,5"), (" 2.5 0", " 2,5 0")),
+    "e2k: an opening and a section that nothing uses": (
+        (
+            "$ AREA ASSIGNS",
+            '  AREAASSIGN "W1" "Story1" OPENING "Yes"\n'
+            '  FRAMESECTION "CFT" MATERIAL "C30" SHAPE "Filled Steel Tube" D 1 B 1\n'
+            '  SHELLPROP "R" PROPTYPE "Slab" MATERIAL "C30" SLABTYPE "Waffle" SLABTHICKNESS 1',
+        ),
+    ),
+    "s2k: loads handed to frames": (('"AREA LOADS - UNIFORM"', '"AREA LOADS - UNIFORM TO FRAME"'),),
+    "s2k: an older mass source": (
+        ("MASS SOURCE", "MASSES 1 - MASS SOURCE"),
+        (
+            "MassSource=MSSSRC1   Elements=No   Masses=Yes   Loads=Yes   IsDefault=Yes",
+            "MassFrom=Loads",
+        ),
+        ("MassSource=MSSSRC1   LoadPat=LIVE", "LoadPat=LIVE"),
+        ("Mass1=3   Mass2=3   Mass3=3", "Mass1=0   Mass2=0   Mass3=0"),
+    ),
+    "s2k: sections that nothing uses, and areas without one": (
+        (
+            "\n   Section=SLAB   Material",
+            "\n   Section=P   Material=NONE   Type=Plate   Thickness=1\n   Section=SLAB   Material",
+        ),
+        (
+            "   SectionName=COL ",
+            "   SectionName=VAR   Shape=Nonprismatic\n   SectionName=COL ",
+        ),
+        (
+            'TABLE:  "CONNECTIVITY - AREA"\n',
+            'TABLE:  "CONNECTIVITY - AREA"\n   Area=9   NumJoints=3   Joint1=1   Joint2=2'
+            "   Joint3=3\n"
+            'TABLE:  "AREA SECTION ASSIGNMENTS"\n   Area=9   Section=None\n'
+            'TABLE:  "CONNECTIVITY - AREA"\n',
+        ),
+    ),
+    "s2k: masses and loads at other places": (
+        (
+            'TABLE:  "JOINT ADDED MASS',
+            'TABLE:  "FRAME ADDED MASS ASSIGNMENTS"\n   Frame=5   MassPerLen=1.0197162\n'
+            'TABLE:  "AREA ADDED MASS ASSIGNMENTS"\n   Area=1   MassPerArea=0.050985811\n'
+            'TABLE:  "FRAME LOADS - POINT"\n   Frame=6   LoadPat=DEAD   Dir=Gravity   RelDist=1'
+            '   Force=29.41995\nTABLE:  "JOINT ADDED MASS',
+        ),
+        ("Mass1=3   Mass2=3   Mass3=3", "Mass1=0   Mass2=0   Mass3=0"),
+        ("LoadPat=LIVE   CoordSys=GLOBAL   Dir=Gravity   UnifLoad=2", "LoadPat=WIND   UnifLoad=2"),
+        ("FOverLA=10   FOverLB=10", "FOverLA=0   FOverLB=0"),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SPELT)
+def test_another_spelling_is_the_same_building(case, tmp_path):
+    ending = case.partition(":")[0]
+    text = usual = {"e2k": etabs, "s2k": sap2000}[ending]()
+    for old, new in SPELT[case]:
+        assert old in text, old
+        text = text.replace(old, new)
+    if "older" in case:
+        usual = usual.replace("Mass1=3   Mass2=3   Mass3=3", "Mass1=0   Mass2=0   Mass3=0")
+    expected, found = read(tmp_path, usual, ending), read(tmp_path, text, ending)
+    assert mass(found) == pytest.approx(mass(expected), rel=1e-6)
+    np.testing.assert_allclose(frequencies(found), frequencies(expected), rtol=1e-6)
+
+
+def test_a_section_that_is_only_named_is_given_beside_the_model(tmp_path):
+    text = etabs().replace('SHAPE "Concrete Rectangular"  D 0.5  B 0.4', 'SHAPE "W14X90"')
+    (tmp_path / "model.e2k").write_text(text)
+    draft = write_draft(tmp_path / "model.e2k", None, tmp_path / "own.toml")
+    lines = draft.read_text().splitlines()
+    start = lines.index('# [sections."COL"]')
+    lines[start : start + 6] = [
+        '[sections."COL"]',
+        'shape = "rectangle"',
+        'width = "0.4 m"',
+        'depth = "0.5 m"',
+    ]
+    draft.write_text("\n".join(lines))
+    expected = read(tmp_path, etabs(), "e2k")
+    np.testing.assert_allclose(
+        frequencies(mesh_building(load_building(draft))), frequencies(expected), rtol=1e-9
+    )

@@ -208,7 +208,7 @@ SPOILED = {
     ),
     "s2k: latin-1": ("GridID=A", "GridID=Ä", None),
     "s2k: UTF-16": ("TABLE", "T\x00A\x00", r"line \d+: this is no plain text"),
-    "s2k: part of a load": ("RelDistA=0 ", "RelDistA=.5 ", "no mass here; give it"),
+    "s2k: part of a load": ("RelDistA=0 ", "RelDistA=.5 ", None),
     "e2k: no stories": ("STORY ", "STOREY ", "no STORY or no POINT; export"),
     "e2k: two units": (
         '  UNITS  "KN"  "M"  "C"',
@@ -222,11 +222,11 @@ SPOILED = {
     ),
     "e2k: missing line": ('LINEASSIGN "B5"', 'LINEASSIGN "B6"', "no LINE B6; add"),
     "e2k: missing story": ('"B5" "Story2"', '"B5" "Story3"', "no STORY Story3; add"),
-    "e2k: missing section": ('SECTION "WALL"', 'SECTION "WALLS"', "no SHELLPROP WALLS; add"),
+    "e2k: missing section": ('SECTION "WALL"', 'SECTION "WALLS"', "no section WALLS; add"),
     "e2k: missing material": (
         '"COL"  MATERIAL "C30"',
         '"COL"  MATERIAL "C40"',
-        "no MATERIAL C40; add",
+        "no material C40; add",
     ),
     "e2k: a link": ('"C1" COLUMN', '"C1" LINK', "a LINK has no counterpart; draw"),
     "e2k: below the base": ('"1" "1" 1', '"1" "1" 3', "reaches below Base; correct"),
