@@ -16,7 +16,7 @@ _HEADINGS = {
         "posterior",
     ),
     "What is written": (
-        *("name", "output", "xlsx", "no-pictures", "picture", "export", "shell", "gif"),
+        *("name", "output", "xlsx", "no-pictures", "picture", "export", "shell"),
         *("write-mapping", "json", "overwrite"),
     ),
     "General": ("seed", "verbose", "quiet", "help", "version"),

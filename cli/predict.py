@@ -110,7 +110,6 @@ def command(
     click.IntRange(5),
     60,
 )
-@flag("--gif animated", "Also write the modes as animated GIF files.")
 @study_options(needs="posterior", draws=False, workbook="modes")
 def render(study: Study, bars: Bars, **asked: Any) -> Answer:
     """Draw the mode shapes of the posterior off screen: mean shape and its spread.
@@ -121,7 +120,7 @@ def render(study: Study, bars: Bars, **asked: Any) -> Answer:
     \b
     Examples:
       femupdate render
-      femupdate render --mode 3 --mode 11 --gif
+      femupdate render --mode 3 --mode 11
     """
     from femupdate.workflow.model import open_calibrated
     from femupdate.workflow.render import render_study

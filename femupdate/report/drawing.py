@@ -4,7 +4,7 @@ import functools
 import logging
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Literal
 
@@ -99,58 +99,32 @@ def render(
         top: value of the last colour.
         marks: names and axes beside the building.
     """
-    return next(render_sequence(geometry, [(moved, values)], color_map, top, marks))
-
-
-def render_sequence(
-    geometry: Geometry,
-    states: Sequence[tuple[Floats, Floats]],
-    color_map: str,
-    top: float,
-    marks: Landmarks = Landmarks(),  # noqa: B008 - frozen
-) -> Iterator[Pixels]:
-    """Yield a picture (h, w, 3) of each state, all seen from where the first fills the picture.
-
-    Args:
-        geometry: the building at rest, drawn as a grey outline.
-        states: of each (N, 3) where its nodes are drawn, and (N,) what colours it, to `top`.
-        color_map: name of a matplotlib colour map.
-        top: value of the last colour.
-    """
     look = {
         "scalars": "value",
         "cmap": color_map,
         "clim": (0.0, top),
         "lighting": False,  # shades would be read as values
         "show_scalar_bar": False,
-        "reset_camera": False,
     }
-    fine, edges = len(states) == 1, outline(geometry)
-    with _plotter(fine) as (pyvista, plotter):
-        for number, (moved, values) in enumerate(states):
-            plotter.clear_actors()
-            if len(geometry.shells):
-                shells = _quads(pyvista, moved, geometry.shells)
-                shells.point_data["value"] = values
-                plotter.add_mesh(shells, **look)
-            if len(geometry.beams):
-                beams = _lines(pyvista, moved, geometry.beams)
-                beams.point_data["value"] = values
-                tubes = beams.tube(radius=TUBE * geometry.size, n_sides=12)
-                plotter.add_mesh(tubes, **look)
-            # At rest, the mesh and the outline as moved. Lines on a surface are lifted towards the
-            # eye: else they sink in and out.
-            lifted = moved + 0.006 * geometry.size * np.asarray(VIEW)
-            wires = [(geometry.nodes, edges, 0.4, 2.0), (lifted, edges, 0.6, 2.5)]
-            if len(geometry.shells):
-                wires.insert(1, (lifted, mesh_lines(geometry), 0.35, 2.0))
-            for points, lines, opacity, width in wires:
-                how = {"opacity": opacity, "line_width": width, "reset_camera": False}
-                plotter.add_mesh(_lines(pyvista, points, lines), color=INK, lighting=False, **how)
-            _mark(pyvista, plotter, marks)
-            if number == 0:
-                _look_at(plotter)
-            yield np.asarray(plotter.screenshot(return_img=True))[..., :3]
+    with _plotter() as (pyvista, plotter):
+        if len(geometry.shells):
+            shells = _quads(pyvista, moved, geometry.shells)
+            shells.point_data["value"] = values
+            plotter.add_mesh(shells, **look)
+        if len(geometry.beams):
+            beams = _lines(pyvista, moved, geometry.beams)
+            beams.point_data["value"] = values
+            plotter.add_mesh(beams.tube(radius=TUBE * geometry.size, n_sides=12), **look)
+        # At rest, the mesh and the outline as moved. Lines on a surface are lifted towards the
+        # eye: else they sink in and out.
+        lifted, edges = moved + 0.006 * geometry.size * np.asarray(VIEW), outline(geometry)
+        wires = [(geometry.nodes, edges, 0.4, 2.0), (lifted, edges, 0.6, 2.5)]
+        if len(geometry.shells):
+            wires.insert(1, (lifted, mesh_lines(geometry), 0.35, 2.0))
+        for points, lines, opacity, width in wires:
+            how = {"opacity": opacity, "line_width": width}
+            plotter.add_mesh(_lines(pyvista, points, lines), color=INK, lighting=False, **how)
+        return _picture(pyvista, plotter, marks)
 
 
 def render_marked(geometry: Geometry, glyphs: Glyphs, marks: Landmarks) -> Pixels:
@@ -168,14 +142,12 @@ def render_marked(geometry: Geometry, glyphs: Glyphs, marks: Landmarks) -> Pixel
         plotter.add_mesh(wires, color=QUIET, line_width=2.5, lighting=False)
         for mesh in _signs(pyvista, geometry, glyphs):
             plotter.add_mesh(mesh, color=ORANGE, ambient=0.35)
-        _mark(pyvista, plotter, marks)
-        _look_at(plotter)
-        return np.asarray(plotter.screenshot(return_img=True))[..., :3]
+        return _picture(pyvista, plotter, marks)
 
 
 @contextmanager
-def _plotter(fine: bool = True) -> Iterator[tuple[Any, Any]]:
-    """PyVista, imported where it is needed, and an empty white picture, small if not fine."""
+def _plotter() -> Iterator[tuple[Any, Any]]:
+    """PyVista, imported where it is needed, and an empty white picture."""
     from vtkmodules.vtkCommonCore import vtkLogger
 
     # VTK would write to stderr about each graphics library that it tries and misses.
@@ -184,13 +156,10 @@ def _plotter(fine: bool = True) -> Iterator[tuple[Any, Any]]:
     try:
         import pyvista
 
-        plotter: Any = pyvista.Plotter(
-            off_screen=True, window_size=[pixels if fine else pixels // 2 for pixels in WINDOW]
-        )
+        plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(WINDOW))
         try:
             plotter.set_background("white")
-            if fine:
-                plotter.enable_anti_aliasing("ssaa")
+            plotter.enable_anti_aliasing("ssaa")
             yield pyvista, plotter
         finally:
             plotter.close()
@@ -198,21 +167,19 @@ def _plotter(fine: bool = True) -> Iterator[tuple[Any, Any]]:
         vtkLogger.SetStderrVerbosity(before)
 
 
-def _look_at(plotter: Any) -> None:
+def _picture(pyvista: Any, plotter: Any, marks: Landmarks) -> Pixels:
+    """The picture (h, w, 3) with names and axes, seen so that all of it fills the picture."""
+    if marks.names:
+        look = {"text_color": INK, "font_size": 34, "shape": None, "show_points": False}
+        plotter.add_point_labels(marks.places, list(marks.names), always_visible=True, **look)
+        # Labels do not widen what the camera takes in: points that nobody sees do.
+        plotter.add_mesh(pyvista.PolyData(marks.places), opacity=0.0)
+        ends = np.arange(2 * len(marks.axes)).reshape(-1, 2)
+        axes = _lines(pyvista, marks.axes.reshape(-1, 3), ends)
+        plotter.add_mesh(axes, color=INK, line_width=3.0, lighting=False)
     plotter.enable_parallel_projection()
     plotter.view_vector(VIEW, viewup=(0.0, 0.0, 1.0))
-
-
-def _mark(pyvista: Any, plotter: Any, marks: Landmarks) -> None:
-    if not marks.names:
-        return
-    look = {"text_color": INK, "font_size": 34, "shape": None, "show_points": False}
-    plotter.add_point_labels(marks.places, list(marks.names), always_visible=True, **look)
-    # Labels do not widen what the camera takes in: points that nobody sees do.
-    plotter.add_mesh(pyvista.PolyData(marks.places), opacity=0.0)
-    ends = np.arange(2 * len(marks.axes)).reshape(-1, 2)
-    axes = _lines(pyvista, marks.axes.reshape(-1, 3), ends)
-    plotter.add_mesh(axes, color=INK, line_width=3.0, lighting=False)
+    return np.asarray(plotter.screenshot(return_img=True))[..., :3]
 
 
 def _quads(pyvista: Any, points: Floats, quads: Integers) -> Any:
@@ -243,7 +210,7 @@ ADVICE = (
     "to render with PyVista install libegl1 and libgl1-mesa-dri, or libosmesa6 "
     "(Debian and Ubuntu packages)"
 )
-_PICTURE = """
+_PROBE = """
 import pyvista
 plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
 plotter.add_mesh(pyvista.Sphere())
@@ -260,7 +227,7 @@ def rendering() -> str:
     Without graphics libraries VTK crashes at its first picture instead of raising an error, so the
     first picture is made in a process of its own. Where it fails, the log says what to install.
     """
-    reason = probe((sys.executable, "-P", "-c", _PICTURE))
+    reason = probe((sys.executable, "-P", "-c", _PROBE))
     if reason:
         logger.warning("PyVista cannot render here (%s): %s", reason, ADVICE)
     return reason

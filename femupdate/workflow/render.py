@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from femupdate.inference.posterior import Posterior
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.write import write_modes_uff
 from femupdate.progress import SILENT, Progress
-from femupdate.report.animation import mode_animation, stick_animation
 from femupdate.report.figure import save_figure, save_pictures
 from femupdate.report.geometry import Geometry
 from femupdate.report.plot_sticks import stick_mode_shapes
@@ -45,7 +43,6 @@ def render_study(
     samples: int = 60,
     *,
     wanted: Sequence[int] = (),
-    animated: bool = False,
     seed: int = 0,
     progress: Progress = SILENT,
 ) -> Told:
@@ -55,7 +52,6 @@ def render_study(
         study: with a posterior.
         modes: how many, of those that move most of the mass.
         wanted: numbers of modes, as `build-model` lists them, to draw instead.
-        animated: write GIF files of the modes as well.
 
     Raises:
         StudyError: there is no posterior, it is of another building, or no mode has the number.
@@ -85,7 +81,6 @@ def render_study(
             figure = mode_shape_figure(_geometry(model), shape, title=title)
             path = study.path("pictures", f"model_mode_{number}.png")
             at_one.append(save_figure(figure, path))
-    moving = _animate(study, model, tracked, progress) if animated and tracked else ()
     told: list[Item] = [Note(content={"modes": []})]
     if tracked:
         # The modes of a stick share one picture.
@@ -96,7 +91,6 @@ def render_study(
         shapes = shape_table(model, posterior, tracked)
         told = [table, shapes, Notes((table.note,)), Note(f"  {file}", {"uff": file})]
     told += [Note(f"  {path}") for path in pictures]
-    told.append(Note("\n".join(f"  {path}" for path in moving), {"animations": moving}))
     if at_one:
         told.append(
             Note("  - The base motion does not excite these modes, so no data changed them:")
@@ -153,25 +147,6 @@ def mode_pictures(
         return mode_shape_figure(_geometry(model), mean, **shown)
 
     return [Picture(f"{name}_{_file_label(mode)}", partial(drawn, mode)) for mode in modes]
-
-
-def _animate(
-    study: Study, model: StudyModel, modes: Sequence[StudyMode], progress: Progress
-) -> tuple[Path, ...]:
-    """Write the mean shapes of modes as GIF files; the modes of a stick share one."""
-    progress.start("Animating mode shapes", len(modes))
-    if model.reduced.node_shapes is None:
-        path = study.result("pictures", "modes.gif")
-        levels, floors = levels_with_base(model.building), ("base", *model.reduced.floors)
-        shapes = _with_base([mode.at_floors(model).mean(axis=0) for mode in modes])
-        return (stick_animation(levels, shapes, [_heading(mode) for mode in modes], floors, path),)
-    geometry, paths = _geometry(model), []
-    for mode in modes:
-        shape = node_displacements(model.reduced, mode.tracked.recognised.mean(axis=0))
-        path = study.result("pictures", f"mode_{_file_label(mode)}.gif")
-        paths.append(mode_animation(geometry, shape, path, title=_title(mode)))
-        progress.advance()
-    return tuple(paths)
 
 
 def _geometry(model: StudyModel) -> Geometry:

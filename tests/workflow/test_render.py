@@ -131,15 +131,3 @@ def test_the_same_modes_are_shown_whatever_the_data_see(tower, tower_model):
     report = render_study(tower, tower_model, samples=5)
     assert [(m["mode"], m["influence_rank"]) for m in report.modes] == [(1, 1), (2, 2)]
     assert any(line.startswith("  - Influence: ") for line in report.lines())
-
-
-def test_modes_move(tower, tower_model):
-    from PIL import Image
-
-    (path,) = render_study(tower, tower_model, samples=5, animated=True).animations
-    assert path == tower.path("pictures", "modes.gif")
-    with Image.open(path) as picture:
-        assert picture.n_frames == 16
-        first = np.asarray(picture.convert("RGB"))
-        picture.seek(8)
-        assert (np.asarray(picture.convert("RGB")) != first).mean() > 0.001
