@@ -7,7 +7,7 @@ import json
 import math
 import re
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from io import BytesIO
@@ -69,20 +69,21 @@ class Section:
     blocks: tuple[Block, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Page:
-    """A whole page; `made` says when and by what, `credits` for whom and by whom."""
+def page_html(
+    sections: Sequence[Section],
+    *,
+    title: str,
+    subtitle: str = "",
+    made: str = "",
+    credits: Sequence[str] = (),
+    logo: Image | None = None,
+) -> str:
+    """Return the page as one HTML text that needs nothing else.
 
-    title: str
-    subtitle: str
-    made: str
-    credits: tuple[str, ...] = ()
-    logo: Image | None = None
-    sections: tuple[Section, ...]
-
-
-def page_html(page: Page) -> str:
-    """Return the page as one HTML text that needs nothing else."""
+    Args:
+        made: when and by what.
+        credits: for whom and by whom.
+    """
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
@@ -101,11 +102,37 @@ def page_html(page: Page) -> str:
 
     shown = [
         (part, [(type(block).__name__.lower(), block) for block in part.blocks if _shows(block)])
-        for part in page.sections
+        for part in sections
     ]
-    sections = [(part, blocks) for part, blocks in shown if blocks]
-    scene = any(kind == "scene" for _, blocks in sections for kind, _ in blocks)
-    return template.render(page=page, sections=sections, asset=asset, scene=scene)
+    head = {"title": title, "subtitle": subtitle, "made": made, "credits": credits, "logo": logo}
+    return template.render(
+        page=head,
+        sections=[(part, blocks) for part, blocks in shown if blocks],
+        asset=asset,
+        scene=any(kind == "scene" for _, blocks in shown for kind, _ in blocks),
+    )
+
+
+_KINDS: dict[str, Callable[..., Item]] = {"note": Note, "notes": Notes, "table": Table.of}
+
+
+def kept_items(items: Iterable[Item]) -> list[dict[str, Any]]:
+    """What the page shows of a result, as JSON keeps it."""
+    kept: list[dict[str, Any]] = []
+    for item in filter(_shows, items):
+        if isinstance(item, Table):
+            told = {key: getattr(item, key) for key in ("head", "rows", "name", "caption", "note")}
+            kept.append({"table": told})
+        elif isinstance(item, Notes):
+            kept.append({"notes": {"sentences": item.sentences, "warning": item.warning}})
+        else:
+            kept.append({"note": {"text": item.text}})
+    return kept
+
+
+def items_of(kept: Iterable[Mapping[str, Any]]) -> Iterator[Item]:
+    """What `kept_items` gave."""
+    return (_KINDS[kind](**told) for each in kept for kind, told in each.items())
 
 
 def _shows(block: Block) -> bool:
@@ -166,15 +193,15 @@ def prose_html(text: str) -> str:
     return re.sub(r"(\d) ?%", "\\1\u00a0%", escaped.replace(" +- ", " ± "))
 
 
-def write_page(page: Page, path: Path) -> Path:
-    """Write the page, whole or not at all.
+def write_page(path: Path, sections: Sequence[Section], **head: Any) -> Path:
+    """Write the page, with a head as for `page_html`, whole or not at all.
 
     Raises:
         ReportError: the name does not end in .html, or the page is larger than `BUDGET`.
     """
     if path.suffix.lower() not in (".html", ".htm"):
         raise ReportError(f"{path} is not the name of a page; let it end in .html")
-    text = page_html(page)
+    text = page_html(sections, **head)
     size = len(text.encode("utf-8"))
     if size > BUDGET:
         raise ReportError(

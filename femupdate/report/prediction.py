@@ -100,6 +100,18 @@ class Prediction(Result):
         """With measured floors, where there are any."""
         return None if self.measured is None else compare(self.summary, self.best, self.measured)
 
+    @property
+    def largest(self) -> str:
+        """The largest acceleration, drift and base shear with their 5 to 95 %, and where."""
+        known = self.quantities
+        shown = [known[key] for key in ("acceleration", "drift", "ratio", "base") if key in known]
+        return ", ".join(
+            f"{quantity.name} {range_text(quantity.values[:, at])} {quantity.unit}"
+            + ("" if len(quantity.places) == 1 else f" ({quantity.places[at]})")
+            for quantity in shown
+            for at in [int(quantity.statistics.mean.argmax())]
+        )
+
     def items(self) -> Iterator[Item]:
         """Peaks, stiffnesses and what else was asked for, notes and tables."""
         summary, alone, spectra = self.summary, self.alone, self.floor_spectra
@@ -117,15 +129,9 @@ class Prediction(Result):
             held = sum(scores["peak_within"] for scores in figures.values())
             verdict += f"; {held:.0f} of {len(figures)} measured peaks lie in their intervals, the "
             verdict += f"error is up to {percent(error['relative_error'])}"
-        largest = [
-            f"{quantity.name} {range_text(quantity.values[:, at])} {quantity.unit} "
-            f"({quantity.places[at]})"
-            for quantity in (self.quantities[key] for key in ("acceleration", "drift", "base"))
-            for at in [int(quantity.statistics.mean.argmax())]
-        ]
         yield from first_lines(
             f"{verdict}).",
-            f"Largest (90 %): {', '.join(largest)}.",
+            f"Largest (90 %): {self.largest}.",
             f"`{typed('report', self.path)}` writes the page",
         )
         yield Notes(self.warnings, warning=True)

@@ -37,6 +37,7 @@ from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Data, Likelihood
 from femupdate.measurement.observation import Observation
 from femupdate.progress import SILENT, Progress
+from femupdate.report.page import kept_items
 from femupdate.report.scale import with_unit
 from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
 from femupdate.study import Study, on_files, typed, write_text
@@ -122,7 +123,8 @@ class DiagnosisReport(Result):
         keys = ("floor", "band_hz", "excess", "data")
         yield Note(
             f"  {self.path}",
-            {
+            page=False,
+            content={
                 "together": [
                     {"name": finding.placed.effect.name, "place": finding.placed.place}
                     | {"size": finding.size, "size_sd": finding.size_sd}
@@ -192,7 +194,6 @@ def _effects(findings: Sequence[Finding]) -> Table:
         Column(each(lambda finding: finding.placed.effect.title), csv="effect"),
         Column(each(lambda finding: finding.placed.place), csv="place", key="place"),
         Column(each(lambda finding: finding.in_words), csv="in_words"),
-        Column(each(lambda finding: finding.placed.in_words), key="in_words"),
         Column(evidence, "log evidence", [f"{value:.1f}" for value in evidence], key, key),
         Column(other, "on other data", each(other_data), elsewhere, elsewhere),
         Column(
@@ -222,14 +223,24 @@ def _effects(findings: Sequence[Finding]) -> Table:
         Column([None if kg is None else 1e-3 * kg for kg in mass], csv="added_mass_t"),
         Column(
             absorbed,
-            "absorbed by theta",
+            "hidden by the factors",
             [percent(share) for share in absorbed],
             "hidden_by_stiffness_factors",
             "absorbed_by_theta",
         ),
         Column(each(lambda finding: finding.placed.effect.sentence), key="explains"),
+        Column(each(lambda finding: finding.placed.in_words), "in words", key="in_words"),
     )
-    return Table(name="effects", columns=columns, key="effects", most=6)
+    return Table(
+        name="effects",
+        columns=columns,
+        caption="Effects that were fitted",
+        note="Log evidence over the model as it was: a difference of 5 is strong evidence; one of "
+        "1 says little. Factors hide what they could make up for.",
+        key="effects",
+        words_last=True,
+        most=6,
+    )
 
 
 def diagnose_study(
@@ -269,7 +280,7 @@ def diagnose_study(
         files=source.paths,
     )
     origin = {**model.made_from(), **source.made_from()}
-    keep_found(study, "diagnose", report.path, report.as_dict(), origin, source, second=second)
+    keep_found(study, "diagnose", report.path, report, origin, source, second=second)
     return report
 
 
@@ -297,12 +308,13 @@ def keep_found(
     study: Study,
     command: str,
     path: Path,
-    content: dict[str, Any],
+    report: Result,
     made_from: Mapping[str, str],
     source: ObservationSource,
     **others: ObservationSource | None,
 ) -> None:
-    """Write what was found as JSON and record it, with the files that options name beside."""
+    """Write what was found as JSON, with what the page shows of it, and record its files."""
+    content = {**report.as_dict(), "page": kept_items(report.items())}
     write_text(path, json.dumps(content, indent=2) + "\n")
     given = {option: file for option, file in others.items() if file is not None}
     hashes = {option: file.made_from()["observation"] for option, file in given.items()}

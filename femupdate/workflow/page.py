@@ -1,7 +1,8 @@
 """The sections of the page: a summary, what every result tells, and how all of it was made."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +19,7 @@ from femupdate.effects.registry import building_effects
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs, drawn
-from femupdate.report.page import Block, Image, Scene, Section
+from femupdate.report.page import Block, Image, Scene, Section, items_of
 from femupdate.report.page_scene import scene_content, thinned_geometry
 from femupdate.report.prediction import Prediction
 from femupdate.report.scale import interval_text, plus_minus
@@ -26,19 +27,13 @@ from femupdate.result import Note, Notes, Picture, Result
 from femupdate.study import BUILDING_FILE, REPAIRED, Artefact, Study, as_written, file_hash
 from femupdate.tables import Table
 from femupdate.units import percent
-from femupdate.workflow.calibration_report import (
-    CalibrationReport,
-    effect_parameter,
-    parameter_titles,
-    placed_effect,
-)
+from femupdate.workflow.calibration_report import CalibrationReport, placed_effect
 from femupdate.workflow.described import BuildingDescription
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes
 from femupdate.workflow.status import StatusReport, files_beside_of, sources_of
 
 _MODES = 6
-_SHOWN = 8  # effects
 _SHORT = 16  # figures of a hash
 
 
@@ -74,9 +69,11 @@ class PageStudy:
             return Study(self.study.folder.parent)
         return self.study
 
-    def state(self, name: str) -> str | None:
-        """State of a thing that the study may hold, of the posterior that the page shows."""
-        return self.status.state(self.study.key(name))
+    @contextmanager
+    def found(self, name: str) -> Iterator[dict[str, Any]]:
+        """The JSON that a diagnosis or a repair has kept, to be used; empty where there is none."""
+        with as_written(path := self.searched.path(f"{name}.json")):
+            yield dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
 
 
 def page_sections(page: PageStudy) -> Iterator[Section]:
@@ -95,7 +92,9 @@ def page_sections(page: PageStudy) -> Iterator[Section]:
     if page.prediction is not None:
         blocks += _kept_pictures(page.study, page.prediction.path, ("story_shear", "member_forces"))
     yield Section("prediction", "Prediction", tuple(blocks))
-    yield Section("finder", "What the model lacks", tuple(_finder(page)))
+    missing = "Nobody has looked for effects that the model lacks; `femupdate diagnose` does."
+    lacks = tuple(_finder(page)) or (Note(missing),)
+    yield Section("finder", "What the model lacks", lacks)
 
 
 def _told(result: Result | None, missing: str) -> Iterator[Block]:
@@ -115,11 +114,16 @@ def _kept_pictures(study: Study, made: Path, names: Sequence[str]) -> list[Image
 
 
 def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
-    """The verdict, what was measured, main figures, the model, and what limits all that."""
+    """The verdict, main figures, the model, and what limits all that."""
     yield Notes(page.status.stale, warning=True)
-    if page.calibration is not None:
+    if page.calibration is None:
+        yield Note("Nothing was calibrated yet.")
+    else:
         yield from map(Note, page.calibration.first)
-    yield Notes(tuple(_sentences(page)) or ("Nothing was calibrated yet.",))
+    if page.prediction is not None:
+        motion = page.prediction.motion.title
+        yield Note(f"Under {motion} (90 %): {page.prediction.largest}.")
+    yield from map(Note, _found(page))
     yield view
     if page.calibration is not None:
         yield _stiffness(page, page.calibration)
@@ -166,43 +170,24 @@ def _stiffness(page: PageStudy, calibration: CalibrationReport) -> Table:
     return Table.of(head, rows, name="main_figures", caption="Stiffness", note=note)
 
 
-def _sentences(page: PageStudy) -> Iterator[str]:
-    """What was measured and predicted, the verdict on this model, and the repair that followed."""
-    if page.calibration is not None:
-        posterior = page.calibration.posterior
-        seen, effects = posterior.observation, posterior.of("effect")
-        titles, listed = parameter_titles(page.model.building, posterior.names), []
-        where = f", floors {', '.join(seen.floors)}." if seen.floors else "."
-        yield f"Measured: {seen.source}{where}"
-        for name, sizes in zip(effects.names, effects.samples.T, strict=True):
-            known, (place, _, what) = effect_parameter(name), titles[name].partition(": ")
-            if known is None:
-                listed.append(f"{titles[name]}, {_interval(sizes)}")
-            else:
-                factor, _, unit = known.as_read(1.0, 0.0)
-                told = f"{_interval(factor * sizes)} {unit} ({known.text or what})"
-                listed.append(f"{place}: {told}")
-        if listed:
-            yield f"The model holds effects: {'; '.join(listed)}."
-    if page.prediction is not None:
-        found, largest = page.prediction.quantities, []
-        for key in ("acceleration", "ratio" if "ratio" in found else "drift", "base"):
-            quantity = found[key]
-            k = int(quantity.statistics.mean.argmax())
-            at = "" if quantity.places[k] == "base" else f" at {quantity.places[k]}"
-            largest.append(f"{quantity.name}{at} {quantity.cells()[k]} {quantity.unit}")
-        yield f"Under {page.prediction.motion.title}: {'; '.join(largest)}."
-    folder = page.searched
-    if page.state("diagnosis") is not None:
-        with as_written(path := folder.path("diagnosis.json")):
-            verdict = read_json(path)
-            yield f"What the model lacks: {verdict['verdict']}. {verdict['sentence']}"
-    with as_written(path := folder.path("repair.json")):
-        done = read_json(path)
-        if done.get("rounds"):
-            here = folder.folder != page.study.folder
-            which = "This model was repaired" if here else "A repaired model has a page of its own"
-            yield f"{which}. {_added(done)}"
+def _found(page: PageStudy) -> Iterator[str]:
+    """The verdict on the model as it was, and the repair that followed."""
+    here = page.searched.folder != page.study.folder
+    with page.found("diagnosis") as kept:
+        if kept:
+            told = f"{kept['verdict']}. {kept['sentence']}"
+            yield f"What the model {'lacked' if here else 'lacks'}: {told}"
+    with page.found("repair") as kept:
+        if not kept:
+            return
+        if not (names := "; ".join(added["in_words"] for added in kept["rounds"])):
+            yield f"A repair added nothing ({kept['verdict']}). {kept['sentence']}"
+            return
+        which = "This model was repaired" if here else "A repaired model has a page of its own"
+        yield (
+            f"{which}. Added to it: {names}. Residuals fell from {kept['chi2_before']:.0f} to "
+            f"{kept['chi2_after']:.0f} over {kept['independent_points']:.0f} independent points."
+        )
 
 
 def _interval(draws: np.ndarray) -> str:
@@ -267,141 +252,29 @@ def _fields(page: PageStudy, structure: Structure, full: Geometry) -> Iterator[d
 
 def _named(page: PageStudy) -> list[Placed]:
     """The effect that a diagnosis of this study named, whole or partly, if any."""
-    if page.state("diagnosis") is None:
+    if page.status.state("diagnosis") is None:
         return []
-    with as_written(path := page.study.path("diagnosis.json")):
-        found = read_json(path)
-        if found["verdict"] not in (NAMED, PARTLY):
+    with page.found("diagnosis") as kept:
+        if kept["verdict"] not in (NAMED, PARTLY):
             return []
-        first = found["effects"][0]
+        first = kept["effects"][0]
         placed = placed_effect(f"{first['name']}@{first['place']}")
     return [] if placed is None else [placed]
 
 
 def _finder(page: PageStudy) -> Iterator[Block]:
     """Diagnosis and repair of this study; of a repaired one, the repair that made it."""
-    folder, there = page.searched, False
-    with as_written(path := folder.path("diagnosis.json")):
-        if found := read_json(path):
-            there = True
-            yield from _diagnosis(found)
-            yield from _kept_pictures(folder, path, ("residual_map", "effect_ranking"))
-    with as_written(path := folder.path("repair.json")):
-        if done := read_json(path):
-            there = True
-            yield from _repair(done, list(factor_titles(page.model.building).values()))
-            yield from _kept_pictures(folder, path, ("gap_before_after", "gap_residuals"))
-    if not there:
-        yield Note("Nobody has looked for effects that the model lacks; `femupdate diagnose` does.")
-
-
-def _diagnosis(found: Mapping[str, Any]) -> Iterator[Block]:
-    """What `diagnose` has kept as JSON."""
-    yield Note(f"Verdict: {found['verdict']}. {found['sentence']}")
-    value = found["p_value"]
-    told = f"p-value {value:.2f}" if value >= 0.01 else f"p-value {value:.1g}"
-    told = told if value >= 1e-6 else "p-value under 1e-6"
-    # Where it is 1 the noise that is allowed for is larger than that of the data.
-    yield Note(
-        f"The residuals of the model as it was add up to {found['chi2']:.0f} over "
-        f"{found['independent_points']:.0f} independent points"
-        + (f" ({told})." if value < 0.995 else ".")
-    )
-    elsewhere = {True: "holds", False: "too little", None: ""}
-    rows = [
-        (
-            _words(effect),
-            f"{effect['log_evidence_over_none']:.1f}",
-            effect.get("size_in_words", ""),
-            elsewhere[effect.get("certified")],
-            percent(effect["absorbed_by_theta"]),
-        )
-        for effect in found["effects"][:_SHOWN]
-    ]
-    yield Table.of(
-        ("effect", "log evidence", "size", "on other data", "hidden by the stiffness factors"),
-        rows,
-        name="effects",
-        caption="Effects",
-        note="Log evidence over the model as it was: a difference of 5 is strong evidence; one of "
-        "1 says little.",
-    )
-    cells = sorted(found["where"], key=lambda cell: -float(cell["excess"]))
-    places = [
-        (
-            ", ".join(str(part) for part in (cell["floor"], cell.get("data")) if part),
-            # A band in Hz, or the frequency of a mode.
-            " to ".join(dict.fromkeys(f"{edge:.3g}" for edge in cell["band_hz"])),
-            f"{np.sqrt(max(cell['excess'] + 1.0, 0.0)):.2f}",
-        )
-        for cell in cells
-    ]
-    yield Table.of(
-        ("floor", "band, Hz", "residual over noise (rms)"),
-        places,
-        name="where",
-        caption="Where the model as it was and the data disagree by more than noise",
-    )
-    remarks = [*found["would_decide"], *found["screen"]]
-    for key, text in (
-        ("cannot_be_seen", "These sensors cannot show"),
-        ("cannot_be_told_from_the_first", "The data cannot tell the first effect from"),
-    ):
-        effects = [(placed_effect(label), label) for label in found[key]]
-        if effects:
-            told = ", ".join(placed.in_words if placed else label for placed, label in effects)
-            remarks.append(f"{text}: {told}.")
-    yield Notes(tuple(remarks))
-
-
-def _words(kept: Mapping[str, Any]) -> str:
-    """An effect at its place, as a diagnosis or a repair has kept it."""
-    label = f"{kept.get('name') or kept.get('effect')}@{kept['place']}"
-    placed = placed_effect(label)
-    return str(kept.get("in_words") or (placed.in_words if placed else label))
-
-
-def _repair(done: Mapping[str, Any], titles: Sequence[str]) -> Iterator[Block]:
-    """What `repair` has kept as JSON."""
-    if not done["rounds"]:
-        yield Note(f"A repair added nothing ({done['verdict']}). {done['sentence']}")
-        return
-    yield Note(_added(done))
-    yield Note(f"What remains: {done['remaining']['sentence']}")
-    before, after = done["holdout_error_before"], done["holdout_error_after"]
-    # What an older femupdate wrote has no halves.
-    halves = [done.get(f"halves_chi2_{when}") for when in ("before", "after")]
-    if None not in halves:
-        yield Note(
-            "Each half of the data was kept out in turn: by a fit to the other, its mean squared "
-            f"residual was {halves[0]:.1f} before the repair and is {halves[1]:.1f} after it."
-        )
-    elif before is not None and after is not None:
-        without = [percent(done[f"holdout_own_error_{when}"]) for when in ("before", "after")]
-        yield Note(
-            "On a measurement that was kept out, the error of the histories was "
-            f"{percent(before)} before the repair and is {percent(after)} after it; with that "
-            f"measurement's own stiffness and damping it was {without[0]} and is {without[1]}."
-        )
-    columns = [
-        [plus_minus(*pair) for pair in zip(done[f"theta_{w}"], done[f"theta_sd_{w}"], strict=True)]
-        for w in ("before", "after")
-    ]
-    yield Table.of(
-        ("factor of", "before", "after"),
-        list(zip(titles, *columns, strict=False)),
-        name="before_after",
-        caption="Stiffness factors before and after the repair",
-    )
-
-
-def _added(done: Mapping[str, Any]) -> str:
-    """What a repair added, and what that did."""
-    names = "; ".join(_words(record) for record in done["rounds"])
-    return (
-        f"Added to the model: {names}. Residuals fell from {done['chi2_before']:.0f} to "
-        f"{done['chi2_after']:.0f} over {done['independent_points']:.0f} independent points."
-    )
+    yield from map(Note, _found(page))
+    pictures = {
+        "diagnosis": ("residual_map", "effect_ranking"),
+        "repair": ("gap_before_after", "gap_residuals"),
+    }
+    for name, drawn_then in pictures.items():
+        with page.found(name) as kept:
+            if kept:
+                yield from items_of(kept["page"])
+                made = page.searched.path(f"{name}.json")
+                yield from _kept_pictures(page.searched, made, drawn_then)
 
 
 def appendix(page: PageStudy) -> Section:
@@ -462,8 +335,3 @@ def _sources(artefact: Artefact) -> list[tuple[str, str]]:
     hashes += [recorded.get(option, "") for option in beside]
     pairs = zip((*sources, *beside.values()), hashes, strict=True)
     return [(Path(name).name, digest[:_SHORT]) for name, digest in pairs]
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """A JSON object of the study; empty where the file is missing."""
-    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}

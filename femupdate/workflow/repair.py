@@ -128,9 +128,9 @@ class RepairReport(Result):
         yield self._factors()
         yield Note("\n".join(f"  {line}" for line in kept_out), self._kept_out(), detail=True)
         told = "" if path is None else f"  repaired building {path}"
-        yield Note(told, {"building": path, "study": folder}, detail=True)
+        yield Note(told, {"building": path, "study": folder}, detail=True, page=False)
         figures = {"seconds": self.seconds, "independent_points": points}
-        yield Note(f"  {self.path}", figures, detail=True)
+        yield Note(f"  {self.path}", figures, detail=True, page=False)
 
     def _kept_out(self) -> dict[str, Any]:
         """How both models meet the data, and data kept out, for JSON."""
@@ -156,7 +156,8 @@ class RepairReport(Result):
                 Column(draws.mean(axis=0), when, cells[:count], key=f"theta_{when}"),
                 Column(draws.std(axis=0), key=f"theta_sd_{when}"),
             ]
-        return Table(name="factors", columns=tuple(columns), detail=True)
+        caption = "Stiffness factors before and after the repair"
+        return Table(name="factors", columns=tuple(columns), caption=caption, detail=True)
 
     def figures(self) -> Iterator[Picture]:
         """Maps of residuals before and after, and the picture that tells the whole story."""
@@ -300,9 +301,8 @@ def repair_study(
         path=study.path("repair.json"),
         seconds=time.monotonic() - started,
     )
-    origin, content = {**model.made_from(), **source.made_from()}, report.as_dict()
-    others = {"second": second, "holdout": holdout}
-    keep_found(study, "repair", report.path, content, origin, source, **others)
+    origin, others = {**model.made_from(), **source.made_from()}, {"second": second}
+    keep_found(study, "repair", report.path, report, origin, source, holdout=holdout, **others)
     return report
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from femupdate import __version__
 from femupdate.errors import StudyError
 from femupdate.progress import SILENT, Progress
-from femupdate.report.page import Image, Page, added_section, write_page
+from femupdate.report.page import Image, added_section, write_page
 from femupdate.result import Note, Notes, Told
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.workflow.calibration_report import kept_calibration
@@ -69,15 +69,13 @@ def report_study(
     progress.advance()
     building = model.building
     written = write_page(
-        Page(
-            title=title or building.title or building.name,
-            subtitle="Stiffness from measured vibration, with its uncertainty",
-            made=f"femupdate {__version__}, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-            credits=credits,
-            logo=picture,
-            sections=sections,
-        ),
         path or study.result(PAGE),
+        sections,
+        title=title or building.title or building.name,
+        subtitle="Stiffness from measured vibration, with its uncertainty",
+        made=f"femupdate {__version__}, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        credits=credits,
+        logo=picture,
     )
     size, seconds = written.stat().st_size, time.monotonic() - started
     shown = tuple(section.title for section in sections if section.blocks)

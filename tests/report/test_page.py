@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from femupdate.report import Geometry, Page, Section, scene_content, thinned_geometry
+from femupdate.report import Geometry, Section, scene_content, thinned_geometry
 from femupdate.report.figure import new_figure
 from femupdate.report.page import page_html, prose_html
 from femupdate.report.plot_measured import thinned
@@ -23,11 +23,12 @@ def nasty_page():
     )
     picture = Picture(NASTY, lambda: new_figure(1.0, 1.0))
     blocks = (Note(NASTY), Notes((NASTY,), warning=True), table, picture)
-    return Page(title=NASTY, subtitle=NASTY, made=NASTY, sections=(Section("s", NASTY, blocks),))
+    sections = (Section("s", NASTY, blocks),)
+    return page_html(sections, title=NASTY, subtitle=NASTY, made=NASTY, credits=(NASTY,))
 
 
 def test_text_from_files_is_escaped(nasty_page):
-    html = page_html(nasty_page)
+    html = nasty_page
     assert "onerror=alert(1)>" not in html
     assert re.findall(r"<img [^s]", html) == []
     assert html.count("<script") == html.count("</script>")
@@ -35,8 +36,7 @@ def test_text_from_files_is_escaped(nasty_page):
 
 def test_what_the_terminal_alone_shows_is_not_on_the_page():
     parts = (Note("told"), Note("a path", page=False), Note(content={"key": 1.0}), Notes(()))
-    page = Page(title="", subtitle="", made="", sections=(Section("s", "", parts),))
-    html = page_html(page)
+    html = page_html((Section("s", "", parts),), title="")
     assert "<p>told</p>" in html
     assert "a path" not in html
     assert "<ul" not in html
@@ -48,7 +48,7 @@ def test_a_sentence_is_escaped_before_anything_in_it_is_marked_up():
 
 
 def test_a_page_needs_nothing_else(nasty_page):
-    html = page_html(nasty_page)
+    html = nasty_page
     assert re.findall(r"(?:src|href)=[\"'](?!#|data:image/png)", html) == []
     assert "default-src 'none'" in html
 
