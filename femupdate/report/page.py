@@ -22,6 +22,7 @@ from femupdate.study import write_text
 from femupdate.tables import Table
 
 BUDGET = 8_000_000  # bytes: what mail servers and phones still take
+DOTS = 110  # of a figure's inch on the page
 _PNG, _JPEG = b"\x89PNG", b"\xff\xd8\xff"
 
 
@@ -36,9 +37,10 @@ class Scene:
 
 @dataclass(frozen=True)
 class Image:
-    """A picture that is drawn already, a PNG or JPEG file."""
+    """A picture that is drawn already, a PNG or JPEG file; so many dots make one on the page."""
 
     path: Path
+    density: float = 1.0
 
     @classmethod
     def of(cls, path: Path) -> "Image":
@@ -153,7 +155,7 @@ def _picture_data(picture: Picture | Image) -> str:
         from femupdate.report.style import styled
 
         drawn = BytesIO()
-        styled(picture.figure().savefig)(drawn, format="png", dpi=110)
+        styled(picture.figure().savefig)(drawn, format="png", dpi=DOTS)
         content, kind = drawn.getvalue(), "png"
     return f"data:image/{kind};base64,{b64encode(content).decode()}"
 
@@ -190,7 +192,9 @@ def prose_html(text: str) -> str:
     from markupsafe import escape
 
     escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text)))
-    return re.sub(r"(\d) ?%", "\\1\u00a0%", escaped.replace(" +- ", " ± "))
+    for typed, printed in ((" +- ", " ± "), (" -&gt; ", " → ")):
+        escaped = escaped.replace(typed, printed)
+    return re.sub(r"(\d) ?%", "\\1\u00a0%", escaped)
 
 
 def write_page(path: Path, sections: Sequence[Section], **head: Any) -> Path:

@@ -17,9 +17,10 @@ from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import building_effects
 from femupdate.effects.structure import Structure, structure_of
+from femupdate.report.figure import DOTS_PER_INCH
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs, drawn
-from femupdate.report.page import Block, Image, Scene, Section, items_of
+from femupdate.report.page import DOTS, Block, Image, Scene, Section, items_of
 from femupdate.report.page_scene import scene_content, thinned_geometry
 from femupdate.report.prediction import Prediction
 from femupdate.report.scale import interval_text, plus_minus
@@ -102,7 +103,8 @@ def _told(result: Result | None, missing: str) -> Iterator[Block]:
     if result is None:
         yield Note(missing)
         return
-    yield from result.items()
+    # The summary has all warnings.
+    yield from (item for item in result.items() if not getattr(item, "warning", False))
     yield from result.figures()
 
 
@@ -110,7 +112,8 @@ def _kept_pictures(study: Study, made: Path, names: Sequence[str]) -> list[Image
     """Pictures that were drawn when a file was made, and cannot be drawn from what it holds."""
     folder = study.result("pictures")
     paths = [path for name in names for path in sorted(folder.glob(f"{name}*.png"))]
-    return [Image(path) for path in paths if path.stat().st_mtime >= made.stat().st_mtime]
+    larger = DOTS_PER_INCH / DOTS
+    return [Image(path, larger) for path in paths if path.stat().st_mtime >= made.stat().st_mtime]
 
 
 def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
@@ -122,8 +125,11 @@ def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
         yield from map(Note, page.calibration.first)
     if page.prediction is not None:
         motion = page.prediction.motion.title
-        yield Note(f"Under {motion} (90 %): {page.prediction.largest}.")
+        yield Note(f"Under {motion}, with 90 % probability: {page.prediction.largest}.")
     yield from map(Note, _found(page))
+    warned = [] if page.calibration is None else [*page.calibration.posterior.warnings]
+    warned += () if page.prediction is None else page.prediction.warnings
+    yield Notes((*dict.fromkeys(warned), *page.status.unfinished), warning=True)
     yield view
     if page.calibration is not None:
         yield _stiffness(page, page.calibration)
@@ -143,8 +149,6 @@ def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
         ]
         head = ("mode", "direction", "frequency, Hz", "share of the mass")
         yield Table.of(head, rows, name="frequencies", caption="Modes that move most of the mass")
-    warned = () if page.calibration is None else page.calibration.posterior.warnings
-    yield Notes((*warned, *page.status.unfinished), warning=True)
     yield Note(
         "All figures hold for motion like that measured, in which the building responds linearly. "
         "They say nothing of its strength."
@@ -267,12 +271,13 @@ def _finder(page: PageStudy) -> Iterator[Block]:
     yield from map(Note, _found(page))
     pictures = {
         "diagnosis": ("residual_map", "effect_ranking"),
-        "repair": ("gap_before_after", "gap_residuals"),
+        # Maps of one kind of data alone are in the first.
+        "repair": ("gap_before_after", "gap_residuals_"),
     }
     for name, drawn_then in pictures.items():
         with page.found(name) as kept:
             if kept:
-                yield from items_of(kept["page"])
+                yield from items_of(kept.get("page", ()))  # an older one has none
                 made = page.searched.path(f"{name}.json")
                 yield from _kept_pictures(page.searched, made, drawn_then)
 
