@@ -28,6 +28,11 @@ _NAMES = {"RF|[0-9]+F": "FLOOR", "theta_[0-9]+": "PARAMETER", "[0-9]+": "STORY"}
 # Where importing a module would run it.
 _NOT_READ = ("__main__", "cli", "examples", "models")
 _CODE = re.compile(r"`[^`\n]+`")
+# A menu whose label is but a sign, and its title.
+_MENU = re.compile(
+    r'aria-labelledby="__nav_([\d_]+)_label"'
+    r'([^>]*>\s*<label class="md-nav__title" for="__nav_\1">\s*<span[^>]*></span>\s*([^<]+?)\s*<)'
+)
 _LINK = re.compile(r"(?<=\]\()([^)\s#]+)")
 
 
@@ -48,6 +53,17 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     uri = page.file.src_uri
     source = PurePosixPath(addresses.get(uri, f"docs/{uri}"))
     return _LINK.sub(lambda found: _in_site(found[1], source, uri), markdown)
+
+
+def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
+    """Let the keyboard scroll code that is too wide, and name every menu for screen readers."""
+    output = re.sub(r"(<pre><span></span>)(<code)?", _scrolled, output)
+    return _MENU.sub(r'aria-label="\3"\2', output)
+
+
+def _scrolled(found: re.Match[str]) -> str:
+    code = ' tabindex="0"'
+    return f"{found[1]}{found[2]}{code}" if found[2] else f"<pre{code}><span></span>"
 
 
 def _in_site(target: str, source: PurePosixPath, uri: str) -> str:

@@ -111,7 +111,8 @@ def _told(result: Result | None, missing: str) -> Iterator[Block]:
 def _kept_pictures(study: Study, made: Path, names: Sequence[str]) -> list[Image]:
     """Pictures that were drawn when a file was made, and cannot be drawn from what it holds."""
     folder = study.result("pictures")
-    paths = [path for name in names for path in sorted(folder.glob(f"{name}*.png"))]
+    found = (sorted(folder.glob(f"{name}*.png"), key=lambda path: len(path.name)) for name in names)
+    paths = [path for of_name in found for path in of_name]
     larger = DOTS_PER_INCH / DOTS
     return [Image(path, larger) for path in paths if path.stat().st_mtime >= made.stat().st_mtime]
 
@@ -130,6 +131,10 @@ def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
     warned = [] if page.calibration is None else [*page.calibration.posterior.warnings]
     warned += () if page.prediction is None else page.prediction.warnings
     yield Notes((*dict.fromkeys(warned), *page.status.unfinished), warning=True)
+    yield Note(
+        "All figures hold for motion like that measured, in which the building responds linearly. "
+        "They say nothing of its strength."
+    )
     yield view
     if page.calibration is not None:
         yield _stiffness(page, page.calibration)
@@ -149,10 +154,6 @@ def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
         ]
         head = ("mode", "direction", "frequency, Hz", "share of the mass")
         yield Table.of(head, rows, name="frequencies", caption="Modes that move most of the mass")
-    yield Note(
-        "All figures hold for motion like that measured, in which the building responds linearly. "
-        "They say nothing of its strength."
-    )
 
 
 def _stiffness(page: PageStudy, calibration: CalibrationReport) -> Table:
