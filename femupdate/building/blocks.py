@@ -314,7 +314,7 @@ def dead_walls(building: FrameBuilding, lattice: Lattice) -> Iterator[DeadWall]:
             key=part.key,
             group=part.group,
             above=sheet[:, -1],
-            below=sheet[:0, 0] if part.group == 0 else sheet[:, 0],
+            below=sheet[:0, 0] if building.below[part.group] < 0 else sheet[:, 0],
             share=area_density * height * tributary / 2.0,
         )
 

@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 
 from femupdate.arrays import Floats, Integers
 from femupdate.building.blocks import DeadWall
+from femupdate.building.common import BASE
 from femupdate.building.connections import connected
 from femupdate.building.entry import Complaint
 from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
@@ -141,6 +142,7 @@ class BuildingMesh:
     floors: tuple[str, ...]  # names of the floors, bottom to top ("2F" ... "RF").
     floor_nodes: Mapping[str, Integers]  # node indices of each floor's sensor points
     floor_level: Floats  # (floors,) height above the base, m
+    foot_level: Floats  # (stories,) of the floors on which the stories stand, m
     base_nodes: Integers  # (n,) indices of the nodes at the base
     direction: int  # 0 where motion is measured along x, 1 along y
     story_names: tuple[str, ...]  # names of the stories, bottom to top
@@ -186,10 +188,28 @@ def finished(
         floors=building.floors,
         floor_nodes=floor_nodes,
         floor_level=building.floor_levels,
+        foot_level=building.foot_levels,
         base_nodes=base,
         direction="xy".index(building.sensors.direction),
         story_names=building.story_names,
         factors=factors,
         parts=parts,
-        notes=notes,
+        notes=(*notes, *story_notes(building)),
     )
+
+
+def story_notes(building: Massive) -> Iterator[str]:
+    """Yield what stories that stand beside each other mean."""
+    if not building.is_chain:
+        places = (BASE, *building.floors)
+        beside: dict[str, list[str]] = {}
+        for name, foot in zip(building.story_names, building.below, strict=True):
+            beside.setdefault(places[foot + 1], []).append(name)
+        listed = "; ".join(
+            f"{' and '.join(names)} on {foot}" for foot, names in beside.items() if len(names) > 1
+        )
+        yield (
+            f"Stories stand beside each other: {listed or 'none'}. A story's shear is the inertia "
+            "of what stands on it; what neighbours pass on to each other is in the forces of "
+            "members alone (predict --member)."
+        )

@@ -267,6 +267,16 @@ class Building(Entry):
         return floor_names(len(self.stories))
 
     @property
+    def below(self) -> tuple[int, ...]:
+        """Index of the floor on which every story stands, -1 for the base."""
+        return tuple(range(-1, len(self.stories) - 1))
+
+    @property
+    def is_chain(self) -> bool:
+        """Whether every story stands on the one listed before."""
+        return self.below == tuple(range(-1, len(self.stories) - 1))
+
+    @property
     def by_kind(self) -> bool:
         """Whether members of different kinds have stiffness factors of their own."""
         return False
@@ -295,6 +305,10 @@ class Building(Entry):
                 text = f"{name!r} is the name of stories[{seen.index(name)}] already; rename one"
                 raise Complaint(f"stories[{number}].name", text)
             seen.append(name)
+            on = getattr(self.stories[number], "on", None)
+            if on not in (None, BASE, *seen[:-1]):
+                text = f'{on!r} is no story listed before it; write "{BASE}" or one of those'
+                raise Complaint(f"stories[{number}].on", text)
         if not seen:
             raise Complaint("stories", "the building has no story; add a [[stories]] table")
         for name in self.prior.stories:
@@ -323,7 +337,26 @@ class MeshedBuilding(Building):
     @property
     def floor_levels(self) -> Floats:
         """Heights of the floors above the base, (stories,) m."""
-        return np.cumsum([story.height for story in self.stories])
+        levels = [0.0]
+        for story, foot in zip(self.stories, self.below, strict=True):
+            level = levels[foot + 1] + story.height
+            # Floors of neighbours that differ by rounding are at one level.
+            levels.append(next((near for near in levels if abs(near - level) < 1e-6), level))
+        return np.array(levels[1:])
+
+    @property
+    def foot_levels(self) -> Floats:
+        """Heights of the floors on which the stories stand above the base, (stories,) m."""
+        return np.append(0.0, self.floor_levels)[np.array(self.below) + 1]
+
+    @property
+    def below(self) -> tuple[int, ...]:
+        """As of a `Building`."""
+        places = (BASE, *self.story_names)
+        return tuple(
+            k - 1 if story.on is None else places.index(story.on) - 1
+            for k, story in enumerate(self.stories)
+        )
 
     def material(self, name: str | None) -> Material:
         """Return the named material; None means the only one of the building."""

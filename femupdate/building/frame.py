@@ -69,6 +69,10 @@ class FrameBuilding(MeshedBuilding):
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
         super().check()
+        for number, story in enumerate(self.stories):
+            if story.x is not None or story.y is not None:
+                key = f"stories[{number}].{'y' if story.x is None else 'x'}"
+                raise Complaint(key, "members of a frame name their story; remove it")
         _check_lines(self.grid.x, "grid.x")
         _check_lines(self.grid.y, "grid.y")
         for name in self.grid.x:

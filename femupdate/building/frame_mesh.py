@@ -36,9 +36,9 @@ def mesh_frame(building: FrameBuilding, size: float, least: int = 1) -> Building
     """Return the mesh of a frame; size and least as for `lattice_of`."""
     extra = column_lines(building) + opening_lines(building)
     if (building.walls or building.slabs) and (building.beams or building.columns):
-        coarse = lattice_of(building.grid, building.stories, math.inf, 2, extra)
+        coarse = lattice_of(building, math.inf, 2, extra)
         extra += face_lines(_parts_on(building, coarse)[0])
-    return _mesh_on(building, lattice_of(building.grid, building.stories, size, least, extra))
+    return _mesh_on(building, lattice_of(building, size, least, extra))
 
 
 def _parts_on(

@@ -8,9 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
-from femupdate.building.common import BASE, floor_names
-from femupdate.building.frame import CLOSEST_LINES
-from femupdate.building.members import FrameStory, Grid
+from femupdate.building.common import BASE
+from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
 from femupdate.building.references import Intersection, Stretch
 from femupdate.errors import BuildingError
 
@@ -54,7 +53,7 @@ def divide(
         extra: further coordinates between the first and the last, m; one that lies on another
             line is that line.
     """
-    values = np.array(sorted(stations.values()))
+    values = np.unique(list(stations.values()))
     for value in sorted(extra):
         if np.abs(values - value).min() > CLOSEST_LINES:
             values = np.append(values, value)
@@ -93,6 +92,7 @@ class Lattice:
     x: Lines
     y: Lines
     z: Lines
+    stories: tuple[tuple[str, str], ...]  # the levels below and above each story
 
     def crossings(self, ix: Index, iy: Index, iz: Index) -> Integers:
         """Return the numbers of the crossings of these mesh lines (broadcast)."""
@@ -110,8 +110,7 @@ class Lattice:
 
     def story(self, number: int) -> Integers:
         """Return the mesh lines in z from the floor below a story to the one above it."""
-        floors = list(self.z.at)
-        return self.z.between(floors[number], floors[number + 1])
+        return self.z.between(*self.stories[number])
 
     def along(self, run: Stretch, levels: Integers) -> Integers:
         """Return the (points, levels) crossings of a stretch of a grid line at these levels."""
@@ -132,19 +131,15 @@ class Lattice:
 
 
 def lattice_of(
-    grid: Grid,
-    stories: Sequence[FrameStory],
-    size: float,
-    least: int = 1,
-    extra: ExtraLines = ExtraLines(),
+    building: FrameBuilding, size: float, least: int = 1, extra: ExtraLines = ExtraLines()
 ) -> Lattice:
     """Return the mesh lines of a building (size, least: see `divide`); level 0 is the base.
 
     Raises:
         BuildingError: the mesh size is so small that the mesh would not fit into memory.
     """
-    levels = np.concatenate([[0.0], np.cumsum([story.height for story in stories])])
-    floors = dict(zip((BASE, *floor_names(len(stories))), levels.tolist(), strict=True))
+    grid, places = building.grid, (BASE, *building.floors)
+    floors = dict(zip(places, [0.0, *building.floor_levels.tolist()], strict=True))
     stations, more = (grid.x, grid.y, floors), (extra.x, extra.y, extra.z)
     count = math.prod(
         sum(np.diff(sorted(station.values()))) / size + len(station) + len(cuts)
@@ -155,7 +150,8 @@ def lattice_of(
             f"mesh.size: {size:g} m would give some {count:.1e} nodes; write a larger size"
         )
     return Lattice(
-        *(divide(station, size, least, cuts) for station, cuts in zip(stations, more, strict=True))
+        *(divide(station, size, least, cuts) for station, cuts in zip(stations, more, strict=True)),
+        tuple((places[k + 1], floor) for k, floor in zip(building.below, places[1:], strict=True)),
     )
 
 

@@ -54,11 +54,21 @@ class Story(Entry):
 
 
 class FrameStory(Story):
-    """One story of a frame building, floor to floor."""
+    """One story of a frame building, floor to floor.
+
+    It stands on the floor of the story `on`, or on the "base". Of a mesh that was read it owns what
+    lies within `x` and `y` in plan; the last such story counts.
+    """
 
     height: Length
+    on: Label | None = None  # the story listed before where left out
+    x: tuple[Coordinate, Coordinate] | None = None
+    y: tuple[Coordinate, Coordinate] | None = None
 
     def _complaints(self) -> Complaints:
+        for key, sides in (("x", self.x), ("y", self.y)):
+            if sides is not None and not sides[0] < sides[1]:
+                yield (key, f"it runs from {sides[0]:g} to {sides[1]:g} m; put the lower first")
         # A model on a bench has stories of 2 cm and more.
         if self.height < 0.02:
             yield (

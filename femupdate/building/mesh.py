@@ -49,6 +49,6 @@ def check_mesh(building: FrameBuilding | MeshBuilding) -> None:
     if isinstance(building, MeshBuilding):
         mesh_building(building)
         return
-    lattice_of(building.grid, building.stories, building.mesh.size)
+    lattice_of(building, building.mesh.size)
     # Two parts an interval: what nothing carries between two grid lines shows as well.
     mesh_frame(building, math.inf, least=2)

@@ -65,6 +65,31 @@ def nodes_at(model: FiniteElementModel, points: Sequence[Point], key: str) -> In
     return np.asarray(nearest)
 
 
+LEVEL = 1e-3  # m; what is nearer than this to a floor's level is on it
+
+
+def stories_of_nodes(model: FiniteElementModel, owner: Integers, levels: Floats) -> Integers:
+    """Return the story of each node, (N,): the one at whose floor it lies, else the first at it.
+
+    Nodes of no element go with the nearest one of an element.
+
+    Args:
+        owner: (groups,) story of each group of elements.
+        levels: (stories,) of the floors, m.
+    """
+    none = len(levels)
+    story = np.full((2, len(model.nodes)), none)
+    for block in model.elements:
+        mine = np.append(owner, none)[block.group]
+        for nodes in block.nodes.T:
+            at = np.abs(model.nodes[nodes, 2] - np.append(levels, np.inf)[mine]) < LEVEL
+            np.minimum.at(story[0], nodes[at], mine[at])
+            np.minimum.at(story[1], nodes, mine)
+    merged = np.where(story[0] < none, story[0], story[1])
+    known = np.flatnonzero(merged < none)
+    return np.asarray(merged[known[cKDTree(model.nodes[known]).query(model.nodes)[1]]])
+
+
 UPRIGHT = 0.9  # vertical component of the axis of what is a column, of the normal of a slab
 _SAME = 1e-6  # of the structure's size: nodes nearer than this are in the same place
 _KEY = "mesh.file"

@@ -10,16 +10,19 @@ from scipy.sparse.csgraph import connected_components
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.blocks import ElementBlock, by_element, joined
-from femupdate.building.building_mesh import BuildingMesh, finished
+from femupdate.building.building_mesh import BuildingMesh, finished, story_notes
 from femupdate.building.entry import Complaint, complaining, unknown
 from femupdate.building.mesh_check import (
+    LEVEL,
     UPRIGHT,
     cell_kinds,
     check_connected,
     check_elements,
     merge_nodes,
     nodes_at,
+    piece_of,
     place,
+    stories_of_nodes,
 )
 from femupdate.building.mesh_reader import RawMesh, read_mesh
 from femupdate.building.model_files import building_model
@@ -105,9 +108,6 @@ def beam_releases(part: Part, spans: tuple[Flags, Flags]) -> Flags:
     return released
 
 
-_LEVEL = 1e-3  # m; nodes nearer than this to a floor's level are on it
-
-
 @complaining()
 def import_mesh(building: MeshBuilding) -> BuildingMesh:
     """Return the mesh of a building of kind "mesh".
@@ -123,13 +123,14 @@ def import_mesh(building: MeshBuilding) -> BuildingMesh:
             floors=building.floors,
             floor_nodes=_floor_nodes(building, read.model),
             floor_level=building.floor_levels,
+            foot_level=building.foot_levels,
             base_nodes=read.held,
             direction="xy".index(building.sensors.direction),
             story_names=building.story_names,
             factors=stiffness_factors(building),
             parts=read.wall_of,
             walls=read.walls,
-            notes=read.notes,
+            notes=(*read.notes, *story_notes(building)),
         )
     raw = read_mesh(Path(building.mesh.file).expanduser(), building.mesh.tags)
     nodes = raw.nodes * factor(building.mesh.unit, "length") - [0.0, 0.0, building.mesh.base]
@@ -144,7 +145,7 @@ def import_mesh(building: MeshBuilding) -> BuildingMesh:
         for kind in dict.fromkeys(block.element.cell_type for block in blocks)
     }
     check_elements(nodes, by_type, doubles_allowed=building.mesh.merge is not None)
-    base = used[np.abs(nodes[used, 2]) < _LEVEL]
+    base = used[np.abs(nodes[used, 2]) < LEVEL]
     if not len(base):
         text = f"no node lies at the base; the lowest is {nodes[used, 2].min():g} m above it"
         raise Complaint("mesh.base", f"{text}; correct the level of the base or the unit")
@@ -224,15 +225,15 @@ def _chosen(raw: RawMesh, kind: str, names: tuple[str, ...], key: str) -> Flags:
 def _block(
     building: MeshBuilding, number: int, part: Part, kind: str, cells: Integers, nodes: Floats
 ) -> ElementBlock:
-    middle = nodes[cells].mean(axis=1)[:, 2]
+    middle = nodes[cells].mean(axis=1)
     if part.story is not None:
         group = np.full(len(cells), building.story_names.index(part.story))
     else:
-        top = building.floor_levels
-        group = np.searchsorted(top, middle - _LEVEL)
-        if (group >= len(top)).any() or (middle < -_LEVEL).any():
-            worst = middle[int(np.abs(middle - top[-1] / 2).argmax())]
-            text = f"cells at {worst:g} m lie outside the stories (0 to {top[-1]:g} m)"
+        group = building.stories_at(middle)
+        outside = np.flatnonzero((group < 0) | (middle[:, 2] < -LEVEL))
+        if len(outside):
+            where, top = place(middle[outside[0]]), building.floor_levels.max()
+            text = f"cells at {where} lie outside the stories (0 to {top:g} m)"
             raise Complaint("stories", f"{text}; correct the heights, mesh.base or mesh.unit")
     section = building.sections[part.section] if part.section is not None else None
     material = part.material or (section.material if section is not None else None)
@@ -283,12 +284,14 @@ def _with_ends(
 
 def _floor_nodes(building: MeshBuilding, model: FiniteElementModel) -> dict[str, Integers]:
     nearest_nodes, points = {}, model.nodes
+    owner = stories_of_nodes(model, np.arange(len(building.floors)), building.floor_levels)
     for floor, level in zip(building.floors, building.floor_levels, strict=True):
         if floor in building.sensors.at:
             at = building.sensors.at[floor]
             nearest_nodes[floor] = nodes_at(model, at, f"sensors.at.{floor}")
             continue
-        on_level = np.flatnonzero(np.abs(points[:, 2] - level) < _LEVEL)
+        there = building.is_chain | (owner == building.floors.index(floor))
+        on_level = np.flatnonzero((np.abs(points[:, 2] - level) < LEVEL) & there)
         if not len(on_level):
             nearest = points[int(np.abs(points[:, 2] - level).argmin()), 2]
             text = f"no node of the mesh lies at the level of {floor}, {level:g} m (the nearest is"
@@ -305,8 +308,10 @@ def _diaphragms(
     for block in blocks:
         if building.parts[block.part].diaphragm != "rigid":
             continue
-        slab = np.unique(block.nodes)
-        for level in building.floor_levels:
-            on_floor = slab[np.abs(nodes[slab, 2] - level) < _LEVEL]
-            if len(on_floor):
-                yield np.searchsorted(used, on_floor)
+        sides = np.stack([block.nodes, np.roll(block.nodes, 1, axis=1)], axis=2).reshape(-1, 2)
+        for level in np.unique(building.floor_levels):
+            on_floor = sides[(np.abs(nodes[sides, 2] - level) < LEVEL).all(axis=1)]
+            piece = piece_of(len(nodes), on_floor)  # what does not touch is another diaphragm
+            for label in np.unique(piece[on_floor]):
+                slab = np.unique(on_floor[piece[on_floor[:, 0]] == label])
+                yield np.searchsorted(used, slab)

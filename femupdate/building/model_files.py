@@ -114,11 +114,10 @@ def building_model(building: MeshBuilding) -> ReadModel:
             raise Complaint(key, text)
     if base == "pinned" and "supports.base" not in file.lacks:
         raise Complaint("supports.base", "the model says what holds the base; change it there")
-    levels = building.floor_levels
     rigid = None
     if mesh.diaphragms is not None and mesh.diaphragms != "none":
         named = resolve(mesh.diaphragms, building.floors, "floor", "mesh.diaphragms")
-        rigid = levels[[building.floors.index(name) for name in named]]
+        rigid = tuple(building.floors.index(name) for name in named)
     said = Said(
         ignored=mesh.ignore or (),
         elastic=mesh.elastic or (),
@@ -128,4 +127,4 @@ def building_model(building: MeshBuilding) -> ReadModel:
         sections={name: section.figures() for name, section in building.sections.items()},
     )
     length, force = factor(mesh.unit, "length"), factor(mesh.force, "force")
-    return read_model(file, length, force, said, base=mesh.base, levels=levels)
+    return read_model(file, length, force, said, base=mesh.base, building=building)

@@ -20,6 +20,7 @@ from femupdate.arrays import Flags, Floats, Integers, Strings
 from femupdate.building.connections import diaphragm_links
 from femupdate.building.entry import Complaint
 from femupdate.building.mesh_check import cell_kinds, check_elements, loose_pieces, place
+from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.quantities import ALL
 from femupdate.building.sections import SectionFigures
 from femupdate.errors import BuildingError
@@ -137,7 +138,7 @@ class Said:
     ignored: tuple[str, ...] = ()  # kinds of entries that are left out on the user's word
     elastic: tuple[str, ...] = ()  # nonlinear ones that are taken at their initial stiffness
     mass: str | None = None  # "lumped" or "consistent", of elements
-    diaphragms: Floats | None = None  # levels of floors that are rigid in plan, m
+    diaphragms: tuple[int, ...] | None = None  # numbers of floors that are rigid in plan
     base: str | None = None  # "fixed" or "pinned", where the file says nothing
     # that the file only names
     sections: Mapping[str, SectionFigures] = field(default_factory=dict)
@@ -425,7 +426,7 @@ class ModelTables:
         beams = self._beams()
         return [*blocks, beams] if len(beams) else blocks
 
-    def model(self, tops: Floats) -> tuple[FiniteElementModel, Strings]:
+    def model(self, building: MeshBuilding | None) -> tuple[FiniteElementModel, Strings]:
         """The model with its story groups, and the names of its nodes."""
         points, blocks = np.array(self.points), self._blocks()
         if not blocks:
@@ -439,8 +440,15 @@ class ModelTables:
                 axis = corners[:, 1] - corners[:, 0]
                 rise = np.abs(axis[:, 2]) / np.maximum(np.linalg.norm(axis, axis=1), 1e-300)
                 kind = np.where((kind == "beam") & (rise > 0.3), "brace", kind).astype("<U24")
-            group = np.searchsorted(tops, corners.mean(axis=1)[:, 2] - LEVEL)
-            group = np.minimum(group, len(tops) - 1).astype(np.int64)
+            middle, group = corners.mean(axis=1), np.zeros(len(corners), dtype=np.int64)
+            if building is not None:
+                group = building.stories_at(middle)
+                above = middle[:, 2] > building.floor_levels.max()
+                group[above & building.is_chain] = len(building.stories) - 1
+                if (group < 0).any():
+                    where = place(middle[int(group.argmin())])
+                    text = f"{int((group < 0).sum())} elements lie in none, such as at {where}"
+                    raise Complaint("stories", f"{text}; widen x, y or the height of one")
             blocks[k] = replace(block, kind=kind, group=group)
         fixed = np.zeros((len(points), DOF_PER_NODE), dtype=np.bool_)
         for node, directions in self.holds:
@@ -465,19 +473,23 @@ class ModelTables:
         model = FiniteElementModel(
             nodes=points,
             fixed=fixed,
-            groups=len(tops),
+            groups=1 if building is None else len(building.stories),
             elements=tuple(blocks),
             masses=PointMasses(where, values[:, :3], values[:, 3:]),
             springs=springs,
         )
         ties = [RigidLinks(np.array([m]), np.array([s]), t[None]) for m, s, t in self.ties]
-        levels, carried = self.said.diaphragms, [block.nodes.ravel() for block in blocks]
-        if levels is None and "mesh.diaphragms" in self.file.lacks:  # a draft must propose some
-            levels = np.unique(points[where[~np.isin(where, np.concatenate(carried))], 2])
-        bodies = list(self.bodies)
-        if levels is not None:
-            on = np.isclose(points[:, 2, None], levels, rtol=0.0, atol=LEVEL)
-            bodies += [np.flatnonzero(column) for column in on.T]
+        bodies, z = list(self.bodies), points[:, 2]
+        if building is not None:
+            levels, owner = building.floor_levels, building.stories_at(points)
+            bodies += [
+                np.flatnonzero((np.abs(z - levels[k]) < LEVEL) & (owner == k))
+                for k in self.said.diaphragms or ()
+            ]
+        elif "mesh.diaphragms" in self.file.lacks:  # a draft must propose some
+            carried = np.concatenate([block.nodes.ravel() for block in blocks])
+            levels = np.unique(z[where[~np.isin(where, carried)]])
+            bodies += [np.flatnonzero(np.abs(z - level) < LEVEL) for level in levels]
         links = RigidLinks().joined(*ties)
         plan = diaphragm_links(model, bodies, links.slave)
         return self._used(replace(model, links=links.joined(plan)))
@@ -534,7 +546,7 @@ def read_model(
     said: Said,
     *,
     base: float | None = 0.0,
-    levels: Floats | None = None,
+    building: MeshBuilding | None = None,
 ) -> ReadModel:
     """Return the model of a file.
 
@@ -542,7 +554,7 @@ def read_model(
         length: m in the file's unit of length.
         force: N in its unit of force.
         base: level of the base, m; where None that of the lowest node, if the file holds none.
-        levels: (stories,) of the floors above the base, m; all is one story where None.
+        building: which says the stories; all is one story where None.
 
     Raises:
         BuildingError: an entry is unknown, wrong or refers to what is not there, or a part of the
@@ -567,7 +579,7 @@ def read_model(
         for node, point in enumerate(tables.points):
             if abs(point[2]) < LEVEL and not (node in carried and node in sprung):
                 tables.holds.append((node, list(range(3 if said.base == "pinned" else 6))))
-    model, names = tables.model(np.array([np.inf]) if levels is None else levels)
+    model, names = tables.model(building)
     loose = ~_stiff(model) & ~model.fixed
     held = np.flatnonzero(model.fixed[:, :3].any(axis=1))
     ground = model.springs.nodes[model.springs.nodes[:, 1] < 0, 0]
@@ -575,7 +587,7 @@ def read_model(
     _check(model, held, names, file.file.name)
     model = replace(model, fixed=model.fixed | loose)
     walls, wall_of = _walls(model)
-    notes = _notes(tables, model, levels)
+    notes = _notes(tables, model, None if building is None else building.floor_levels)
     if loose.any():
         count = int(loose.any(axis=1).sum())
         notes.append(f"Changed: at {count} nodes what nothing stiffens is held.")

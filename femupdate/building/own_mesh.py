@@ -2,11 +2,14 @@
 
 from typing import Literal
 
+import numpy as np
 from pydantic import Field
 
+from femupdate.arrays import Floats, Integers
 from femupdate.building.common import Building, MeshedBuilding
 from femupdate.building.entry import Complaint, Complaints, Entry
 from femupdate.building.members import Material, SensorsAnywhere
+from femupdate.building.mesh_check import LEVEL
 from femupdate.building.quantities import (
     ALL,
     Coordinate,
@@ -118,6 +121,21 @@ class MeshBuilding(MeshedBuilding):
     materials: dict[str, Material] = Field(default_factory=dict)
     parts: tuple[Part, ...] = ()
     sensors: MeshSensors
+
+    def stories_at(self, points: Floats) -> Integers:
+        """Index of the story that owns what lies at points (n, 3), -1 for none, (n,)."""
+        levels, story = np.array([-np.inf, *self.floor_levels]), np.full(len(points), -1)
+        for k, (own, foot) in enumerate(zip(self.stories, self.below, strict=True)):
+            inside = (points[:, 2] > levels[foot + 1] + LEVEL) & (
+                points[:, 2] <= levels[k + 1] + LEVEL
+            )
+            for axis, sides in enumerate((own.x, own.y)):  # in plan
+                if sides is not None:
+                    inside &= (points[:, axis] > sides[0] - LEVEL) & (
+                        points[:, axis] < sides[1] + LEVEL
+                    )
+            story[inside] = k
+        return story
 
     @property
     def from_program(self) -> bool:

@@ -83,7 +83,7 @@ def wall_cut(building: FrameBuilding | MeshBuilding, mesh: BuildingMesh, name: s
 def _cut(mesh: BuildingMesh, wall: _Wall, name: str) -> WallCut:
     story, nodes, corners = wall
     points = mesh.model.nodes[nodes]
-    level = 0.0 if story == 0 else float(mesh.floor_level[story - 1])
+    level = float(mesh.foot_level[story])
     foot = nodes[np.abs(points[:, 2] - level) < _NEAR]
     if not len(foot):
         raise BuildingError(
@@ -114,7 +114,6 @@ def _cut(mesh: BuildingMesh, wall: _Wall, name: str) -> WallCut:
 
 def _frame_walls(building: FrameBuilding, mesh: BuildingMesh) -> Iterator[tuple[str, _Wall]]:
     """Yield the walls with stiffness, story by story, with their full names."""
-    levels = [0.0, *mesh.floor_level.tolist()]
     for number, wall in enumerate(building.walls):
         if not wall.is_stiff:
             continue
@@ -124,8 +123,8 @@ def _frame_walls(building: FrameBuilding, mesh: BuildingMesh) -> Iterator[tuple[
         ends[:, 1 - run.axis] = (building.grid.y if run.axis == 0 else building.grid.x)[run.line]
         for name in resolve(wall.stories, building.story_names, "story", "stories"):
             story = building.story_names.index(name)
-            low = np.array([*ends.min(axis=0), levels[story]]) - _NEAR
-            high = np.array([*ends.max(axis=0), levels[story + 1]]) + _NEAR
+            low = np.array([*ends.min(axis=0), mesh.foot_level[story]]) - _NEAR
+            high = np.array([*ends.max(axis=0), mesh.floor_level[story]]) + _NEAR
             inside = np.all((mesh.model.nodes > low) & (mesh.model.nodes < high), axis=1)
             chosen = [
                 part.nodes[inside[part.nodes].all(axis=1) & np.isin(part.kind, _KINDS)].ravel()

@@ -119,7 +119,7 @@ class Finding:
             shape = shape / np.linalg.norm(shape)
             omega = float(np.sqrt(shape @ stiffness @ shape))
             roof = float(model.floor_shapes[-1] @ static)
-            units.append(effect.unit(Sway(roof, omega, model.floor_shapes @ shape), place))
+            units.append(effect.unit(Sway(roof, omega, model.story_drift @ shape), place))
         share = units[0] / units[1]
         return share * self.size, share * self.size_sd
 

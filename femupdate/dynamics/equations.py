@@ -174,12 +174,13 @@ def driven_system(
         floors=seen.names,
         story_inertia=whole.story_inertia @ shapes,
         story_mass=whole.story_rigid[:, TRANSLATION],
-        story_drift=np.diff(floors, axis=0, prepend=np.zeros((1, size))),
+        story_drift=structure.over_foot(floors),
         rotation=BaseRotation(
             force=force[:, ROTATION],
             mass=whole.rigid_mass,
             story_moment=whole.story_rigid[:, ROTATION],
             levels=seen.levels,
+            story_height=structure.over_foot(structure.levels),
         ),
         dashpots=dashpots_on(structure, shapes),
     )

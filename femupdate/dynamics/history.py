@@ -318,8 +318,7 @@ def story_rows(system: System, sizes: Tensor) -> Rows:
     rotation, stories = model.rotation, len(model.story_mass)
     levels = np.zeros(len(model.floors)) if rotation is None else rotation.levels
     moment = np.zeros(stories) if rotation is None else rotation.story_moment
-    # Sensors may be more than floors; a story's drift is that of the floors themselves.
-    turned = np.diff(levels[-stories:], prepend=0.0) if stories else np.zeros(0)
+    turned = np.zeros(stories) if rotation is None else rotation.story_height
     shapes = np.concatenate([model.floor_shapes, model.story_inertia, model.story_drift])
     rigid = np.concatenate(
         [

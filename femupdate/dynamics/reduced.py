@@ -35,7 +35,7 @@ _ARRAYS = {
     "story_mass": "s",
     "story_drift": "sr",
 }
-_ROTATION = ("force", "mass", "story_moment", "levels")
+_ROTATION = ("force", "mass", "story_moment", "levels", "story_height")
 _RELEASED = ("flexibility", "mass")
 
 
@@ -47,6 +47,7 @@ class BaseRotation:
     mass: Floats  # (2, 2) mass, first and second moment of it about the base
     story_moment: Floats  # (s,) first moment of the mass above the middle of each story
     levels: Floats  # (f,) heights above the base of what the floor rows observe, m
+    story_height: Floats  # (s,) m
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -148,7 +149,12 @@ class ReducedModel:
             floors=tuple(floors),
             node_shapes=data.get("node_shapes"),
             dashpots=data.get("dashpots"),
-            rotation=BaseRotation(**turned) if turned else None,
+            # Files of before have no heights of stories; each stood on the one below.
+            rotation=BaseRotation(
+                **{"story_height": np.diff(turned["levels"], prepend=0.0)} | turned
+            )
+            if turned
+            else None,
             released=ReleasedBase(**released) if released else None,
         )
 
@@ -329,6 +335,7 @@ def reduce_lumped(
             mass=rigid.T @ (masses[:, None] * rigid),
             story_moment=above @ heights,
             levels=heights,
+            story_height=np.diff(heights, prepend=0.0),
         ),
     )
 
@@ -348,13 +355,14 @@ def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
         floors=structure.floors,
         story_inertia=structure.story_inertia @ basis,
         story_mass=rigid[:, TRANSLATION],
-        story_drift=np.diff(floors, axis=0, prepend=np.zeros((1, basis.shape[1]))),
+        story_drift=structure.over_foot(floors),
         node_shapes=nodes,
         rotation=BaseRotation(
             force=force[:, ROTATION],
             mass=structure.rigid_mass,
             story_moment=rigid[:, ROTATION],
             levels=structure.levels,
+            story_height=structure.over_foot(structure.levels),
         ),
         released=released_base(structure),
         dashpots=dashpots_on(structure, basis),

@@ -103,7 +103,7 @@ class DrawnBuilding:
         face[:, axis] = at
         ends = self.low[1 - axis], self.high[1 - axis]
         face[:, 1 - axis] = [ends[0], ends[1], ends[1], ends[0]]
-        bottom, top = self.levels[story], self.levels[story + 1]
+        bottom, top = self.low[2] + self.structure.feet[story], self.levels[story + 1]
         face[:, 2] = [bottom, bottom, top, top]
         return face
 

@@ -197,12 +197,12 @@ class Sway(NamedTuple):
     Attributes:
         roof: static displacement of the roof under unit base acceleration, s2.
         omega: first circular frequency.
-        shape: (f,) of the floors in the first mode, of unit modal mass.
+        drift: (s,) of the stories in the first mode, of unit modal mass.
     """
 
     roof: float
     omega: float
-    shape: Floats
+    drift: Floats
 
 
 def _all_and_each(structure: Structure) -> tuple[str, ...]:

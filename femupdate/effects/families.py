@@ -65,7 +65,10 @@ class MemberStiffness(Effect):
         stories = [place for place in self.places(structure) if place != ALL]
         names = structure.building.story_names
         between = numbers_of(f"{stories[0]} to {stories[-1]}", names) if stories else []
-        return ranges_of(stories) if len(between) == len(stories) else ()
+        if len(between) != len(stories):
+            return ()
+        first = between[0] if between else 0  # numbers of stories from the first of these on
+        return ranges_of(stories, [k - first for k in structure.building.below[first:]])
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The members themselves."""

@@ -19,6 +19,7 @@ from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.document import Building
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import mesh_building
+from femupdate.building.mesh_check import stories_of_nodes
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.shear import ShearBuilding, shear_operators
 from femupdate.building.split_mesh import is_large, split_mesh
@@ -84,6 +85,16 @@ class Structure:
         return self.building.floors
 
     @property
+    def feet(self) -> Floats:
+        """(s,) heights above the base of the floors on which the stories stand, m."""
+        return self.levels - self.over_foot(self.levels)
+
+    def over_foot(self, values: Floats) -> Floats:
+        """Values of the floors (f, ...) less those of the floors on which their stories stand."""
+        below = np.array(self.building.below)
+        return values - np.concatenate([np.zeros_like(values[:1]), values])[below + 1]
+
+    @property
     def rigid_floors(self) -> Floats:
         """(f, 2) displacement of the floors per unit base translation and rotation."""
         return np.column_stack([np.ones(len(self.levels)), self.levels])
@@ -132,14 +143,20 @@ class Structure:
 
     @cached_property
     def _above(self) -> Floats:
-        """(s, m) share of each point's motion that lies above the middle of each story.
+        """(s, m) share of each point's motion that each story carries above its middle.
 
         A point at mid-height carries as much from above as from below: rounding must not decide.
         """
-        levels = np.concatenate([[0.0], self.levels])
-        middle, height = 0.5 * (levels[1:] + levels[:-1]), np.diff(levels)
+        middle, height = 0.5 * (self.levels + self.feet), self.over_foot(self.levels)
         apart = self.points.position[:, 2] - middle[:, None]
         share = np.where(np.abs(apart) < 1e-6 * height[:, None], 0.5, apart > 0.0)
+        if self._story_of is not None:
+            carried = np.eye(len(height), dtype=np.bool_)  # what stands on a story, and itself
+            for story, foot in reversed(list(enumerate(self.building.below))):
+                if foot >= 0:
+                    carried[foot] |= carried[story]
+            inside = self._story_of == np.arange(len(height))[:, None]
+            share = np.where(inside, share, carried[:, self._story_of])
         return np.where(self.points.axis == self.direction, share, 0.0)
 
     def inertia_above(self, values: Floats) -> tuple[Floats, Floats]:
@@ -171,7 +188,7 @@ class Structure:
 
     @cached_property
     def fundamental(self) -> tuple[float, Floats]:
-        """Circular frequency (rad/s) and mean shape (f,) of the floors in the first driven mode.
+        """Circular frequency (rad/s) and mean drifts (s,) of the stories in the first driven mode.
 
         Rayleigh's quotient after two inverse iterations from the static shape, which is within a
         thousandth of the mode that the base motion drives most; unit modal mass.
@@ -180,13 +197,21 @@ class Structure:
         modal_mass = float(shape @ (self.mass @ shape))
         stiffness = self.stiffness(np.ones(len(self.stiffness_terms)))
         omega = np.sqrt(float(shape @ (stiffness @ shape)) / modal_mass)
-        return float(omega), self.floor_means @ shape / np.sqrt(modal_mass)
+        return float(omega), self.over_foot(self.floor_means @ shape) / np.sqrt(modal_mass)
+
+    @cached_property
+    def _story_of(self) -> Integers | None:
+        """(m,) story to which each point belongs; None where heights tell it."""
+        if self.mesh is None or self.building.is_chain:
+            return None
+        groups = np.array([factor.story for factor in self.mesh.factors])
+        return np.repeat(stories_of_nodes(self.mesh.model, groups, self.levels), DOF_PER_NODE)
 
     @cached_property
     def level_of(self) -> Integers:
         """(m,) index of the floor at whose height a point lies, -1 between floors."""
         tall = np.abs(self.points.position[:, 2, None] - self.levels)
-        near = tall.argmin(axis=1)
+        near = tall.argmin(axis=1) if self._story_of is None else self._story_of
         here = tall[np.arange(len(near)), near] < 1e-6 * self.levels[-1]
         return np.where(here, near, -1)
 
@@ -361,10 +386,18 @@ def _points(mesh: BuildingMesh, operators: AffineOperators, shapes: Floats) -> N
     return NodeMotions(position, np.arange(operators.dof) % DOF_PER_NODE, mass, shapes, motion)
 
 
-def ranges_of(names: Sequence[str]) -> tuple[str, ...]:
-    """Neighbours of two or more, but for all of them, as in "S2 to S4"."""
+def ranges_of(names: Sequence[str], below: Sequence[int]) -> tuple[str, ...]:
+    """Neighbours of two or more, each on the one before, but for all of them, as in "S2 to S4".
+
+    Args:
+        below: on which floor every story stands, as of a `Building`.
+    """
     ends = combinations(range(len(names)), 2)
-    return tuple(f"{names[k]}{RANGE}{names[n]}" for k, n in ends if n - k < len(names) - 1)
+    return tuple(
+        f"{names[k]}{RANGE}{names[n]}"
+        for k, n in ends
+        if n - k < len(names) - 1 and all(below[j] == j - 1 for j in range(k + 1, n + 1))
+    )
 
 
 def numbers_of(place: str, names: Sequence[str]) -> list[int]:

@@ -176,8 +176,10 @@ def _file_label(mode: StudyMode) -> str:
 
 def levels_with_base(building: Building) -> Floats:
     """Heights of base and floors, m; one a story where the file gives no heights."""
-    heights = [getattr(story, "height", None) or 1.0 for story in building.stories]
-    return np.concatenate([[0.0], np.cumsum(heights)])
+    levels = [0.0]
+    for story, foot in zip(building.stories, building.below, strict=True):
+        levels.append(levels[foot + 1] + (getattr(story, "height", None) or 1.0))
+    return np.array(levels)
 
 
 def _with_base(shapes: Sequence[Floats]) -> Floats:

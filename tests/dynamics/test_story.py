@@ -37,6 +37,7 @@ def test_rows_of_floors_inertia_and_drift():
             mass=np.eye(2),
             story_moment=np.array([90.0, 70.0]),
             levels=np.array([3.0, 7.5]),
+            story_height=np.array([3.0, 4.5]),
         ),
     )
     rows = story_rows(System(model), torch.zeros(1, 0))

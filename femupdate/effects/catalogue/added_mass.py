@@ -24,7 +24,7 @@ class AddedMass(Effect):
 
     def points(self, structure: Structure) -> tuple[str, ...]:
         """Ranges of floors."""
-        return ranges_of(structure.floors)
+        return ranges_of(structure.floors, structure.building.below)
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A ball on each floor."""

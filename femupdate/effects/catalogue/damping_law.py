@@ -42,8 +42,8 @@ class OtherDampingLaw(Effect):
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A dashpot in every story."""
-        levels = range(1, len(drawn.levels))
-        return tuple(Glyph.of("dashpot", *drawn.diagonal(k - 1, k)) for k in levels)
+        below = enumerate(drawn.structure.building.below, 1)
+        return tuple(Glyph.of("dashpot", *drawn.diagonal(foot + 1, k)) for k, foot in below)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The first frequency and which law."""

@@ -44,7 +44,7 @@ class PDelta(Effect):
     def terms(self, structure: Structure, place: str) -> Terms:
         """-P / h on the drift of each story, of floor means (Wilson and Habibullah 1987,
         Earthquake Spectra 3, 241); the bow of columns between floors is left out."""
-        heights = np.diff(structure.levels, prepend=0.0)
+        heights = structure.over_foot(structure.levels)
         weight = STANDARD_GRAVITY * structure.story_rigid[:, TRANSLATION]
-        drift = np.diff(structure.floor_means, axis=0, prepend=0.0)
+        drift = structure.over_foot(structure.floor_means)
         return Terms(springs=SpringTerms(drift, -weight / heights))

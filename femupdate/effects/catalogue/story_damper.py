@@ -38,7 +38,11 @@ class StoryDamper(Effect):
             for k, floor in enumerate(structure.floors)
             for x, at_x in grid.x.items()
             for y, at_y in grid.y.items()
-            if all(_at(structure, n, at_x, at_y).any() for n in range(max(k - 1, 0), k + 1))
+            if all(
+                _at(structure, n, at_x, at_y).any()
+                for n in (k, structure.building.below[k])
+                if n >= 0
+            )
         )
 
     def where(self, place: str) -> str:
@@ -49,7 +53,8 @@ class StoryDamper(Effect):
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A dashpot from corner to corner of the story."""
         level = drawn.level(place.partition("/")[0])
-        return (Glyph.of("dashpot", *drawn.diagonal(level - 1, level)),)
+        foot = 1 + drawn.structure.building.below[level - 1]
+        return (Glyph.of("dashpot", *drawn.diagonal(foot, level)),)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The dashpot (N s/m) that damps the first mode critically at theta = 1.
@@ -63,8 +68,7 @@ class StoryDamper(Effect):
 
     def unit(self, sway: Sway, place: int) -> float:
         """The dashpot, N s/m."""
-        drift = sway.shape[place] - (sway.shape[place - 1] if place else 0.0)
-        return float(2.0 * sway.omega / drift**2)
+        return float(2.0 * sway.omega / sway.drift[place] ** 2)
 
     def port_stiffness(self, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]) -> Tensor:
         """i omega c."""
@@ -80,7 +84,8 @@ def _at(structure: Structure, floor: int, x: float, y: float) -> Flags:
 
 def _port(structure: Structure, story: int, point: str) -> Port:
     """The drift of a story in the mean or at a point; a rigid rotation does not stretch it."""
-    ends = [(floor, sign) for floor, sign in ((story, 1.0), (story - 1, -1.0)) if floor >= 0]
+    foot = structure.building.below[story]
+    ends = [(floor, sign) for floor, sign in ((story, 1.0), (foot, -1.0)) if floor >= 0]
     row = np.zeros(structure.floor_means.shape[1])
     for floor, sign in ends:
         at_floor = structure.floor_means[floor]
