@@ -109,7 +109,7 @@ def _refuse_soft_isolation(model: FiniteElementModel, masses: PointMasses, base:
             raise Complaint(f"springs[0].{SPRING_KEYS[way]}", f"{text}; is the unit wrong?")
 
 
-def _sprung(
+def sprung(
     building: Massive, model: FiniteElementModel, base: Integers
 ) -> Iterator[tuple[Integers, SixSprings]]:
     """The nodes of every group of springs to the ground."""
@@ -178,8 +178,7 @@ def finished(
     """
     masses, factors = place_masses(building, model, dead), stiffness_factors(building)
     _refuse_soft_springs(model, masses, base, building.supports)
-    sprung = _sprung(building, model, base)
-    held = connected(model, base, building.supports, sprung, diaphragms)
+    held = connected(model, base, building.supports, sprung(building, model, base), diaphragms)
     _refuse_soft_isolation(held, masses, base)
     if building.by_kind:
         held = with_factors(held, factors)

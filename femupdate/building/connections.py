@@ -39,7 +39,7 @@ def connected(
     if supports.base == "springs":
         model, footing = _on_springs(model, base, supports)
     for nodes, group in springs:
-        model = _with_springs(model, nodes, group)
+        model = with_springs(model, nodes, group)
     joints = []
     for joint in edge_joints(model):
         if joint.node not in base:  # the base's nodes are left to its support
@@ -78,10 +78,10 @@ def _on_springs(
     nodes = np.concatenate([model.nodes, middle[None]])
     fixed = np.concatenate([model.fixed, held])
     model = replace(model, nodes=nodes, fixed=fixed)
-    return _with_springs(model, np.array([footing]), supports), links
+    return with_springs(model, np.array([footing]), supports), links
 
 
-def _with_springs(
+def with_springs(
     model: FiniteElementModel, nodes: Integers, group: SixSprings
 ) -> FiniteElementModel:
     """Return the model with springs from nodes (n,) to the ground, free in their directions."""

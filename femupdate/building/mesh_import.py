@@ -10,7 +10,8 @@ from scipy.sparse.csgraph import connected_components
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.blocks import ElementBlock, by_element, joined
-from femupdate.building.building_mesh import BuildingMesh, finished, story_notes
+from femupdate.building.building_mesh import BuildingMesh, finished, sprung, story_notes
+from femupdate.building.connections import with_springs
 from femupdate.building.entry import Complaint, complaining, unknown
 from femupdate.building.mesh_check import (
     LEVEL,
@@ -118,10 +119,13 @@ def import_mesh(building: MeshBuilding) -> BuildingMesh:
     """
     if building.from_program:
         read = building_model(building)
+        model = read.model
+        for at, springs in sprung(building, model, read.held):
+            model = with_springs(model, at, springs)
         return BuildingMesh(
-            model=read.model,
+            model=model,
             floors=building.floors,
-            floor_nodes=_floor_nodes(building, read.model),
+            floor_nodes=_floor_nodes(building, model),
             floor_level=building.floor_levels,
             foot_level=building.foot_levels,
             base_nodes=read.held,

@@ -146,7 +146,8 @@ base = "{base} m"      # level of the lowest node that is held
 # ignore = {unknown}  # {what} to be left out, which are named and counted
 {lacks}
 {supports}# Floors lie at the sums of these heights above the base.
-# Members belong to the story between whose floors they are.
+# Members belong to the story between whose floors they are. Of towers, setbacks and mezzanines say
+# where: on = "S1" (what it stands on), x = ["0 m", "9 m"], y = ["0 m", "9 m"] (its part of the plan).
 {more}{stories}
 [sensors]
 direction = "x"        # of the measured motion, x or y

@@ -664,10 +664,11 @@ def _check(model: FiniteElementModel, held: Integers, names: Strings, file: str)
     cells = [*(block.nodes for block in model.elements), *pairs]
     pieces = loose_pieces(len(model.nodes), cells, held)
     if pieces:
-        where = place(model.nodes[pieces[0][0]])
+        first, count = pieces[0][0], len(pieces)
+        hang = "1 part hangs" if count == 1 else f"{count} parts hang"
         raise BuildingError(
-            f"{file}: {len(pieces)} parts hang free, such as {len(pieces[0])} nodes around "
-            f"{where}; join their nodes to the others, or remove them"
+            f"{file}: {hang} free, such as the {len(pieces[0])} nodes around {names[first]} at "
+            f"{place(model.nodes[first])}; join their nodes to the others, or remove them"
         )
 
 

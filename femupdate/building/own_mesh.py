@@ -124,18 +124,14 @@ class MeshBuilding(MeshedBuilding):
 
     def stories_at(self, points: Floats) -> Integers:
         """Index of the story that owns what lies at points (n, 3), -1 for none, (n,)."""
-        levels, story = np.array([-np.inf, *self.floor_levels]), np.full(len(points), -1)
-        for k, (own, foot) in enumerate(zip(self.stories, self.below, strict=True)):
-            inside = (points[:, 2] > levels[foot + 1] + LEVEL) & (
-                points[:, 2] <= levels[k + 1] + LEVEL
-            )
-            for axis, sides in enumerate((own.x, own.y)):  # in plan
-                if sides is not None:
-                    inside &= (points[:, axis] > sides[0] - LEVEL) & (
-                        points[:, axis] < sides[1] + LEVEL
-                    )
-            story[inside] = k
-        return story
+        levels, owner = np.array([-np.inf, *self.floor_levels]), np.full(len(points), -1)
+        anywhere, zxy = (-np.inf, np.inf), points[:, [2, 0, 1]]
+        for k, (story, foot) in enumerate(zip(self.stories, self.below, strict=True)):
+            sides = ((levels[foot + 1] + 2 * LEVEL, levels[k + 1]), story.x, story.y)
+            low, high = np.array([each or anywhere for each in sides]).T
+            inside = (zxy > low - LEVEL) & (zxy <= high + LEVEL)
+            owner[inside.all(axis=1)] = k
+        return owner
 
     @property
     def from_program(self) -> bool:
@@ -144,6 +140,10 @@ class MeshBuilding(MeshedBuilding):
 
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
+        for n, springs in enumerate(self.springs):
+            if springs.at != ALL:
+                text = 'a mesh has no grid lines; write "*" for all columns, or give points'
+                raise Complaint(f"springs[{n}].at", text)
         if self.from_program:
             Building.check(self)
             for floor in self.sensors.at:
@@ -151,7 +151,7 @@ class MeshBuilding(MeshedBuilding):
             if self.mesh.force is None:
                 text = 'the key is missing; write the unit of force of the model, such as "N"'
                 raise Complaint("mesh.force", text)
-            for key in ("materials", "floor_mass", "springs"):
+            for key in ("materials", "floor_mass"):
                 if getattr(self, key):
                     raise Complaint(key, "the model has them; change them there, or give parts")
             if self.supports.base == "springs":
@@ -162,10 +162,6 @@ class MeshBuilding(MeshedBuilding):
                 resolve(rigid, self.floors, "floor", "mesh.diaphragms")
             return
         super().check()
-        for n, springs in enumerate(self.springs):
-            if springs.at != ALL:
-                text = 'a mesh has no grid lines; write "*" for all columns, or give points'
-                raise Complaint(f"springs[{n}].at", text)
         if not self.parts:
             raise Complaint("parts", "no group of the mesh has a meaning; add a [[parts]] table")
         for n, part in enumerate(self.parts):

@@ -97,7 +97,11 @@ SPOILED = {
         "1       5       0.      0.",
         "give X1",
     ),
-    "bdf: hanging part": ("CBEAM   ", "$BEAM   ", "hang free"),
+    "bdf: hanging part": (
+        "CBEAM   ",
+        "$BEAM   ",
+        r"hangs? free, such as the \d+ nodes around 9 at",
+    ),
     "bdf: hanging node": (
         "CROD    15",
         "GRID,13,,2.+3,0.,3.+3\nGRID,14,,2.+3,0.,5.+3\nCTRIA3,31,3,5,13,14\nCROD    15",
