@@ -147,7 +147,7 @@ base = "{base} m"      # level of the lowest node that is held
 {lacks}
 {supports}# Floors lie at the sums of these heights above the base.
 # Members belong to the story between whose floors they are. Of towers, setbacks and mezzanines say
-# where: on = "S1" (what it stands on), x = ["0 m", "9 m"], y = ["0 m", "9 m"] (its part of the plan).
+# where: on = "S1" (what it stands on), x = ["0 m", "9 m"] and y alike (its part of the plan).
 {more}{stories}
 [sensors]
 direction = "x"        # of the measured motion, x or y
