@@ -69,9 +69,9 @@ class FrameBuilding(MeshedBuilding):
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
         super().check()
-        for number, story in enumerate(self.stories):
-            if story.x is not None or story.y is not None:
-                key = f"stories[{number}].{'y' if story.x is None else 'x'}"
+        for number, entry in enumerate(self.stories):
+            if entry.x is not None or entry.y is not None:
+                key = f"stories[{number}].{'y' if entry.x is None else 'x'}"
                 raise Complaint(key, "members of a frame name their story; remove it")
         _check_lines(self.grid.x, "grid.x")
         _check_lines(self.grid.y, "grid.y")

@@ -149,8 +149,11 @@ def lattice_of(
         raise BuildingError(
             f"mesh.size: {size:g} m would give some {count:.1e} nodes; write a larger size"
         )
+    x, y, z = (
+        divide(station, size, least, cuts) for station, cuts in zip(stations, more, strict=True)
+    )
     return Lattice(
-        *(divide(station, size, least, cuts) for station, cuts in zip(stations, more, strict=True)),
+        *(x, y, z),
         tuple((places[k + 1], floor) for k, floor in zip(building.below, places[1:], strict=True)),
     )
 

@@ -446,8 +446,8 @@ class ModelTables:
                 above = middle[:, 2] > building.floor_levels.max()
                 group[above & building.is_chain] = len(building.stories) - 1
                 if (group < 0).any():
-                    where = place(middle[int(group.argmin())])
-                    text = f"{int((group < 0).sum())} elements lie in none, such as at {where}"
+                    lost = place(middle[int(group.argmin())])
+                    text = f"{int((group < 0).sum())} elements lie in none, such as at {lost}"
                     raise Complaint("stories", f"{text}; widen x, y or the height of one")
             blocks[k] = replace(block, kind=kind, group=group)
         fixed = np.zeros((len(points), DOF_PER_NODE), dtype=np.bool_)
