@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.model_tables import ModelFile, ModelTables, Stuff, file_text
+from femupdate.building.model_tables import LEVEL, ModelFile, ModelTables, Stuff, file_text
 from femupdate.building.quantities import ALL
 from femupdate.building.sections import SectionFigures
 from femupdate.errors import BuildingError
@@ -23,12 +23,12 @@ _BEAMS = (
     *("ElasticBeam3d", "ElasticTimoshenkoBeam3d", "ForceBeamColumn3d", "DispBeamColumn3d"),
     *("ForceBeamColumnCBDI3d", "MixedBeamColumn3d", "DispBeamColumnAsym3d"),
 )
-_TRUSSES = ("Truss", "CorotTruss")
+_TRUSSES = ("Truss", "CorotTruss", "TrussSection", "CorotTrussSection")
 _SHELLS = (
     *("ShellMITC4", "ShellDKGQ", "ShellNLDKGQ", "ASDShellQ4"),
     *("ShellDKGT", "ShellNLDKGT", "ASDShellT3"),
 )
-_SPRINGS = ("ZeroLength",)
+_SPRINGS = ("ZeroLength", "TwoNodeLink")
 _TAKEN = (*_BEAMS, *_TRUSSES, *_SHELLS, *_SPRINGS)
 _DIRECTIONS = ("P", "Vy", "Vz", "T", "My", "Mz")
 _LINEAR = ("ElasticMaterial", "ElasticIsotropicMaterial")
@@ -38,7 +38,16 @@ _GROUPS = {
         ("uniaxialMaterials", "ndMaterials", "sections", "crdTransformations"), "properties"
     ),
 }
-_MODULI = ("Epos", "E", "Ec", "E0", "E1p")  # of uniaxial materials, where they begin
+# Of uniaxial materials, where they begin.
+_MODULI = ("Epos", "E", "Ec", "E0", "E1p", "Ke0", "Ke", "K0", "K")
+# Where the integration of beams with hinges has its points, and their weights: in lengths of
+# hinges at either end, two Gauss points between them.
+_HINGES: dict[str, tuple[tuple[tuple[float, float], ...], float]] = {
+    "HingeRadau": (((0.0, 1.0), (8.0 / 3.0, 3.0)), 4.0),
+    "HingeRadauTwo": (((0.0, 0.25), (2.0 / 3.0, 0.75)), 1.0),
+    "HingeMidpoint": (((0.5, 1.0),), 1.0),
+    "HingeEndpoint": (((0.0, 1.0),), 1.0),
+}
 
 
 @dataclass(frozen=True)
@@ -88,7 +97,10 @@ class _Object:
         named = (each for each in self.objects[group] if str(each.values.get("name")) == str(name))
         found = next(named, None)
         if found is None:
-            raise self.error(f"there is no {name} in {group}; print the domain again")
+            raise self.error(
+                f"there is no {name} in {group}, or OpenSees has no JSON for it; replace it by an "
+                "elastic one and print the domain again"
+            )
         return found
 
 
@@ -99,16 +111,17 @@ class OpenSeesModel(ModelFile[_Object]):
     program: ClassVar[str] = "OpenSees"
     node_kind: ClassVar[str] = "node"
     what: ClassVar[str] = "elements"
-    mends: ClassVar[Mapping[str, str]] = {
-        "TwoNodeLink": "write a zeroLength between two nodes in one place",
-    }
+    mends: ClassVar[Mapping[str, str]] = {}
 
     @classmethod
     def opened(cls, file: Path) -> "OpenSeesModel":
         """The domain of a file."""
         text, again = file_text(file), 'by print("-JSON", "-file", "model.json")'
         try:
-            whole = json.loads(text)
+            try:
+                whole = json.loads(text)
+            except ValueError:
+                whole = json.loads(_plain_json(file.name, text))
         except (ValueError, RecursionError) as error:
             line = getattr(error, "lineno", 1)
             raise BuildingError(
@@ -179,49 +192,120 @@ class OpenSeesModel(ModelFile[_Object]):
                 if element.kind in _SHELLS:
                     _shell(element, ends, tables)
                 elif element.kind in _SPRINGS:
-                    turn = element.values.get("transMatrix", np.eye(3))
-                    axes = np.array(turn, dtype=np.float64)
-                    materials, ways = (element.values.get(key, ()) for key in ("materials", "dof"))
-                    for name, way in zip(materials, ways, strict=True):
-                        half, which = divmod(_DIRECTIONS.index(way), 3)
-                        along = int(np.abs(axes[which]).argmax())
-                        if abs(axes[which, along]) < 1.0 - 1e-6:
-                            raise element.error("it acts along no global axis; turn it by -orient")
-                        stiffness = _modulus(element, name, tables)
-                        tables.spring(ends[0], ends[1], 3 * half + along, stiffness)
+                    _springs(element, ends, tables)
                 else:
                     _beam(element, ends, tables)
+
+
+def _plain_json(file: str, text: str) -> str:
+    """The text without what OpenSees prints of materials that it has no JSON for."""
+    lines, start = text.splitlines(), text.count("\n", 0, max(text.find('"elements"'), 0))
+    for number, line in enumerate(lines):
+        if not line.strip() or line.lstrip()[0] in '{}[]"' or text.lstrip()[:1] != "{":
+            continue
+        if number > start > 0 and re.search(r"[A-Za-z]{3}", line):
+            raise BuildingError(
+                f"{file}, line {number + 1}: OpenSees has no JSON for {line.strip()!r}; replace "
+                "that element"
+            )
+        lines[number] = ""
+    whole = re.sub(r"(?<=[\s\[,:])-?nan\b", "NaN", "\n".join(lines))
+    return re.sub(r",(\s*[\]}])", r"\1", re.sub(r"}(\s*){", r"},\1{", whole))
+
+
+def _springs(element: _Object, ends: list[int], tables: ModelTables) -> None:
+    materials, ways = (element.values.get(key, ()) for key in ("materials", "dof"))
+    span = tables.points[ends[1]] - tables.points[ends[0]]
+    length = float(np.linalg.norm(span))
+    if length > LEVEL:  # a strut, or a link between two places
+        if list(ways) != ["P"]:
+            raise element.error("it joins two places by more than P; write zeroLength and beams")
+        young = _modulus(element, materials[0], tables)
+        stuff = tables.material(element, young * length / tables.length, 0.0, 0.0)
+        figures = tables.section(element, 1.0, (0.0, 0.0), 0.0, (0.0, 0.0), rod=True)
+        up, pins = np.eye(3)[int(np.abs(span).argmin())], np.zeros(12, dtype=np.bool_)
+        pins[[4, 5, 10, 11]] = True
+        tables.line(element, ends, figures, stuff, up, pins=pins)
+        return
+    axes = np.array(element.values.get("transMatrix", np.eye(3)), dtype=np.float64)
+    for name, way in zip(materials, ways, strict=True):
+        half, which = divmod(_DIRECTIONS.index(way), 3)
+        along = int(np.abs(axes[which]).argmax())
+        if not abs(axes[which, along]) > 1.0 - 1e-6:
+            raise element.error("it acts along no global axis; turn it by -orient")
+        tables.spring(ends[0], ends[1], 3 * half + along, _modulus(element, name, tables))
 
 
 def _beam(element: _Object, ends: list[int], tables: ModelTables) -> None:
     pins, arms = np.zeros(12, dtype=np.bool_), np.zeros((2, 3))
     if element.kind in _TRUSSES:
-        young = _modulus(element, element.values.get("material"), tables)
-        stuff, area = tables.material(element, young, 0.0, 0.0), element.real("A")
-        figures = tables.section(element, area, (0.0, 0.0), 0.0, (0.0, 0.0), rod=True)
+        if "section" in element.values:
+            stuff, figures = _elastic(element.other("sections", element.values["section"]), tables)
+        else:
+            young = _modulus(element, element.values.get("material"), tables)
+            stuff, area = tables.material(element, young, 0.0, 0.0), element.real("A")
+            figures = tables.section(element, area, (0.0, 0.0), 0.0, (0.0, 0.0), rod=True)
         axis = tables.points[ends[1]] - tables.points[ends[0]]
         up, pins[[4, 5, 10, 11]] = np.eye(3)[int(np.abs(axis).argmin())], True
     else:
-        section = element
-        if "sections" in element.values:
-            names = list(dict.fromkeys(element.values["sections"]))
-            if len(names) != 1:
-                raise element.error(
-                    f"it has {len(names)} sections along it; give it one, or elastic middle parts"
-                )
-            section = element.other("sections", names[0])
-        stuff, figures = _elastic(section, tables)
         turn = element.other("crdTransformations", element.values.get("crdTransformation"))
         up = turn.row("vecInLocXZPlane", 3)
         for end, key in enumerate(("iOffset", "jOffset")):
             if key in turn.values:
                 arms[end] = tables.length * turn.row(key, 3)
+        names = list(dict.fromkeys(element.values.get("sections", ())))
+        if len(names) > 1:
+            span = tables.points[ends[1]] + arms[1] - tables.points[ends[0]] - arms[0]
+            stuff, figures = _hinged(element, float(np.linalg.norm(span)), tables)
+        else:
+            section = element.other("sections", names[0]) if names else element
+            stuff, figures = _elastic(section, tables)
         for key, place in (("releasez", 5), ("releasey", 4)):
             code = int(element.real(key, 0))
             pins[place], pins[place + 6] = bool(code & 1), bool(code & 2)
     heavy = element.real("massperlength", 0.0) * tables.mass / tables.length
     stuff = replace(stuff, density=heavy / figures.area)
     tables.line(element, ends, figures, stuff, up, pins=pins, arms=arms)
+
+
+def _hinged(element: _Object, length: float, tables: ModelTables) -> tuple[Stuff, SectionFigures]:
+    """A uniform beam as flexible as one with other sections near its ends, alike at both.
+
+    Its bending and shear stiffness give the flexibility of an end alone and of both together.
+    """
+    named = element.values["sections"]
+    integration = element.values.get("integration", {})
+    known = _HINGES.get(str(integration.get("type")))
+    hinges = [tables.length * float(integration.get(key, 0.0)) for key in ("lpI", "lpJ")]
+    if known is None or list(named) != list(named)[::-1] or abs(hinges[0] - hinges[1]) > LEVEL:
+        raise element.error(
+            f"it has {len(set(named))} sections along it; give it one, or hinges alike at both ends"
+        )
+    points, reach = known
+    half = length - 2.0 * reach * hinges[0]
+    gauss = [(0.5 * (length + side * half / np.sqrt(3.0)), 0.5 * half) for side in (-1.0, 1.0)]
+    first = [(hinges[0] * at, hinges[0] * weight) for at, weight in points]
+    at, weight = np.array([*first, *gauss, *((length - x, w) for x, w in first[::-1])]).T
+    parts = [_elastic(element.other("sections", name), tables) for name in named]
+    stuff, middle = parts[len(parts) // 2]
+
+    def stiffness(key: str) -> Floats:
+        return np.array([s.young * getattr(figures, key) for s, figures in parts])
+
+    given: dict[str, Any] = {}
+    for bending, shear in (("inertia_y", "shear_area_z"), ("inertia_z", "shear_area_y")):
+        flexible = weight / stiffness(bending)
+        slide = float((weight / stiffness(shear)).sum()) * 2.0 * (1.0 + stuff.ratio) / length**2
+        near = float(flexible @ (1.0 - at / length) ** 2) + slide
+        across = slide - float(flexible @ ((1.0 - at / length) * at / length))
+        given[bending] = 0.5 * length / (near - across) / stuff.young
+        sheared = max((near + 2.0 * across) / 3.0 * length, 0.0)
+        modulus = 0.5 * stuff.young / (1.0 + stuff.ratio)
+        given[shear] = 1.0 / (modulus * sheared) if sheared > 1e-9 * length**3 * near else np.inf
+    for key in ("area", "torsion_constant"):
+        given[key] = length / float((weight / stiffness(key)).sum()) / stuff.young
+    tables.changes["beams with hinges of their own sections: as flexible ones"] += 1
+    return stuff, replace(middle, **given)
 
 
 def _elastic(section: _Object, tables: ModelTables) -> tuple[Stuff, SectionFigures]:
@@ -235,6 +319,8 @@ def _elastic(section: _Object, tables: ModelTables) -> tuple[Stuff, SectionFigur
             tables.material(section, young, ratio, 0.0, shear),
             tables.section(section, section.real("A"), bending, section.real("Jx"), areas),
         )
+    if section.kind == "SectionAggregator":
+        return _aggregated(section, tables)
     if not (tables.said.elastic == ALL or section.kind in tables.said.elastic):
         raise section.error(
             f'it is not elastic; take it at its initial stiffness by mesh.elastic = ["'
@@ -258,9 +344,45 @@ def _elastic(section: _Object, tables: ModelTables) -> tuple[Stuff, SectionFigur
     return stuff, tables.section(section, float(area.sum()), bending, torsion, (0.0, 0.0))
 
 
+def _aggregated(section: _Object, tables: ModelTables) -> tuple[Stuff, SectionFigures]:
+    """A section and stiffnesses of some forces beside it, or of all."""
+    ways, materials = (section.values.get(key, ()) for key in ("dof", "materials"))
+    rates = {w: _modulus(section, name, tables) for w, name in zip(ways, materials, strict=True)}
+    if "section" in section.values:
+        stuff, figures = _elastic(section.other("sections", section.values["section"]), tables)
+    else:
+        missing = [way for way in ("P", "My", "Mz", "T") if way not in rates]
+        if missing:
+            raise section.error(f"it has no stiffness for {' '.join(missing)}; give it one")
+        young = 30e9 / tables.stress  # of which only the products count
+        area, *bending = (rates.get(way, 0.0) / young for way in ("P", "My", "Mz"))
+        stuff = tables.material(section, young, 0.2, 0.0)
+        figures = tables.section(section, area, bending, rates["T"] * 2.4 / young, (0.0, 0.0))
+    modulus = 0.5 * stuff.young / (1.0 + stuff.ratio) * stuff.shear_share / tables.stress
+    area = tables.length**2
+    given = {
+        "torsion_constant": ("T", area**2),
+        "shear_area_y": ("Vy", area),
+        "shear_area_z": ("Vz", area),
+    }
+    beside: dict[str, Any] = {
+        k: rates[w] / modulus * scale for k, (w, scale) in given.items() if w in rates
+    }
+    if "section" in section.values and "T" in rates:  # one twist and the other, by one moment
+        rigid = 1.0 / figures.torsion_constant + 1.0 / beside["torsion_constant"]
+        beside["torsion_constant"] = 1.0 / rigid
+    return stuff, replace(figures, **beside)
+
+
 def _modulus(user: _Object, name: Any, tables: ModelTables) -> float:
     """Initial stiffness of a uniaxial material."""
     material = user.other("uniaxialMaterials", name)
+    named = material.values.get("materials", [material.values.get("material")])
+    if named != [None]:  # one around others
+        inner = np.array([_modulus(material, each, tables) for each in named])
+        return float(
+            1.0 / (1.0 / inner).sum() if material.kind == "SeriesMaterial" else inner.sum()
+        )
     if material.kind not in _LINEAR:
         if not (tables.said.elastic == ALL or material.kind in tables.said.elastic):
             raise material.error(
@@ -274,13 +396,18 @@ def _modulus(user: _Object, name: Any, tables: ModelTables) -> float:
 
 def _shell(element: _Object, corners: list[int], tables: ModelTables) -> None:
     section = element.other("sections", element.values.get("section"))
-    bending, thickness = 1.0, tables.length * section.real("thickness")
+    key = "totalThickness" if "totalThickness" in section.values else "thickness"
+    bending, thickness = 1.0, tables.length * section.real(key)
     if section.kind == "ElasticMembranePlateSection":
         young, ratio = section.real("Em"), section.real("nu")
         density, bending = section.real("masspervolume"), section.real("Ep", young) / young
-    elif section.kind == "PlateFiber":
+    elif section.kind in ("PlateFiber", "LayeredShellFiberSection"):
         inside = section.values.get("fibers") or [{}]
+        if len({str(layer.get("material")) for layer in inside}) > 1:
+            raise section.error("layers have no counterpart; write ElasticMembranePlateSection")
         material = section.other("ndMaterials", inside[0].get("material"))
+        if material.kind == "PlateFiberMaterial":
+            material = section.other("ndMaterials", material.values.get("material"))
         if material.kind not in _LINEAR:
             raise material.error("it is not linear and isotropic; print the elastic model")
         young, ratio, density = (material.real(key) for key in ("E", "nu", "rho"))

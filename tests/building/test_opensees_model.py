@@ -146,7 +146,84 @@ def irregular():
     return 'diaphragms = ["2F", "RF"]', "fixed"
 
 
-DOMAINS = (plain_frame, wall_of_shells, rigid_floors, braces_and_offsets, irregular)
+def hinged_sections():
+    """Moment and curvature at ends, elastic middles, as in frames of old concrete."""
+    for tag, rate in ((1, 5e9), (2, 0.7 * E * 0.0021), (3, 0.6 * E * 0.0027), (4, 0.5 * G * 0.003)):
+        yielding = (rate * 0.002, 0.002, rate * 0.003, 0.02, rate * 0.0031, 0.05)
+        ops.uniaxialMaterial("Hysteretic", tag, *yielding, *(-v for v in yielding), 1, 1, 0, 0, 0)
+    ops.section("Aggregator", 1, 1, "P", 2, "My", 3, "Mz", 4, "T")
+    ops.section("Elastic", 2, E, 0.16, 0.0027, 0.0021, G, 0.003)
+    ops.uniaxialMaterial("Elastic", 10, 0.8 * G * 0.16)
+    ops.section("Aggregator", 3, 4, "T", 10, "Vy", 10, "Vz", "-section", 2)
+    # OpenSees has no JSON for it; nothing uses it.
+    envelope = (1e5, 0.001, 2e5, 0.01, 2.5e5, 0.02, 1e4, 0.1)
+    ops.uniaxialMaterial("Pinching4", 9, *envelope, 0.5, 0.5, 0.1, *[0.0] * 15, 1.0, "energy")
+
+
+def infilled_frame():
+    """Beams and columns with hinges, struts in two bays of every story."""
+    hinged_sections()
+    ops.geomTransf("PDelta", 1, 0.0, 1.0, 0.0, "-jntOffset", 0.0, 0.0, 0.25, 0.0, 0.0, -0.25)
+    ops.geomTransf("Linear", 2, 0.0, 0.0, 1.0)
+    ops.beamIntegration("HingeRadau", 1, 1, 0.25, 1, 0.25, 2)
+    ops.beamIntegration("HingeMidpoint", 2, 3, 0.3, 3, 0.3, 2)
+    column = lambda a, b: ops.element("forceBeamColumn", next(TAGS), a, b, 1, 1)  # noqa: E731
+    beam = lambda a, b: ops.element("forceBeamColumn", next(TAGS), a, b, 2, 2)  # noqa: E731
+    columns_and_beams(PLAN, (0.0, 3.2, 6.2, 9.2), beam, column)
+    ops.uniaxialMaterial("Concrete01", 5, -2e6, -0.001, -1e6, -0.003)
+    ops.uniaxialMaterial("MinMax", 6, 5, "-min", -0.01, "-max", 0.01)
+    for k in range(3):
+        for a, b in ((1, 103), (3, 101), (2, 104)):
+            ops.element("Truss", next(TAGS), 100 * k + a, 100 * k + b, 0.12, 6)
+    for node in [100 * k + n for k in (1, 2, 3) for n in range(1, 7)]:
+        ops.mass(node, 8e3, 8e3, 8e3, 0.0, 0.0, 0.0)
+    return 'diaphragms = "none"\nmass = "lumped"\nelastic = "*"', "fixed"
+
+
+def infilled_joints():
+    """An open ground story, joints that turn, struts of links, rigid floors."""
+    hinged_sections()
+    ops.geomTransf("Linear", 1, 0.0, 1.0, 0.0)
+    ops.geomTransf("Linear", 2, 0.0, 0.0, 1.0)
+    ops.beamIntegration("HingeEndpoint", 1, 1, 0.25, 1, 0.25, 2)
+    column = lambda a, b: ops.element("forceBeamColumn", next(TAGS), a, b, 1, 1)  # noqa: E731
+    joints = {}
+
+    def joint(node):
+        if node not in joints:
+            joints[node] = node + 50
+            ops.node(node + 50, *ops.nodeCoord(node))
+            stiff, soft = 11, 12
+            directions = ("-mat", stiff, stiff, stiff, stiff, soft, soft, "-dir", 1, 2, 3, 6, 4, 5)
+            ops.element("zeroLength", next(TAGS), node, node + 50, *directions)
+        return joints[node]
+
+    ops.uniaxialMaterial("Elastic", 11, 1e11)
+    yielding = (1e5, 1e-3, 1.5e5, 1e-2, 1.6e5, 5e-2)
+    ops.uniaxialMaterial("Hysteretic", 12, *yielding, *(-v for v in yielding), 1, 1, 0, 0, 0)
+    figures = (0.15, E, G, 0.003, 0.003, 0.001, 2)
+
+    def beam(a, b):
+        ops.element("elasticBeamColumn", next(TAGS), joint(a), joint(b), *figures)
+
+    floors = columns_and_beams(PLAN, (0.0, 3.2, 6.2, 9.2), beam, column)
+    ops.uniaxialMaterial("ElasticPP", 13, 4e7, 0.002)
+    ops.uniaxialMaterial("Elastic", 14, 1e7)
+    ops.uniaxialMaterial("Parallel", 15, 13, 14)
+    for k in (1, 2):
+        for a, b in ((1, 103), (2, 104), (4, 106)):
+            link = (100 * k + a, 100 * k + b, "-mat", 15, "-dir", 1)
+            ops.element("twoNodeLink", next(TAGS), *link)
+    for floor in floors[1:]:
+        for node in floor.values():
+            ops.mass(node, 9e3, 9e3, 9e3, 0.0, 0.0, 0.0)
+    return 'diaphragms = "none"\nelastic = "*"', "fixed"
+
+
+DOMAINS = (
+    *(plain_frame, wall_of_shells, rigid_floors, braces_and_offsets, irregular),
+    *(infilled_frame, infilled_joints),
+)
 
 
 def printed(domain, folder):
@@ -185,8 +262,8 @@ def test_a_domain_has_its_own_frequencies(domain, tmp_path):
     rest = np.delete(np.arange(6), twisting)
     np.testing.assert_allclose(found[rest], expected[rest], rtol=1e-3)
     told = " ".join(mesh.notes)
-    for name in ("ElasticBeam3d", "node"):
-        assert name in told
+    assert "node" in told
+    assert "BeamColumn3d" in told or "ElasticBeam3d" in told
 
 
 def test_what_is_not_printed_is_asked_for(tmp_path):
