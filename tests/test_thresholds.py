@@ -7,10 +7,7 @@ import pytest
 
 from femupdate.discrepancy import thresholds as finder
 from femupdate.inference.event_scatter import DEFAULT
-from femupdate.inference.model_error import MODEL_ERROR
 from femupdate.measurement import thresholds as data
-
-SETTINGS = (MODEL_ERROR, DEFAULT)
 
 
 def tables(module) -> list:
@@ -20,7 +17,7 @@ def tables(module) -> list:
 
 
 MODULES = (data, finder)
-GROUPS = (*SETTINGS, *(one for module in MODULES for one in tables(module)))
+GROUPS = (DEFAULT, *(one for module in MODULES for one in tables(module)))
 
 
 @pytest.mark.parametrize("group", tables(data), ids=lambda group: type(group).__name__)

@@ -173,7 +173,7 @@ def as_event(elsewhere: Likelihood, fitted: Fit) -> Fit:
     """Another event by a fit's model: its own posterior and the scatter of events are the prior."""
     steps, covariance = fitted.steps, fitted.within_limits()
     covariance[: steps.stories, : steps.stories] += float(DEFAULT.stiffness) ** 2
-    if steps.has_zeta:
+    if steps.first_size > steps.stories:
         covariance[steps.stories, steps.stories] += float(DEFAULT.damping) ** 2
     prior = steps.about(fitted.z, covariance)
     return fit(elsewhere.of(fitted.likelihood), fitted.placed, fitted.z, steps=prior)
@@ -250,7 +250,7 @@ def consequence(problem: Likelihood, base: Fit, fitted: Fit) -> Consequence:
     theta, zeta, sizes = fitted.split
     count = len(placed.effect.parameters)
     without = sizes.clone()
-    without[:, -count:] = fitted.steps.centres[-count:]
+    without[:, -count:] = fitted.steps.parameters.centres[-count:]
     both = [(theta, zeta, size) for size in (sizes, without)]
     instrument = placed.effect.instrument
     system, known = (fitted.system, both[1]) if instrument else (base.system, base.split)

@@ -169,9 +169,9 @@ class Fit:
         """Parameters of the effects and their standard deviations, (q,) each."""
         steps = self.steps
         variance = self.covariance().diagonal()[steps.first_size :].clamp_min(0.0)
-        away = self.known - steps.centres.numpy()
+        away = self.known - steps.parameters.centres.numpy()
         share = own_errors(self.placed, self.likelihood.building) * away
-        return self.known, np.hypot((steps.scales * variance.sqrt()).numpy(), share)
+        return self.known, np.hypot((steps.parameters.scales * variance.sqrt()).numpy(), share)
 
     @property
     def zeta(self) -> float:

@@ -1,7 +1,7 @@
 """Whether chains agree, draws meet the data, and what these determine, in how many modes."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -48,7 +48,7 @@ def _joined(mixture: Mixture) -> list[int]:
     """The group of every component."""
     count = len(mixture.mean)
     peak = mixture.log_density(mixture.mean).tolist()
-    share = torch.linspace(0.0, 1.0, _PLACES, dtype=mixture.mean.dtype, device=mixture.mean.device)
+    share = torch.linspace(0.0, 1.0, _PLACES, dtype=torch.float64).to(mixture.mean)
     saddles = []
     for left, other in combinations(range(count), 2):
         path = torch.lerp(mixture.mean[left], mixture.mean[other], share[:, None])
@@ -64,8 +64,7 @@ def _joined(mixture: Mixture) -> list[int]:
 
 def _seen_apart(x: Tensor, member: Tensor) -> Tensor:
     """Groups (n,) with those joined between which the draws do not dip."""
-    labels = torch.unique(member).tolist()
-    for left, other in combinations(labels, 2):
+    for left, other in combinations(torch.unique(member).tolist(), 2):
         first, second = x[member == left], x[member == other]
         if min(len(first), len(second)) > 1 and not _dips(first, second):
             return _seen_apart(x, torch.where(member == other, left, member))
@@ -238,20 +237,48 @@ class Identifiability:
         """How many combinations have kept more than half of their prior standard deviation."""
         return sum(part.kept > _UNDETERMINED for part in self.combinations)
 
-    def sentences(self) -> tuple[str, ...]:
+    def sentences(self) -> Iterator[str]:
         """What an engineer should know; nothing where all is determined."""
-        told = [*self._about_modes()]
-        told.extend(self._about_left_alone())
+        if len(self.modes) > 1:
+            # All parameters of a few, else those that differ most between the modes.
+            shown = list(range(len(self.names)))
+            if len(shown) > 10:
+                means = np.stack([mode.mean for mode in self.modes])
+                inside = np.mean([mode.sd for mode in self.modes], axis=0)
+                apart = np.ptp(means, axis=0) / np.maximum(inside, 1e-300)
+                shown = sorted(np.argsort(-apart)[:_MOST_NAMES].tolist())
+            listed = "; ".join(
+                f"{percent(mode.weight)} near "
+                + ", ".join(f"{self.names[k]} {mode.mean[k]:.3g}" for k in shown)
+                for mode in self.modes[:_MOST_NAMES]
+            )
+            if len(shown) < len(self.names):
+                listed += " (the others differ less)"
+            yield (
+                f"The posterior has {len(self.modes)} separate modes, between which the data cannot"
+                f" decide: {listed}. Means and standard deviations over all of them describe none;"
+                " those of each are in the summary."
+            )
+        kept = {name: self.kept(name) for name in self.left_alone}
+        nothing = ", ".join(name for name, share in kept.items() if share >= _AS_BEFORE)
+        some = {name: share for name, share in kept.items() if share < _AS_BEFORE}
+        little = ", ".join(f"{name} ({percent(share)})" for name, share in some.items())
+        if nothing:
+            yield f"The data say next to nothing about {nothing}: the posterior there is the prior."
+        if little:
+            yield (
+                f"The data say little about {little}: so much of the prior's standard deviation is"
+                " left."
+            )
         loose = [part for part in self.among_others if part.kept > _UNDETERMINED]
         if loose:
             listed = "; ".join(
-                f"{self.describe(part)} "
-                f"({percent(part.kept)} of the prior's standard deviation left)"
+                f"{self.describe(part)} ({percent(part.kept)} of the prior's standard deviation"
+                " left)"
                 for part in loose[:_MOST_TOLD]
             )
             more = f"; and {len(loose) - _MOST_TOLD} more" if len(loose) > _MOST_TOLD else ""
-            told.append(f"The data hardly determine {listed}{more}.")
-        return tuple(told)
+            yield f"The data hardly determine {listed}{more}."
 
     def kept(self, name: str) -> float:
         """Posterior over prior standard deviation of one parameter, inside the modes."""
@@ -273,50 +300,6 @@ class Identifiability:
         if len(shown) == 1:
             return f"{up} by itself"
         return f"{up} up with {down} down{rest}" if down else f"{up} up together{rest}"
-
-    def _about_left_alone(self) -> list[str]:
-        kept = {name: self.kept(name) for name in self.left_alone}
-        nothing = ", ".join(name for name, share in kept.items() if share >= _AS_BEFORE)
-        little = ", ".join(
-            f"{name} ({percent(share)})" for name, share in kept.items() if share < _AS_BEFORE
-        )
-        told = []
-        if nothing:
-            told.append(
-                f"The data say next to nothing about {nothing}: the posterior there is the prior."
-            )
-        if little:
-            told.append(
-                f"The data say little about {little}: so much of the prior's standard deviation is "
-                "left."
-            )
-        return told
-
-    def _about_modes(self) -> list[str]:
-        if len(self.modes) == 1:
-            return []
-        shown = self._telling()
-        listed = "; ".join(
-            f"{percent(mode.weight)} near "
-            + ", ".join(f"{self.names[k]} {mode.mean[k]:.3g}" for k in shown)
-            for mode in self.modes[:_MOST_NAMES]
-        )
-        if len(shown) < len(self.names):
-            listed += " (the others differ less)"
-        return [
-            f"The posterior has {len(self.modes)} separate modes, between which the data cannot "
-            f"decide: {listed}. Means and standard deviations over all of them describe none; "
-            "those of each are in the summary."
-        ]
-
-    def _telling(self) -> list[int]:
-        """The parameters that tell the modes apart: all of a few, else those that differ most."""
-        if len(self.names) <= 10:
-            return list(range(len(self.names)))
-        means = np.stack([mode.mean for mode in self.modes])
-        inside = np.mean([mode.sd for mode in self.modes], axis=0)
-        apart = np.ptp(means, axis=0) / np.maximum(inside, 1e-300)
-        return sorted(np.argsort(-apart)[:_MOST_NAMES].tolist())
 
 
 def identifiability(

@@ -20,9 +20,6 @@ from femupdate.seeds import Seed
 from femupdate.thresholds import entry
 from femupdate.units import percent
 
-# Evenly in ln tau.
-# A third to three times of the default are nothing unusual (one standard deviation).
-_GRID = np.geomspace(0.05, 20.0, 241)
 QUANTITIES = ("stiffness", "damping")
 
 
@@ -116,11 +113,12 @@ def sd_density(estimates: Floats, errors: Floats, default: float) -> tuple[Float
         errors: (r,) their standard deviations.
         default: median of the prior, which is normal in ln.
     """
-    tau = default * _GRID
+    tau = default * np.geomspace(0.05, 20.0, 241)
     mean, variance = _means(estimates, errors, tau)
     spread = errors**2 + tau[:, None] ** 2
     squares = ((estimates - mean[:, None]) ** 2 / spread).sum(axis=1)
     log = 0.5 * np.log(variance) - 0.5 * np.log(spread).sum(axis=1) - 0.5 * squares
+    # A third to three times of the default are nothing unusual (one standard deviation).
     log -= 0.5 * np.log(tau / default) ** 2
     weight = np.exp(log - log.max())
     return tau, weight / weight.sum()

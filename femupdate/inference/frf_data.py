@@ -35,7 +35,6 @@ from femupdate.units import percent
 MODES_KEPT = 100
 
 _LEAST = 1e-30  # of |H|, and of |A| (1/kg), whose logarithm is taken
-_PARTED = 20  # points of a table under a force, from which every other one is a half of its own
 
 
 @dataclass(frozen=True)
@@ -570,8 +569,8 @@ def forced_data(
         )
 
     whole = read(forced, forced.halves)
-    # Points of a table err independently, so every other one is a half.
-    parted = forced.coherence is None and whole.points >= _PARTED
+    # Points of a table err independently: of twenty and more every other one is a half.
+    parted = forced.coherence is None and whole.points >= 20
     return in_alternate_points(whole) if parted else whole
 
 
@@ -595,28 +594,25 @@ def in_alternate_points(data: FrfData) -> FrfData:
 
 def together(first: FrfData, second: FrfData) -> FrfData:
     """Two records of the same structure as one, each at its level."""
-    both, rows = (first, second), tuple(sorted({*first.rows, *second.rows}))
-    phases = [
-        _on_rows(record.phase, record.rows, rows, 0.0)
-        for record in both
-        if record.phase is not None
-    ]
+    rows = tuple(sorted({*first.rows, *second.rows}))
+
+    def joined(name: str, missing: float) -> Tensor:
+        parts = []
+        for record in (first, second):
+            values = getattr(record, name)
+            wide = values.new_full((len(rows), values.shape[1]), missing)
+            wide[[rows.index(row) for row in record.rows]] = values
+            parts.append(wide)
+        return torch.cat(parts, dim=1)
+
+    phases = first.phase is not None and second.phase is not None
     return replace(
         first,
-        frequency_hz=torch.cat([record.frequency_hz for record in both]),
+        frequency_hz=torch.cat([first.frequency_hz, second.frequency_hz]),
         rows=rows,
-        log_frf=torch.cat([_on_rows(p.log_frf, p.rows, rows, 0.0) for p in both], dim=1),
-        phase=torch.cat(phases, dim=1) if len(phases) == 2 else None,
-        sd=torch.cat([_on_rows(p.sd, p.rows, rows, torch.inf) for p in both], dim=1),
+        log_frf=joined("log_frf", 0.0),
+        phase=joined("phase", 0.0) if phases else None,
+        sd=joined("sd", torch.inf),
         blocks=(*first.blocks, *second.blocks),
         halves=tuple(together(*parts) for parts in zip(first.halves, second.halves, strict=False)),
     )
-
-
-def _on_rows(
-    values: Tensor, seen: tuple[int, ...], rows: tuple[int, ...], missing: float
-) -> Tensor:
-    """Values (f, k) of some floors on the rows of more."""
-    wide = values.new_full((len(rows), values.shape[1]), missing)
-    wide[[rows.index(row) for row in seen]] = values
-    return wide

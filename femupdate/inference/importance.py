@@ -100,13 +100,6 @@ def systematic_rows(weight: Tensor, generator: torch.Generator, count: int | Non
     return torch.searchsorted(edges / edges[-1], points)
 
 
-DISTINCT = 25  # draws that a Gaussian needs, for every coordinate and its weight
-
-LogTarget = Callable[[Tensor], tuple[Tensor, Tensor]]
-"""Log prior density (n,) and log likelihood (n,) of points (n, d); minus infinity for impossible
-ones."""
-
-
 @dataclass(frozen=True)
 class Mixture:
     """A mixture of k Gaussians in p dimensions, or of multivariate Students.
@@ -191,17 +184,44 @@ def fit_mixture(
     """
     centre, scale = x.mean(dim=0), x.std(dim=0).clamp_min(1e-12)
     standard = (x - centre) / scale
-    moments = _Moments(standard)
-    seeds = standard[_spread_seeds(standard, components, generator)]
-    nearest = torch.cdist(standard, seeds).argmin(1)
-    mixture = moments.maximise(torch.nn.functional.one_hot(nearest, components).to(x))
+    size, ridge = x.shape[1], 1e-6 * torch.eye(x.shape[1]).to(x)
+    # With their products both steps are one matrix product each. Of points of variance one the
+    # squares lose ten of sixteen digits at most, in the narrowest component that the ridge admits.
+    products = (standard[:, :, None] * standard[:, None]).flatten(1)
+    features = torch.cat([torch.ones_like(x[:, :1]), standard, products], dim=1)
+
+    def maximised(share: Tensor) -> Mixture:
+        """By the shares (n, k) of the components in the points."""
+        sums = share.T @ features
+        mass = sums[:, :1].clamp_min(1e-9)  # of a component that has lost all particles
+        mean = sums[:, 1 : 1 + size] / mass
+        square = (sums[:, 1 + size :] / mass).unflatten(1, (size, size))
+        root = torch.linalg.cholesky(square - mean[:, :, None] * mean[:, None] + ridge)
+        return Mixture((mass / mass.sum()).log()[:, 0], mean, root)
+
+    def joint_log_density(mixture: Mixture) -> Tensor:
+        """(n, k)."""
+        precision = torch.cholesky_inverse(mixture.cholesky)
+        linear = (precision @ mixture.mean[:, :, None])[..., 0]
+        constant = mixture.log_weight - mixture.cholesky.diagonal(dim1=1, dim2=2).log().sum(-1)
+        constant = constant - 0.5 * (linear * mixture.mean).sum(-1)
+        constant = constant - 0.5 * size * math.log(2.0 * math.pi)
+        return features @ torch.cat([constant[:, None], linear, -0.5 * precision.flatten(1)], 1).T
+
+    # Each seed is drawn with odds that go with its squared distance from those before.
+    seeds = [int(torch.randint(len(x), (1,), generator=generator, device=x.device))]
+    nearest = ((standard - standard[seeds[0]]) ** 2).sum(1)
+    for _ in range(components - 1):
+        seeds.append(int(torch.multinomial(nearest + 1e-12, 1, generator=generator)))
+        nearest = torch.minimum(nearest, ((standard - standard[seeds[-1]]) ** 2).sum(1))
+    closest = torch.cdist(standard, standard[seeds]).argmin(1)
+    mixture = maximised(torch.nn.functional.one_hot(closest, components).to(x))
     previous = -math.inf
     for _ in range(iterations):
-        joint = moments.joint_log_density(mixture)
+        joint = joint_log_density(mixture)
         total = torch.logsumexp(joint, dim=1, keepdim=True)
-        mixture = moments.maximise((joint - total).exp_())
-        gain = float(total.mean()) - previous
-        previous = float(total.mean())
+        mixture = maximised((joint - total).exp_())
+        gain, previous = float(total.mean()) - previous, float(total.mean())
         if abs(gain) < 1e-3:
             break
     return Mixture(
@@ -209,70 +229,7 @@ def fit_mixture(
     )
 
 
-class _Moments:
-    """Standardised points with their products, so that both steps are one matrix product.
-
-    Args:
-        x: (n, p) of mean zero and variance one; the squares then lose no more than ten of the
-            sixteen digits to cancellation in the narrowest component that the ridge admits.
-    """
-
-    def __init__(self, x: Tensor) -> None:
-        self.size = x.shape[1]
-        self._lower = torch.tril_indices(self.size, self.size, device=x.device)
-        products = x[:, self._lower[0]] * x[:, self._lower[1]]
-        self._features = torch.cat([torch.ones_like(x[:, :1]), x, products], dim=1)
-
-    def maximise(self, responsibility: Tensor) -> Mixture:
-        """Weights, means and covariances from responsibilities (n, k)."""
-        sums = responsibility.T @ self._features  # (k, 1 + p + p (p + 1) / 2)
-        mass = sums[:, 0].clamp_min(1e-9)  # of a component that has lost all particles
-        mean = sums[:, 1 : 1 + self.size] / mass[:, None]
-        square = self._symmetric(sums[:, 1 + self.size :] / mass[:, None])
-        covariance = square - mean[:, :, None] * mean[:, None]
-        ridge = 1e-6 * torch.eye(self.size, dtype=mean.dtype, device=mean.device)
-        factor = torch.linalg.cholesky(covariance + ridge)
-        return Mixture((mass / mass.sum()).log(), mean, factor)
-
-    def joint_log_density(self, mixture: Mixture) -> Tensor:
-        """Log of weight times density of every point, (n, k)."""
-        precision = torch.cholesky_inverse(mixture.cholesky)
-        linear = (precision @ mixture.mean[:, :, None])[..., 0]
-        log_determinant = mixture.cholesky.diagonal(dim1=1, dim2=2).log().sum(-1)
-        constant = (
-            mixture.log_weight
-            - log_determinant
-            - 0.5 * (linear * mixture.mean).sum(-1)
-            - 0.5 * self.size * math.log(2.0 * math.pi)
-        )
-        row, column = self._lower
-        # Products off the diagonal stand for two elements of the precision.
-        count = torch.where(row == column, 0.5, 1.0).to(precision)
-        quadratic = -count * precision[:, row, column]
-        return self._features @ torch.cat([constant[:, None], linear, quadratic], dim=1).T
-
-    def _symmetric(self, lower: Tensor) -> Tensor:
-        """(k, p (p + 1) / 2) to (k, p, p)."""
-        full = lower.new_empty(len(lower), self.size, self.size)
-        row, column = self._lower
-        full[:, row, column] = lower
-        full[:, column, row] = lower
-        return full
-
-
-def _spread_seeds(x: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """Indices of `count` rows, each drawn with odds that go with its squared distance."""
-    chosen = [int(torch.randint(len(x), (1,), generator=generator, device=x.device))]
-    nearest = ((x - x[chosen[0]]) ** 2).sum(1)
-    for _ in range(count - 1):
-        chosen.append(int(torch.multinomial(nearest + 1e-12, 1, generator=generator)))
-        nearest = torch.minimum(nearest, ((x - x[chosen[-1]]) ** 2).sum(1))
-    return torch.tensor(chosen, device=x.device)
-
-
-def students(
-    mean: Tensor, covariance: Tensor, log_mass: Tensor, *, widen: float = 1.2, freedom: int = 8
-) -> Mixture:
+def students(mean: Tensor, covariance: Tensor, log_mass: Tensor) -> Mixture:
     """Students about k points (k, p), of these covariances (k, p, p) and log masses (k,).
 
     Every one has a hundredth of the weight at least: a curvature may understate its mass.
@@ -281,10 +238,10 @@ def students(
         InferenceError: a covariance is not positive definite.
     """
     weight = log_mass.softmax(0).clamp_min(0.01)
-    root, failed = torch.linalg.cholesky_ex(widen * covariance)
+    root, failed = torch.linalg.cholesky_ex(1.2 * covariance)
     if bool((failed > 0).any()) or not bool(root.isfinite().all()):
         raise InferenceError("the curvature at a maximum has no inverse; use particles")
-    return Mixture((weight / weight.sum()).log(), mean, root, freedom)
+    return Mixture((weight / weight.sum()).log(), mean, root, freedom=8)
 
 
 def students_of(points: Tensor, generator: torch.Generator) -> Mixture:
@@ -294,8 +251,8 @@ def students_of(points: Tensor, generator: torch.Generator) -> Mixture:
 
 
 def _fitting(points: Tensor) -> int:
-    """How many Gaussians some points (n, d) suffice for."""
-    return len(torch.unique(points[:, 0])) // (DISTINCT * (points.shape[1] + 1))
+    """How many Gaussians some points (n, d) suffice for: 25 for every coordinate and its weight."""
+    return len(torch.unique(points[:, 0])) // (25 * (points.shape[1] + 1))
 
 
 def _refitted(first: Mixture, points: Tensor, generator: torch.Generator) -> Mixture:
@@ -333,9 +290,7 @@ class WeightedDraws:
 
     @property
     def effective(self) -> float:
-        """Effective sample size; zero where no draw is possible."""
-        if not bool(torch.isfinite(self.log_weight).any()):
-            return 0.0
+        """Effective sample size."""
         return effective_sample_size(self.log_weight)
 
     @property
@@ -396,17 +351,6 @@ class Counted:
         return torch.cat(values)
 
 
-def weighted_draws(
-    target: LogTarget, proposal: Mixture, count: int, generator: torch.Generator
-) -> WeightedDraws:
-    """`count` draws of a proposal, weighted to the target; none of them need be possible."""
-    points = proposal.sample(count, generator)
-    log_prior, value = target(points)
-    value = torch.where(torch.isfinite(value), value.to(torch.float64), -torch.inf)
-    log_weight = value + log_prior - proposal.log_density(points)
-    return WeightedDraws(points, value, log_weight, count)
-
-
 def importance_sample(
     prior: Parameters,
     log_likelihood: LogLikelihood,
@@ -436,15 +380,20 @@ def importance_sample(
     size, spent = max(least_round, 100 * prior.size * min(4, solutions)), 0
     constant = 0.5 * prior.size * math.log(2.0 * math.pi)
 
-    def target(xi: Tensor) -> tuple[Tensor, Tensor]:
-        return prior.log_density_normal(xi) - constant, log_likelihood(prior.from_normal(xi))
-
-    def possible(draws: WeightedDraws) -> WeightedDraws:
-        if draws.effective == 0.0:
+    def drawn(proposal: Mixture, some: int) -> WeightedDraws:
+        """Draws in standard normal coordinates."""
+        nonlocal spent
+        spent += some
+        xi = proposal.sample(some, generator)
+        value = log_likelihood(prior.from_normal(xi)).to(torch.float64)
+        value = torch.where(torch.isfinite(value), value, -torch.inf)
+        log_prior = prior.log_density_normal(xi) - constant
+        log_weight = value + log_prior - proposal.log_density(xi)
+        if not bool(torch.isfinite(log_weight).any()):
             raise InferenceError(
                 "no draw around the particles has a finite likelihood; use more particles"
             )
-        return draws
+        return WeightedDraws(xi, value, log_weight, spent)
 
     def refitted(tried: WeightedDraws, turn: int) -> Mixture:
         power = next_increment(tried.log_weight, 1.0, 0.4)
@@ -453,27 +402,23 @@ def importance_sample(
         if solutions > 1 and turn % 2 == 0:
             return _refitted(first, points, generator)
         whole = students_of(points, generator)
-        if solutions == 1:
-            return whole
         # What was taken for several solutions may be one, or bent; but none may be lost.
-        return whole.joined(first, 0.1)
+        return whole if solutions == 1 else whole.joined(first, 0.1)
 
     best = 0.0, proposal
     for turn in range(8):
-        tried = possible(weighted_draws(target, proposal, size, generator))
-        spent += size
+        tried = drawn(proposal, size)
         best = max(best, (tried.effective, proposal), key=lambda judged: judged[0])
         proposal = refitted(tried, turn)
         if tried.effective > 0.5 * size:
             break
     else:
         proposal = best[1]
-    found = possible(weighted_draws(target, proposal, count, generator))
+    found = drawn(proposal, count)
     if found.effective < 0.5 * count and best[0] > 0.3 * size:
         # The fit to few draws was worse than what it came from.
-        again = refitted(found, 0)
-        found, spent = possible(weighted_draws(target, again, count, generator)), spent + count
-    return replace(found, points=prior.from_normal(found.points), evaluations=spent + count)
+        found = drawn(refitted(found, 0), count)
+    return replace(found, points=prior.from_normal(found.points))
 
 
 def draws_about_particles(

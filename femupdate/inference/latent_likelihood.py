@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -14,7 +13,7 @@ from femupdate.arrays import Flags, Floats
 from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.frf_data import base_logs, frf_data, log_responses
-from femupdate.inference.latent_search import LatentQuadratics, find_latent
+from femupdate.inference.latent_search import find_latent, latent_quadratics
 from femupdate.inference.maxima import Settled
 from femupdate.inference.model_error import STATED
 from femupdate.maximise import LatentData
@@ -25,27 +24,18 @@ from femupdate.surrogate.storage import Surrogate
 from femupdate.units import percent
 
 
-@dataclass(frozen=True)
-class EncoderInput:
-    """An observation as the observation encoder takes it.
-
-    Attributes:
-        log_frf: (1, f, k) ln|H| of all floors of the surrogate; zero where nothing is observed.
-        visibility: which floors, and the band that they have in common.
-        notes: what was filled or left out, in sentences.
-    """
-
-    log_frf: Tensor
-    visibility: Visibility
-    notes: tuple[str, ...]
-
-
-def encoder_input(observation: Observation, floors: tuple[str, ...]) -> EncoderInput:
-    """Bring an observation to the surrogate's floors, one band and no gaps.
+def encoder_input(
+    observation: Observation, floors: tuple[str, ...]
+) -> tuple[Tensor, Visibility, tuple[str, ...]]:
+    """An observation as the observation encoder takes it: one band and no gaps.
 
     Floors with few usable estimates in the band of most floors are left out. The band that is
     passed on is where all others have them; what is missing inside it is filled by straight lines
     in ln|H|, and the notes say how much.
+
+    Returns:
+        ln|H| (1, f, k) of all floors of the surrogate, zero where nothing is observed; which
+        floors, and the band that they have in common; what was filled or left out, in sentences.
 
     Raises:
         MeasurementError: no floor has enough valid points in common with the others.
@@ -75,11 +65,8 @@ def encoder_input(observation: Observation, floors: tuple[str, ...]) -> EncoderI
             f"The usable band, {low:.3g} to {high:.3g} Hz, is narrower than the surrogate was "
             "trained for; --exact does not mind."
         )
-    return EncoderInput(
-        torch.from_numpy(log_values).float(),
-        Visibility(torch.from_numpy(mask).float(), torch.from_numpy(band).float()),
-        tuple(notes),
-    )
+    visibility = Visibility(torch.from_numpy(mask).float(), torch.from_numpy(band).float())
+    return torch.from_numpy(log_values).float(), visibility, tuple(notes)
 
 
 def _choose_floors(
@@ -137,7 +124,6 @@ def _band(share: Floats, source: str) -> tuple[int, int]:
     return int(inside[0]), int(inside[-1])
 
 
-_CPU_ROWS = 4096
 _SEARCH_SEED = 0
 
 
@@ -160,7 +146,7 @@ class LatentLikelihood:
         learning: of the error of the model; None where the noise as stated is all there is.
 
     Attributes:
-        input: the observation as the encoder sees it.
+        visibility, notes: what the encoder sees of it, and what was filled or left out.
         proposal: what the observation encoder says.
         found: q(z|x), and what it took to find it.
         settled: the maxima and what the model errs by; None where that was not learned.
@@ -187,13 +173,13 @@ class LatentLikelihood:
                 f"the surrogate knows {surrogate.mvae.sizes.points} frequencies, the observation "
                 f"has {observation.frequency_hz.size}; use the building's frequency grid"
             )
-        self.input = encoder_input(observation, surrogate.info.floors)
+        log_frf, self.visibility, self.notes = encoder_input(observation, surrogate.info.floors)
         self.power = surrogate.info.likelihood_power if power is None else power
         mvae = copy.deepcopy(surrogate.mvae).requires_grad_(False)
         floor = surrogate.info.noise_sd if least_noise is None else least_noise
         clean = latent_data(observation, surrogate.info.floors, floor)
         with torch.no_grad():
-            self.proposal = mvae.encode_observation(self.input.log_frf, self.input.visibility)
+            self.proposal = mvae.encode_observation(log_frf, self.visibility)
         # The search is short and the same for an observation whatever the seed of the sampler.
         generator = torch_generator(_SEARCH_SEED)
         self.settled: Settled | None = None
@@ -219,30 +205,30 @@ class LatentLikelihood:
         # theta says where z is, but for the coordinate of the damping.
         sizes = mvae.sizes
         spread = torch.diag(torch.arange(sizes.coordinates) >= sizes.parameters)
-        self._quadratics = LatentQuadratics(self.found, spread, device)
+        self._quadratics = latent_quadratics(self.found, spread, device)
         self._mvae = mvae.to(device)
 
     def __call__(self, theta: Tensor) -> Tensor:
         """Log likelihood (n,), float32, of theta (n, p), on the device of theta."""
         known = theta.to(self._mvae.lower)
         # On a CPU in parts that stay in its cache, so that memory does not grow with the particles.
-        parts = known.split(_CPU_ROWS if known.device.type == "cpu" else len(known))
+        parts = known.split(4096 if known.device.type == "cpu" else len(known))
         free = self._mvae.sizes.coordinates - known.shape[1]
         places = (pad(self._mvae.encode_parameters(rows), (0, free)) for rows in parts)
         values = torch.cat([self._quadratics(rows) for rows in places])
         return self.power * values.to(theta.device)
 
     @torch.no_grad()
-    def solutions(self, most: int = 16, drawn: int = 8) -> Tensor:
+    def solutions(self) -> Tensor:
         """Parameters (s, p) of the heaviest solutions and of some draws of q(z|x).
 
         The damping ratio comes last. Two solutions that a smaller noise would
         tell apart may be one here: the draws about it lead to both.
         """
         found, generator = self.found, torch_generator(_SEARCH_SEED)
-        heavy = found.log_weight.topk(min(most, len(found.log_weight))).indices
-        chosen = torch.multinomial(found.log_weight.exp(), drawn, True, generator=generator)
-        noise = torch.randn(drawn, found.mean.shape[1], 1, generator=generator).to(found.mean)
+        heavy = found.log_weight.topk(min(16, len(found.log_weight))).indices
+        chosen = torch.multinomial(found.log_weight.exp(), 8, True, generator=generator)
+        noise = torch.randn(8, found.mean.shape[1], 1, generator=generator).to(found.mean)
         root = torch.linalg.cholesky(torch.linalg.inv(found.precision[chosen]))
         away = found.mean[chosen] + (root @ noise)[..., 0]
         mvae = copy.deepcopy(self._mvae).double()
@@ -252,9 +238,7 @@ class LatentLikelihood:
 
 
 def latent_data(
-    observation: Observation,
-    floors: tuple[str, ...],
-    least_noise: float,
+    observation: Observation, floors: tuple[str, ...], least_noise: float
 ) -> LatentData:
     """An observation on the surrogate's floors, with the weight of each point.
 

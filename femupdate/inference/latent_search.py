@@ -37,7 +37,6 @@ from femupdate.surrogate.network import LatentMixture, Mvae
 _RESPONSE_STEP = 1e-4  # of z, of finite differences; posteriors are some hundredths wide
 _PROPOSAL_DRAWS, _PRIOR_DRAWS = 24, 4096  # of the observation encoder and of the prior
 _SHORTEST, _LONGEST = 2e-3, 0.15  # steps along a ridge, of z
-_CHANGE = 1.2  # nats, above which a step is halved; below a quarter of it steps grow
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,9 @@ class FoundLatent:
         return self.information + torch.eye(self.mean.shape[1]).to(self.information)
 
 
-class LatentQuadratics:
+def latent_quadratics(
+    observed: FoundLatent, covariance: Tensor, device: torch.device | str = "cpu"
+) -> Callable[[Tensor], Tensor]:
     """ln of the integral of q(z|x) q(z|theta) / p(z) over z, p(z) the standard normal.
 
     q(z|theta) is N(m, D) with one D for all theta. With d = m - m_c and F_c the
@@ -76,39 +77,36 @@ class LatentQuadratics:
     Args:
         observed: q(z|x).
         covariance: D (z, z); one on the diagonal where theta gives no information.
+
+    Returns:
+        Log likelihood (n,) of means (n, z) of q(z|theta).
     """
+    mean, information = observed.mean.double(), observed.information.double()
+    identity, spread = torch.eye(mean.shape[1]).to(mean), covariance.double()
+    mixed = identity + information @ spread
+    curvature = torch.linalg.solve(mixed, information)
+    values, vectors = torch.linalg.eigh(0.5 * (curvature + curvature.transpose(1, 2)))
+    root = values.clamp_min(0.0).sqrt()[:, :, None] * vectors.transpose(1, 2)
+    # P^-1 with P = F + D^-1, written without D^-1.
+    narrow = spread @ torch.linalg.inv(mixed)
+    level = (
+        observed.log_weight.double()
+        + 0.5 * torch.linalg.slogdet(observed.precision.double())[1]
+        - 0.5 * torch.linalg.slogdet(mixed)[1]
+        + 0.5 * (mean**2).sum(1)
+        + 0.5 * torch.einsum("ci,cij,cj->c", mean, narrow, mean)
+    )
+    tilt = torch.linalg.solve(mixed, mean[:, :, None])
+    kept = (part.float().to(device) for part in (mean, root.transpose(1, 2), tilt, level))
+    middles, roots, slopes, levels = kept
 
-    def __init__(
-        self, observed: FoundLatent, covariance: Tensor, device: torch.device | str = "cpu"
-    ) -> None:
-        mean, information = observed.mean.double(), observed.information.double()
-        size = mean.shape[1]
-        identity = torch.eye(size).to(mean)
-        spread = covariance.double()
-        mixed = identity + information @ spread
-        curvature = torch.linalg.solve(mixed, information)
-        curvature = 0.5 * (curvature + curvature.transpose(1, 2))
-        values, vectors = torch.linalg.eigh(curvature)
-        roots = values.clamp_min(0.0).sqrt()[:, :, None] * vectors.transpose(1, 2)
-        slope = torch.linalg.solve(mixed, mean[:, :, None])[..., 0]
-        # P^-1 with P = F + D^-1, written without D^-1.
-        narrow = spread @ torch.linalg.inv(mixed)
-        level = (
-            observed.log_weight.double()
-            + 0.5 * torch.linalg.slogdet(observed.precision.double())[1]
-            - 0.5 * torch.linalg.slogdet(mixed)[1]
-            + 0.5 * (mean**2).sum(1)
-            + 0.5 * torch.einsum("ci,cij,cj->c", mean, narrow, mean)
-        )
-        kept = (part.float().to(device) for part in (mean, roots, slope, level))
-        self._mean, self._roots, self._slope, self._level = kept
+    def log_likelihood(mean_theta: Tensor) -> Tensor:
+        offset = mean_theta[None] - middles[:, None]
+        squares = torch.bmm(offset, roots).square().sum(-1)
+        slope = torch.bmm(offset, slopes)[..., 0]
+        return torch.logsumexp(levels[:, None] + slope - 0.5 * squares, dim=0)
 
-    def __call__(self, mean_theta: Tensor) -> Tensor:
-        """Log likelihood (n,) for means (n, z) of q(z|theta)."""
-        offset = mean_theta[None] - self._mean[:, None]
-        squares = torch.bmm(offset, self._roots.transpose(1, 2)).square().sum(-1)
-        slope = torch.bmm(offset, self._slope[:, :, None])[..., 0]
-        return torch.logsumexp(self._level[:, None] + slope - 0.5 * squares, dim=0)
+    return log_likelihood
 
 
 @torch.no_grad()
@@ -202,10 +200,7 @@ def _starts(
 ) -> Tensor:
     """Means and draws of the proposal, and the best of many draws from the prior, (s, z)."""
     component = torch.multinomial(
-        proposal.log_weight[0].exp(),
-        _PROPOSAL_DRAWS,
-        replacement=True,
-        generator=generator,
+        proposal.log_weight[0].exp(), _PROPOSAL_DRAWS, replacement=True, generator=generator
     )
     noise = torch.randn(_PROPOSAL_DRAWS, proposal.mean.shape[-1], generator=generator)
     sd = (0.5 * proposal.log_variance[0, component]).exp()
@@ -317,13 +312,14 @@ def _side(
     """
     found: list[tuple[Tensor, Tensor, Tensor]] = []
     here, nats, (direction, step) = point.z, float(point.nats[0]), start
+    most = 1.2  # nats, above which a step is halved; below a quarter of it steps grow
     for _ in range(40):
         ahead = here + step * direction
         if bool((ahead.abs() > reach).any()):
             break
         ahead, there, information = _pulled_back(misfit, ahead, direction)
         change = abs(float(there) - nats)
-        if change > _CHANGE and step > _SHORTEST:
+        if change > most and step > _SHORTEST:
             step = max(0.5 * step, _SHORTEST)
             continue
         if _belongs(solutions, ahead)[0]:
@@ -336,7 +332,7 @@ def _side(
         best = min(best, nats)
         if nats > best + 8.0:
             break
-        if change < 0.25 * _CHANGE:
+        if change < 0.25 * most:
             step = min(1.5 * step, _LONGEST)
     if not found:
         empty = point.z.new_zeros(0)

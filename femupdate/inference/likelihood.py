@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import torch
 from torch import Tensor
@@ -143,12 +143,9 @@ def summed(densities: Sequence[Tensor]) -> Tensor:
     return torch.stack([torch.logsumexp(density, dim=-1) for density in densities]).sum(dim=0)
 
 
-class KnownErrors(Protocol):
-    """Errors of a model that are known beforehand about given parameters, as those of a mesh."""
-
-    def __call__(self, data: Sequence[Data], system: System, values: Values) -> Tensor:
-        """One standard deviation of every error (c, n), in the unit of the residuals."""
-        ...
+KnownErrors: TypeAlias = Callable[[Sequence[Data], System, Values], Tensor]
+"""Errors of a model that are known beforehand about given parameters, as those of a mesh: one
+standard deviation of every error (c, n), in the unit of the residuals."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,13 +23,7 @@ from femupdate.inference.importance import (
 )
 from femupdate.inference.likelihood import Likelihood, Row
 from femupdate.inference.parameters import Parameters
-from femupdate.maximise import (
-    Descent,
-    Residuals,
-    Search,
-    descend,
-    distinct,
-)
+from femupdate.maximise import Descent, Residuals, Search, descend, distinct
 from femupdate.seeds import Seed, torch_generator
 
 # Share of effective draws about maxima below which particles take their place. Force at 16
@@ -37,11 +31,7 @@ from femupdate.seeds import Seed, torch_generator
 TRUSTED = 0.5
 
 
-def found_from(
-    prior: Parameters,
-    residuals: Callable[[Tensor], Tensor],
-    starts: Tensor,
-) -> Descent:
+def found_from(prior: Parameters, residuals: Callable[[Tensor], Tensor], starts: Tensor) -> Descent:
     """Different maxima that count, the heaviest first, in standard normal coordinates.
 
     Args:
@@ -58,9 +48,7 @@ def found_from(
     # A decoder reaches a little beyond the prior's box.
     inside = torch.minimum(torch.maximum(starts, prior.lower), prior.upper)
     ended = descend(
-        misfit,
-        prior.to_normal(inside).clamp(-EDGE, EDGE),
-        Search(iterations=25, small_nats=0.02),
+        misfit, prior.to_normal(inside).clamp(-EDGE, EDGE), Search(iterations=25, small_nats=0.02)
     )
     return distinct(ended, ended.log_mass, nats=14.0, count=16)
 
@@ -134,78 +122,51 @@ def settle(likelihood: Likelihood, starts: Tensor) -> Settled:
     Fits begin as if the model erred much, so that no few points decide; the likeliest error at
     their end is taken for the next, and at last none.
     """
-    fits = _Fits(likelihood)
-    fits.follow(starts, likelihood.error.start)
-    row, points = fits.best
-    finer = replace(likelihood, error=likelihood.error.finer(row))
-    if row == likelihood.error.first:
-        return fits.by_more_rows(finer).settled()
-    fits = _Fits(finer)
-    fits.follow(points, fits.likeliest(points))
-    return fits.settled()
+    first = likelihood.error.first
+    maxima = _fitted(likelihood, starts, likelihood.error.start)
+    row, points = _best(likelihood, maxima)
+    likelihood = replace(likelihood, error=likelihood.error.finer(row))
+    if row != first:
+        maxima = _fitted(likelihood, points, _likeliest(_log_posterior(likelihood, points)))
+    row, points = _best(likelihood, maxima)
+    if row not in maxima:
+        maxima[row] = found_from(likelihood.prior, likelihood.at_row(row).residuals, points)
+    places = [likelihood.prior.from_normal(found.z) for found in maxima.values()]
+    apart = zip(*(_log_posterior(likelihood, place) for place in places), strict=True)
+    rows = likelihood.error.counting_beside(row, [torch.cat(parts) for parts in apart])
+    return Settled(likelihood.at_row(row).kept(rows), maxima[row])
 
 
-class _Fits:
-    """Maxima at rows of the tables of errors, one after the other."""
+def _fitted(likelihood: Likelihood, starts: Tensor, row: Row) -> dict[Row, Descent]:
+    """Maxima from starts (s, p) at a row, then at the likeliest there, and at last at none."""
+    maxima: dict[Row, Descent] = {}
+    for _ in range(6):
+        maxima[row] = found_from(likelihood.prior, likelihood.at_row(row).residuals, starts)
+        starts = likelihood.prior.from_normal(maxima[row].z)
+        row = _likeliest(_log_posterior(likelihood, starts))
+        if row in maxima:
+            break
+    none = likelihood.error.first
+    if none not in maxima:
+        maxima[none] = found_from(likelihood.prior, likelihood.at_row(none).residuals, starts)
+    return maxima
 
-    def __init__(self, likelihood: Likelihood) -> None:
-        self._prior, self._likelihood = likelihood.prior, likelihood
-        self._found: dict[Row, Descent] = {}
-        self._densities: dict[Row, tuple[Tensor, ...]] = {}
 
-    def follow(self, starts: Tensor, row: Row) -> None:
-        """Fit from starts (s, p) at a row, then at the likeliest there, and at last at none."""
-        for _ in range(6):
-            self._fit(starts, row)
-            starts = self._prior.from_normal(self._found[row].z)
-            row = _likeliest(self._densities[row])
-            if row in self._found:
-                break
-        none = self._likelihood.error.first
-        if none not in self._found:
-            self._fit(starts, none)
+def _best(likelihood: Likelihood, maxima: dict[Row, Descent]) -> tuple[Row, Tensor]:
+    """The likeliest row, and the maxima (s, p) from which that was found."""
+    points = [likelihood.prior.from_normal(found.z) for found in maxima.values()]
+    judged = [_log_posterior(likelihood, place) for place in points]
+    at = max(range(len(points)), key=lambda k: float(judged[k][0].max()))
+    return _likeliest(judged[at]), points[at]
 
-    def by_more_rows(self, likelihood: Likelihood) -> "_Fits":
-        """The same maxima judged by tables that have further rows behind their own."""
-        more = _Fits(likelihood)
-        more._found = self._found
-        more._densities = {
-            row: more._log_posterior(self._prior.from_normal(found.z))
-            for row, found in self._found.items()
-        }
-        return more
 
-    @property
-    def best(self) -> tuple[Row, Tensor]:
-        """The likeliest row, and the maxima (s, p) from which that was found."""
-        at = max(self._densities, key=lambda row: float(self._densities[row][0].max()))
-        return _likeliest(self._densities[at]), self._prior.from_normal(self._found[at].z)
-
-    def likeliest(self, points: Tensor) -> Row:
-        """The likeliest row at points (s, p)."""
-        return _likeliest(self._log_posterior(points))
-
-    def settled(self) -> Settled:
-        """With the rows that count alone."""
-        row, points = self.best
-        if row not in self._found:
-            self._fit(points, row)
-        apart = zip(*self._densities.values(), strict=True)
-        rows = self._likelihood.error.counting_beside(row, [torch.cat(parts) for parts in apart])
-        return Settled(self._likelihood.at_row(row).kept(rows), self._found[row])
-
-    def _fit(self, starts: Tensor, row: Row) -> None:
-        self._found[row] = found_from(self._prior, self._likelihood.at_row(row).residuals, starts)
-        points = self._prior.from_normal(self._found[row].z)
-        self._densities[row] = self._log_posterior(points)
-
-    def _log_posterior(self, points: Tensor) -> tuple[Tensor, ...]:
-        """At points (s, p) by every row of each table, (s, g), and the likeliest of all others."""
-        prior = self._prior.log_density_normal(self._prior.to_normal(points).clamp(-EDGE, EDGE))
-        apart = self._likelihood.log_densities(points)
-        most = [values.max(1).values for values in apart]
-        best = torch.stack(most).sum(0) + prior
-        return tuple(values + (best - of)[:, None] for values, of in zip(apart, most, strict=True))
+def _log_posterior(likelihood: Likelihood, points: Tensor) -> tuple[Tensor, ...]:
+    """At points (s, p) by every row of each table, (s, g), and the likeliest of all others."""
+    to_normal = likelihood.prior.to_normal(points).clamp(-EDGE, EDGE)
+    apart = likelihood.log_densities(points)
+    most = [values.max(1).values for values in apart]
+    best = torch.stack(most).sum(0) + likelihood.prior.log_density_normal(to_normal)
+    return tuple(values + (best - of)[:, None] for values, of in zip(apart, most, strict=True))
 
 
 def _likeliest(apart: tuple[Tensor, ...]) -> Row:

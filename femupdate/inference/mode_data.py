@@ -29,10 +29,8 @@ from femupdate.measurement.modes import IdentifiedModes
 from femupdate.units import percent
 
 _TINY = 1e-30
-_MASSLESS = 1e-14  # of the largest 1 / omega^2
 _FREQUENCY, _DAMPING = "frequency", "damping ratio"
 _GROUPS = ("frequencies", "damping ratios", "shapes")
-_MATRICES = 2**21  # numbers in the matrices of a batch of eigenproblems
 
 
 @dataclass(frozen=True)
@@ -171,7 +169,8 @@ class ModeData:
 
     def predicted(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """All modes of the model (N, 2 + f, r), as their sensors give them."""
-        count = max(16, _MATRICES // system.model.size**2)
+        # Two million numbers in the matrices of a batch of eigenproblems.
+        count = max(16, 2**21 // system.model.size**2)
         parts = zip(theta.split(count), zeta.split(count), sizes.split(count), strict=True)
         return torch.cat([modes_as_read(system, *some) for some in parts])
 
@@ -313,7 +312,7 @@ def modes_as_read(system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) ->
     modes = system.modes(theta, sizes, released=True)
     shape = modes.rows[:, : len(system.floors)] * modes.omega[:, None, :]
     # What has no mass moves without end in its mode, and is no mode that anybody identifies.
-    real = modes.inverse > _MASSLESS * modes.inverse.amax(dim=1, keepdim=True)
+    real = modes.inverse > 1e-14 * modes.inverse.amax(dim=1, keepdim=True)
     shape = torch.where(real[:, None, :], shape, 0.0)
     for listed, size in zip(system.placed, split_sizes(system.placed, sizes), strict=True):
         if listed.effect.instrument and _shows(listed.effect):

@@ -22,49 +22,37 @@ import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
-
-from femupdate.thresholds import entry
 
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorTable:
     """What the error of a model may be, before the data are seen."""
 
-    sizes: tuple[float, ...] = entry(
-        (0.02, 0.06, 0.18, 0.5),
-        "ln|H| or rad",
-        "standard deviations of what all floors share and of each alone, beside zero",
-    )
-    lengths: tuple[float, ...] = entry(
-        (1 / 60, 1 / 20, 1 / 6), "of the band", "over which errors are alike"
-    )
-    noise: tuple[float, ...] = entry(
-        (1.0, 2.0, 4.0), "of the stated noise", "standard deviations of the noise"
-    )
-    finer: float = entry(
-        3.0, "steps", "of the finer table about the likeliest row, in one of the first"
-    )
-    none: float = entry(
-        0.5, "probability", "that there is no error and the noise is as stated, before the data"
-    )
-    harmonics: int = entry(40, "cycles", "of the shortest harmonic in a period")
-    period: float = entry(1.25, "of the band", "period of the longest: its ends must not meet")
-    start: tuple[float, float, float] = entry(
-        (0.18, 1 / 20, 2.0),
-        "as above",
-        "size, length and noise from which fits start: wide enough for any model",
-    )
-    counts: float = entry(1e-3, "of the likeliest", "weight below which a row is left out")
-    lost: float = entry(
-        1e-3,
-        "of the noise's variance",
-        "of an error known beforehand, below which it is left out",
-        "six-story frame: 84 of 192 remain",
-    )
+    # Standard deviations of what all floors share and of each alone, in ln|H| or rad, beside zero.
+    sizes: tuple[float, ...] = (0.02, 0.06, 0.18, 0.5)
+    # Over which errors are alike, of the band.
+    lengths: tuple[float, ...] = (1 / 60, 1 / 20, 1 / 6)
+    # Standard deviations of the noise over the stated one.
+    noise: tuple[float, ...] = (1.0, 2.0, 4.0)
+    # Steps of the finer table about the likeliest row, in one of the first.
+    finer: float = 3.0
+    # Probability that there is no error and the noise is as stated, before the data.
+    none: float = 0.5
+    # Cycles of the shortest harmonic in a period, and that of the longest: its ends must not meet.
+    harmonics: int = 40
+    period: float = 1.25
+    # Size, length and noise from which fits start: wide enough for any model.
+    start: tuple[float, float, float] = (0.18, 1 / 20, 2.0)
+    # Weight over that of the likeliest row, below which a row is left out.
+    counts: float = 1e-3
+    # Of an error known beforehand, variance over the noise's, below which it is left out: of 192
+    # of a six-story frame 84 remain.
+    lost: float = 1e-3
 
 
 MODEL_ERROR = ErrorTable()
@@ -345,10 +333,7 @@ class LearnedError:
 
     def kept(self, rows: Sequence[int]) -> "LearnedError":
         """With some rows of the table alone."""
-        fewer = copy.copy(self)
-        fewer.levels = tuple(self.levels[row] for row in rows)
-        fewer._factors = {}
-        return fewer
+        return self._with(levels=tuple(self.levels[row] for row in rows))
 
     def finer(self, row: int) -> "LearnedError":
         """With a finer table about a row of the whole one.
@@ -357,24 +342,22 @@ class LearnedError:
         """
         if not self._table.sizes:
             return self
-        changed = copy.copy(self)
-        changed._factors = {}
+        none = self.levels[0]
         if row == 0:
-            changed.levels = (*self.levels, *noisier_levels(self.levels[0], self._table))
-        else:
-            changed.levels = finer_levels(self.levels[row], self.levels[0], self._table)
-        return changed
+            return self._with(levels=(*self.levels, *noisier_levels(none, self._table)))
+        return self._with(levels=finer_levels(self.levels[row], none, self._table))
 
     def with_known_of(self, other: "LearnedError") -> "LearnedError":
         """With the errors that another of the same data knows beforehand."""
-        changed = copy.copy(self)
-        changed._known, changed._across, changed._factors = other._known, other._across, {}
-        return changed
+        return self._with(_known=other._known, _across=other._across)
 
     def with_rows_of(self, other: "LearnedError") -> "LearnedError":
         """With the rows of the table of another of the same points."""
+        return self._with(levels=other.levels)
+
+    def _with(self, **changes: Any) -> "LearnedError":
         changed = copy.copy(self)
-        changed.levels, changed._factors = other.levels, {}
+        vars(changed).update(changes, _factors={})
         return changed
 
     def no_larger(self, row: int) -> list[int]:
@@ -456,8 +439,7 @@ class LearnedError:
 
     def by_noise_alone(self, residuals: Tensor) -> Tensor:
         """Residuals (n, m) beside the stated noise and the errors that are known beforehand."""
-        none = self.kept([0])
-        none.levels = (replace(self.levels[0], common=0.0, own=0.0, noise=1.0),)
+        none = self._with(levels=(replace(self.levels[0], common=0.0, own=0.0, noise=1.0),))
         return none.whiten(none.tame(residuals, 0), 0)
 
     def whiten(self, residuals: Tensor, row: int) -> Tensor:

@@ -170,29 +170,29 @@ class Parameters:
 
     def from_unit(self, unit: Tensor) -> Tensor:
         """Map the unit cube (n, d) to the parameters (n, p), evenly in probability."""
-        free, normal = self._free, self._normal
-        inside_limits = free.lower + (free.upper - free.lower) * unit
-        if normal.columns:
-            share = normal.low + (normal.high - normal.low) * unit[..., normal.columns]
+        lower, upper = self._ends
+        free = lower + (upper - lower) * unit
+        if self._normal:
+            low, high = self._tails
+            share = low + (high - low) * unit[..., self._normal]
             # At a limit far out a share may round to one.
             scaled = torch.special.ndtri(share.clamp(1e-300, 1.0 - 1e-16))
-            inside = normal.centre + normal.scale * scaled
-            inside_limits = inside_limits.clone()
-            inside_limits[..., normal.columns] = inside.clamp(normal.lower, normal.upper)
+            inside = self.centres + self.scales * scaled
+            inside = inside.clamp(lower[self._normal], upper[self._normal])
+            free = free.index_copy(-1, torch.tensor(self._normal, device=self.device), inside)
         if self.size == len(self.entries):
-            return inside_limits
+            return free
         values = self.lower.expand(*unit.shape[:-1], -1).clone()
-        values[..., free.columns] = inside_limits
+        values[..., self._free] = free
         return values
 
     def to_unit(self, values: Tensor) -> Tensor:
         """Map the parameters (n, p) to the unit cube (n, d)."""
-        free, normal = self._free, self._normal
-        inside_limits = values[..., free.columns]
-        unit = (inside_limits - free.lower) / (free.upper - free.lower)
-        scaled = (inside_limits[..., normal.columns] - normal.centre) / normal.scale
-        share = (torch.special.ndtr(scaled) - normal.low) / (normal.high - normal.low)
-        unit[..., normal.columns] = share
+        (lower, upper), (low, high) = self._ends, self._tails
+        free = values[..., self._free]
+        unit = (free - lower) / (upper - lower)
+        scaled = (free[..., self._normal] - self.centres) / self.scales
+        unit[..., self._normal] = (torch.special.ndtr(scaled) - low) / (high - low)
         return unit
 
     def from_normal(self, xi: Tensor) -> Tensor:
@@ -209,65 +209,60 @@ class Parameters:
 
     def log_density(self, values: Tensor) -> Tensor:
         """Log prior density (n,) of the free ones among parameters (n, p), inside the bounds."""
-        free, normal = self._free, self._normal
-        flat = -(free.upper - free.lower).log().repeat(len(values), 1)
-        scaled = (values[:, free.columns][:, normal.columns] - normal.centre) / normal.scale
-        density = -0.5 * scaled**2 - 0.5 * math.log(2.0 * math.pi) - normal.scale.log()
-        flat[:, normal.columns] = density - (normal.high - normal.low).log()
+        (lower, upper), (low, high) = self._ends, self._tails
+        flat = -(upper - lower).log().repeat(len(values), 1)
+        scaled = (values[:, self._free][:, self._normal] - self.centres) / self.scales
+        density = -0.5 * scaled**2 - 0.5 * math.log(2.0 * math.pi) - self.scales.log()
+        flat[:, self._normal] = density - (high - low).log()
         return flat.sum(-1)
 
     @cached_property
     def steps(self) -> "LogSteps":
         """The free ones as a fit steps through them."""
-        return LogSteps.of(self)
+        lower, upper = self._ends
+        ends = torch.stack([lower.log(), upper.log()])
+        ends[:, self._normal] = (self._ends[:, self._normal] - self.centres) / self.scales
+        mean, precision = torch.zeros_like(lower), torch.zeros_like(lower)
+        precision[self._normal] = 1.0
+        return LogSteps(self, ends[0], ends[1], mean, torch.diag(precision))
 
     @cached_property
-    def _free(self) -> "_Free":
-        """The free parameters among all."""
-        chosen = [k for k, entry in enumerate(self.entries) if entry.free]
-        ends = (self._column([getattr(self.entries[k], end) for k in chosen]) for end in _ENDS)
-        return _Free(chosen, *ends)
+    def centres(self) -> Tensor:
+        """(q,) means of the normal priors of free parameters."""
+        return self._column([entry.centre for entry in self._bells])
 
     @cached_property
-    def _normal(self) -> "_Normal":
-        """Those with a normal prior among the free ones."""
-        free = [entry for entry in self.entries if entry.free]
-        chosen = [k for k, entry in enumerate(free) if math.isfinite(entry.scale)]
-        lower, upper, centre, scale = (
-            self._column([getattr(free[k], name) for k in chosen])
-            for name in (*_ENDS, "centre", "scale")
-        )
-        low, high = (torch.special.ndtr((end - centre) / scale) for end in (lower, upper))
-        return _Normal(chosen, lower, upper, centre, scale, low, high)
+    def scales(self) -> Tensor:
+        """(q,) standard deviations of these."""
+        return self._column([entry.scale for entry in self._bells])
+
+    @cached_property
+    def _free(self) -> list[int]:
+        """Places of the free parameters among all."""
+        return [k for k, entry in enumerate(self.entries) if entry.free]
+
+    @cached_property
+    def _normal(self) -> list[int]:
+        """Places of those with a normal prior among the free ones."""
+        scales = [self.entries[k].scale for k in self._free]
+        return [place for place, scale in enumerate(scales) if math.isfinite(scale)]
+
+    @property
+    def _bells(self) -> list[Parameter]:
+        return [self.entries[self._free[place]] for place in self._normal]
+
+    @cached_property
+    def _ends(self) -> Tensor:
+        """(2, d) bounds of the free parameters."""
+        return torch.stack([self.lower[self._free], self.upper[self._free]])
+
+    @cached_property
+    def _tails(self) -> Tensor:
+        """(2, q) probability of the normal priors below either bound."""
+        return torch.special.ndtr((self._ends[:, self._normal] - self.centres) / self.scales)
 
     def _column(self, values: Sequence[float]) -> Tensor:
         return torch.tensor(values, dtype=torch.float64, device=self.device)
-
-
-_ENDS = ("lower", "upper")
-
-
-@dataclass(frozen=True)
-class _Free:
-    """Columns among all parameters, and bounds (d,)."""
-
-    columns: list[int]
-    lower: Tensor
-    upper: Tensor
-
-
-@dataclass(frozen=True)
-class _Normal:
-    """Columns among the free parameters, bounds, centre and scale of normal priors, and the
-    normal's probability below either end."""
-
-    columns: list[int]
-    lower: Tensor
-    upper: Tensor
-    centre: Tensor
-    scale: Tensor
-    low: Tensor
-    high: Tensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,16 +285,6 @@ class LogSteps:
     mean: Tensor
     precision: Tensor
 
-    @staticmethod
-    def of(parameters: Parameters) -> "LogSteps":
-        """Those of parameters with their own priors."""
-        free, normal = parameters._free, parameters._normal
-        lower, upper, scaled = free.lower.log(), free.upper.log(), torch.zeros_like(free.lower)
-        lower[normal.columns] = (normal.lower - normal.centre) / normal.scale
-        upper[normal.columns] = (normal.upper - normal.centre) / normal.scale
-        scaled[normal.columns] = 1.0
-        return LogSteps(parameters, lower, upper, torch.zeros_like(scaled), torch.diag(scaled))
-
     @property
     def size(self) -> int:
         """d."""
@@ -315,28 +300,13 @@ class LogSteps:
         """Position of the first parameter of an effect."""
         return self.parameters.of("stiffness", "damping").size
 
-    @property
-    def centres(self) -> Tensor:
-        """(q,) means of the priors of the effects' parameters."""
-        return self.parameters._normal.centre
-
-    @property
-    def scales(self) -> Tensor:
-        """(q,) standard deviations of these."""
-        return self.parameters._normal.scale
-
-    @property
-    def has_zeta(self) -> bool:
-        """Whether the damping ratio is an unknown."""
-        return self.first_size > self.stories
-
     def values(self, z: Tensor) -> Tensor:
         """All parameters (n, p) of unknowns z (n, d)."""
-        free, normal = self.parameters._free, self.parameters._normal
+        known = self.parameters
         searched = z.exp()
-        searched[:, normal.columns] = normal.centre + normal.scale * z[:, normal.columns]
-        values = self.parameters.lower.expand(len(z), -1).clone()
-        values[:, free.columns] = searched
+        searched[:, known._normal] = known.centres + known.scales * z[:, known._normal]
+        values = known.lower.expand(len(z), -1).clone()
+        values[:, known._free] = searched
         return values
 
     def split(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -346,9 +316,8 @@ class LogSteps:
 
     def sizes(self, values: Sequence[float] | Floats) -> Tensor:
         """Unknowns (q,) of the effects' parameters (q,)."""
-        normal = self.parameters._normal
         known = torch.as_tensor(np.asarray(values, dtype=np.float64))
-        return (known - normal.centre) / normal.scale
+        return (known - self.parameters.centres) / self.parameters.scales
 
     def inside(self, z: Tensor) -> Tensor:
         """Unknowns (..., d), those beyond a limit at it."""
@@ -430,13 +399,10 @@ def effect_parameters(placed: Sequence[Placed], *, searched: bool = False) -> Pa
     )
 
 
-# Share by which a mesh misjudges the size of any effect; trials: .001 to .09.
-_OF_A_MESH = 0.03
-
-
 def own_errors(placed: Sequence[Placed], building: Building) -> Floats:
     """(q,) share of every parameter of effects by which the effects themselves may err."""
-    of_all = 0.0 if building.kind == "shear" else _OF_A_MESH
+    # A mesh misjudges the size of any effect, in trials by .001 to .09.
+    of_all = 0.0 if building.kind == "shear" else 0.03
     of_each = np.array(
         [listed.effect.own_error for listed in placed for _ in listed.effect.parameters]
     )

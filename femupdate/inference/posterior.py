@@ -13,11 +13,7 @@ from torch import Tensor
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import StudyError
 from femupdate.inference.error_draws import ErrorDraws, errors_as_groups, errors_from_groups
-from femupdate.inference.event_scatter import (
-    LearnedScatter,
-    scatter_as_group,
-    scatter_from_group,
-)
+from femupdate.inference.event_scatter import LearnedScatter, scatter_as_group, scatter_from_group
 from femupdate.inference.parameters import Kind, Parameter, Parameters
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed

@@ -29,9 +29,6 @@ from femupdate.inference.importance import (
 from femupdate.inference.parameters import Parameters
 from femupdate.seeds import Seed, torch_generator
 
-# Moves at the whole likelihood before draws are kept, in which the tuning rests.
-_SETTLE = 6
-
 
 @dataclass(frozen=True)
 class Points:
@@ -350,7 +347,8 @@ class TemperedSmc:
         Raises:
             InferenceError: no finite likelihood, or too many levels.
         """
-        density, generator = self._started(seed)
+        density = Tempered(self.prior, self._log_likelihood, self.settings.rows)
+        generator = torch_generator(seed, self.prior.device)
         points, log_evidence, levels, _ = self._raised(density, generator, particles, 1, progress)
         return SamplerRun(
             theta=density.parameters(points.xi).cpu(),
@@ -382,13 +380,14 @@ class TemperedSmc:
         Raises:
             InferenceError: no finite likelihood, or too many levels.
         """
-        density, generator = self._started(seed)
+        density = Tempered(self.prior, self._log_likelihood, self.settings.rows)
+        generator = torch_generator(seed, self.prior.device)
         points, evidence, levels, moves = self._raised(
             density, generator, particles, groups, progress
         )
         move = moves[0][0]
         move.fit(density, points, generator)
-        for _ in range(_SETTLE):
+        for _ in range(6):  # the tuning comes to rest before draws are kept
             points, _ = move.step(density, points, generator)
         theta, value, shares, turns = [], [], [], -(-count // particles)
         for turn in range(turns):
@@ -412,10 +411,6 @@ class TemperedSmc:
             for drawn, likelihood, log_evidence in parts
         ]
 
-    def _started(self, seed: Seed) -> tuple[Tempered, torch.Generator]:
-        density = Tempered(self.prior, self._log_likelihood, self.settings.rows)
-        return density, torch_generator(seed, self.prior.device)
-
     def _raised(
         self,
         density: Tempered,
@@ -431,14 +426,8 @@ class TemperedSmc:
             raise InferenceError(
                 f"the sampler cannot work with {particles} particles; use hundreds"
             )
-        xi = torch.randn(
-            particles,
-            self.prior.size,
-            generator=generator,
-            dtype=torch.float64,
-            device=self.prior.device,
-        )
-        points = density.at(xi, any(move.slopes for move, _ in moves))
+        like = self.prior.lower.new_empty(particles, self.prior.size)
+        points = density.at(normal_like(like, generator), any(move.slopes for move, _ in moves))
         each = particles // groups
         possible = torch.isfinite(points.log_likelihood).unflatten(0, (groups, -1))
         if not bool(possible.any(dim=1).all()):

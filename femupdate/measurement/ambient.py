@@ -27,9 +27,6 @@ from femupdate.measurement.recording import RecordedMode
 
 # Figures by which files are judged.
 ORDER = 40  # poles of the largest model
-_FEWEST_BLOCKS = 5  # of the record, at least
-# of the first mode in a block: twice the memory of a mode of 1 % damping, 1 / (2 pi zeta)
-_PERIODS = 32
 
 _MISSING = (
     "modes of ambient records need the package pyOMA2; install it with pip install"
@@ -185,12 +182,14 @@ def identify_modes(
         raise MeasurementError(
             f"the record shows nothing above {0.5 / time_step:g} Hz; lower the band's end"
         )
+    # Of the first mode in a block, twice the memory of a mode of 1 % damping, 1 / (2 pi zeta).
+    periods, fewest = 32, 5
     seconds = values.shape[1] * time_step
-    blocks = int(seconds * first) // _PERIODS
-    if blocks < _FEWEST_BLOCKS:
+    blocks = int(seconds * first) // periods
+    if blocks < fewest:
         raise MeasurementError(
             f"the record lasts {seconds * first:.0f} periods of its first mode, at"
-            f" {first:.3g} Hz; modes need {_FEWEST_BLOCKS * _PERIODS} at least, and better a"
+            f" {first:.3g} Hz; modes need {fewest * periods} at least, and better a"
             " thousand: give a longer record"
         )
     blocks = min(blocks, 50)  # more tell nothing more

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, figure_of
 from femupdate.measurement.names import FREQUENCY, FREQUENCY_NAME, TIME, TIME_NAME
 from femupdate.measurement.quantity import is_unit
-from femupdate.measurement.recording import RecordedMode, Recording
+from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile
 
@@ -33,7 +33,7 @@ _AXES = {"s": TIME, "": TIME, "hz": FREQUENCY}
 def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     """Return equally long arrays as a table; its times are an array or follow from a rate.
 
-    Arrays of modes (`modes_in_arrays`) are modes instead.
+    Arrays of modes (`_modes_in_arrays`) are modes instead.
 
     A complex array becomes two columns, `name_re` and `name_im`; of an array with two axes the
     shorter one counts the columns, `name_1` and so on.
@@ -41,9 +41,9 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     Args:
         arrays: by their names; a text called `unit` is that of all columns.
     """
-    modes = modes_in_arrays(file, arrays)
-    if modes:
-        return Recording(file, modes=modes)
+    modes = _modes_in_arrays(file, arrays)
+    if modes is not None:
+        return Recording(file, mode_table=modes)
     exported = _testlab_recording(file, arrays)
     if exported is not None:
         return exported
@@ -184,8 +184,8 @@ _SHAPES = {
 }
 
 
-def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[RecordedMode, ...]:
-    """The modes in named arrays; none where there are no frequencies (m,) with shapes (c, m).
+def _modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> ColumnTable | None:
+    """Modes in named arrays as a table; None without frequencies (m,) and shapes (c, m).
 
     Args:
         arrays: by their names; `sensors` holds names (c,), else they count from 1.
@@ -198,40 +198,27 @@ def modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> tuple[Recorded
         if ours and np.size(array):
             given[ours] = np.squeeze(np.asarray(array))
     if not {FREQUENCY, _SHAPE} <= set(given):
-        return ()
-    frequency = np.atleast_1d(given[FREQUENCY])
-    count = frequency.size
+        return None
+    count = np.size(given[FREQUENCY])
     shape = _by_modes(given[_SHAPE], count)
-    if frequency.ndim != 1 or shape is None:
-        return ()
-    spread = _by_modes(given[_SHAPE_SD], count) if _SHAPE_SD in given else None
-    for name in (FREQUENCY_SD, DAMPING, DAMPING_SD):
+    if given[FREQUENCY].ndim > 1 or shape is None:
+        return None
+    columns = {}
+    for name in (FREQUENCY, FREQUENCY_SD, DAMPING, DAMPING_SD):
         if name in given and np.size(given[name]) != count:
             raise file.error(
                 f"there are {count} frequencies but {np.size(given[name])} values of"
                 f" {name}; give one for each mode"
             )
-
-    def value(name: str, k: int) -> float | None:
-        found = float(np.atleast_1d(given[name])[k]) if name in given else np.nan
-        return found if np.isfinite(found) else None
-
+        if name in given:
+            columns[name] = np.atleast_1d(given[name]).astype(np.float64)
     names = [str(sensor) for sensor in np.atleast_1d(given.get(_SENSORS, np.array([])))]
-    if len(names) != len(shape):
-        names = [str(k + 1) for k in range(len(shape))]
-    return tuple(
-        RecordedMode(
-            frequency_hz=float(frequency[k]),
-            frequency_sd_hz=value(FREQUENCY_SD, k),
-            damping=value(DAMPING, k),
-            damping_sd=value(DAMPING_SD, k),
-            sensors=tuple(names),
-            shape=shape[:, k],
-            shape_sd=None if spread is None else spread[:, k].astype(np.float64),
-            name=str(k + 1),
-        )
-        for k in range(count)
-    )
+    names = names if len(names) == len(shape) else [str(k + 1) for k in range(len(shape))]
+    spread = _by_modes(given[_SHAPE_SD], count) if _SHAPE_SD in given else None
+    columns |= dict(zip(names, shape, strict=True))
+    if spread is not None:
+        columns |= {f"{name}_sd": row for name, row in zip(names, spread, strict=True)}
+    return ColumnTable.of_arrays(file, columns, {})
 
 
 def _by_modes(array: NDArray[Any], count: int) -> NDArray[Any] | None:

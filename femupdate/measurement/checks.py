@@ -26,8 +26,6 @@ _LATE = 0.03  # of the first period, a delay; damping alone makes a fifth of it
 _LEAST_BINS = 3  # frequencies, that are compared at least
 _COHERENCE = 0.8  # of frequencies that are compared
 _CLIPPED = 4  # equal samples in a row at an extreme; smooth signals have two
-_FASTEST_HZ = 100_000.0  # sampling rate of measurements on buildings
-_SLOWEST_HZ = 5.0  # likewise, at least
 
 
 def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, ...]:
@@ -74,12 +72,11 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
     if abs(mean) > 0.05 * float(np.abs(values - mean).max()):
         unit = f" {channel.unit}" if channel.unit else ""
         findings.append(f"its mean is {mean * peak:.3g}{unit}, an offset to remove.")
-    rate = 1.0 / channel.time_step
-    if not _SLOWEST_HZ <= rate <= _FASTEST_HZ:
+    rate, slowest, fastest = 1.0 / channel.time_step, 5.0, 100_000.0
+    if not slowest <= rate <= fastest:
         findings.append(
-            f"its sampling rate is {rate:.3g} Hz; buildings are measured at"
-            f" {_SLOWEST_HZ:g} to {_FASTEST_HZ:g} Hz: is the time's unit wrong? Times in ms are"
-            " called time_s (ms)."
+            f"its sampling rate is {rate:.3g} Hz; buildings are measured at {slowest:g} to"
+            f" {fastest:g} Hz: is the time's unit wrong? Times in ms are called time_s (ms)."
         )
     if channel.quantity != "force":
         return (*findings, *_of_shape(values, channel))
@@ -91,6 +88,8 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
 
 
 def _of_shape(values: Floats, channel: RecordedChannel) -> Iterator[str]:
+    from scipy.ndimage import median_filter, uniform_filter1d
+
     time_step = channel.time_step
     moving = values - values.mean()
     # The smallest difference between two values is the step of their digits.
@@ -105,16 +104,28 @@ def _of_shape(values: Floats, channel: RecordedChannel) -> Iterator[str]:
     ends = [_longest_run(values == extreme) for extreme in (values.max(), values.min())]
     if max(ends) >= _CLIPPED:
         yield f"it is clipped: {max(ends)} samples in a row stand at its largest value."
-    spikes = np.flatnonzero(_spikes(moving, peak))
+    away = np.abs(moving - median_filter(moving, 5, mode="nearest"))
+    width = 2 * 10 + 1  # ten samples to either side
+    # The mean square around a sample, without itself and the one to either side.
+    wide, close = (uniform_filter1d(moving**2, n, mode="nearest") * n for n in (width, 3))
+    around = np.sqrt(np.maximum(wide - close, 0.0) / (width - 3))
+    # Gaussian noise is ten times its rms away from the median of five once in 1e8 samples.
+    # A spike also stands out by a tenth of the peak.
+    spikes = np.flatnonzero((away > 10.0 * around) & (away > 0.1 * peak))
     if spikes.size:
         at = ", ".join(f"{k * time_step:.4g} s" for k in spikes[:3])
         more = " ..." if spikes.size > 3 else ""
         plural = "s" if spikes.size > 1 else ""
         yield f"it has {spikes.size} spike{plural} of one sample: {at}{more}."
-    start, count = _stuck(values)
-    # Parts that move lie on both sides of such a second.
-    if count * time_step >= 1.0:
-        first, last = start * time_step, (start + count) * time_step
+    # The longest stretch without change between parts that move.
+    still = np.concatenate([[False], np.diff(values) == 0.0, [False]])
+    edges = np.flatnonzero(np.diff(still.astype(np.int8)))
+    starts, stops = edges[::2], edges[1::2]
+    lengths = np.where((starts > 0) & (stops < values.size - 1), stops - starts, 0)
+    longest = int(lengths.max(initial=0)) * time_step
+    if longest >= 1.0:
+        first = int(starts[lengths.argmax()]) * time_step
+        last = first + longest
         yield f"it stands still from {first:.4g} to {last:.4g} s: a gap that was filled?"
 
 
@@ -122,34 +133,6 @@ def _longest_run(flags: Flags) -> int:
     """Length of the longest run of true ones."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return int((edges[1::2] - edges[::2]).max(initial=0))
-
-
-def _spikes(moving: Floats, peak: float) -> Flags:
-    """Samples (n,) that stand alone far from their neighbours."""
-    from scipy.ndimage import median_filter, uniform_filter1d
-
-    away = np.abs(moving - median_filter(moving, 5, mode="nearest"))
-    # Ten samples to either side.
-    width = 2 * 10 + 1
-    # The mean square around a sample, without itself and the one to either side.
-    wide, close = (uniform_filter1d(moving**2, n, mode="nearest") * n for n in (width, 3))
-    around = np.sqrt(np.maximum(wide - close, 0.0) / (width - 3))
-    # Gaussian noise is ten times its rms away from the median of five once in 1e8 samples.
-    # A spike also stands out by a tenth of the peak.
-    return np.asarray((away > 10.0 * around) & (away > 0.1 * peak))
-
-
-def _stuck(values: Floats) -> tuple[int, int]:
-    """First sample and length of the longest stretch without change, between parts that move."""
-    still = np.concatenate([[False], np.diff(values) == 0.0, [False]])
-    edges = np.flatnonzero(np.diff(still.astype(np.int8)))
-    starts, ends = edges[::2], edges[1::2]
-    inside = (starts > 0) & (ends < values.size - 1)
-    if not inside.any():
-        return 0, 0
-    lengths = np.where(inside, ends - starts, 0)
-    longest = int(np.argmax(lengths))
-    return int(starts[longest]), int(lengths[longest])
 
 
 @dataclass(frozen=True, eq=False)
@@ -415,14 +398,12 @@ def _level(reference: _Sensor, sensor: _Sensor, first: float) -> float | None:
     return level if spread < 0.05 * level else None
 
 
-_UNIT_RATIOS = {9.80665: "g and m/s2", 980.665: "g and gal", 100.0: "m/s2 and gal"}
-_UNIT_RATIOS |= {1000.0: "g and mg", 101.97: "m/s2 and mg"}
-
-
 def _of_levels(
     reference: _Sensor, others: Sequence[_Sensor], levels: dict[int, float | None]
 ) -> Iterator[str]:
     """Sentences on channels that have another gain or unit than the reference."""
+    as_between = {9.80665: "g and m/s2", 980.665: "g and gal", 100.0: "m/s2 and gal"}
+    as_between |= {1000.0: "g and mg", 101.97: "m/s2 and mg"}
     # Amplifiers are set in steps of two; buildings stay within some percent at low frequency.
     odd = {
         sensor: level
@@ -435,7 +416,7 @@ def _of_levels(
     for sensor, level in odd.items():
         beside = "all floors" if sensor is reference else reference.title
         ratio = max(level, 1.0 / level)
-        units = next((u for r, u in _UNIT_RATIOS.items() if abs(np.log(ratio / r)) < 0.1), "")
+        units = next((u for r, u in as_between.items() if abs(np.log(ratio / r)) < 0.1), "")
         units = f" (as between {units})" if units else ""
         yield (
             f"{sensor.title} moves {level:.3g} times as much as {beside} at low frequency, where"

@@ -24,7 +24,6 @@ from femupdate.errors import MeasurementError
 
 # Figures by which files are judged.
 PADDING = 4  # bins for each independent one: the FRF is then nearly straight between them
-_AVERAGES = 5.0  # independent segments that the default length leaves
 
 
 @dataclass(frozen=True)
@@ -113,10 +112,10 @@ def effective_averages(length: int, count: int) -> float:
 
 def choose_segments(samples: int, time_step: float, wanted_s: float, source: str) -> Segments:
     """Cut a record as the grid wants, or shorter to leave enough averages."""
-    length = round(wanted_s / time_step)
-    if length > samples or cut(samples, time_step, length, wanted_s).effective < _AVERAGES:
+    length, averages = round(wanted_s / time_step), 5
+    if length > samples or cut(samples, time_step, length, wanted_s).effective < averages:
         # K half-overlapping segments fill (K + 1) / 2 lengths.
-        length = 2 * samples // (int(np.ceil(_AVERAGES)) + 2)
+        length = 2 * samples // (averages + 2)
     # Sixteen samples of a segment, at least.
     if length < 16:
         raise MeasurementError(
@@ -177,11 +176,6 @@ def window_of(length: int) -> Floats:
     return np.asarray(get_window("hann", length), dtype=np.float64)
 
 
-_BINS = 512  # at a time
-# Frequencies of the grid whose means are one dense matrix: a sparse one is ten times slower.
-_ROWS = 32
-
-
 @dataclass(frozen=True, eq=False)
 class Estimator:
     """What an estimate makes of an FRF.
@@ -223,8 +217,9 @@ class Estimator:
         found = []
         for means in self.columns:
             blocks = []
-            for begin in range(0, means.shape[0], _ROWS):
-                rows = means[begin : begin + _ROWS]
+            # Thirty-two frequencies of the grid at a time: one sparse matrix is ten times slower.
+            for begin in range(0, means.shape[0], 32):
+                rows = means[begin : begin + 32]
                 # Rows beyond the spectra are empty.
                 columns = rows.nonzero()[1] if rows.nnz else np.zeros(1, dtype=int)
                 seen = slice(int(columns.min()), int(columns.max()) + 1)
@@ -264,7 +259,7 @@ def estimator_of(
     values: list[list[Complexes]] = [[] for _ in inputs]
     width = int(np.ceil(reach / fine[1]))
     offsets = np.arange(-width, width + 1)
-    for some in np.array_split(used, max(1, len(used) // _BINS)):
+    for some in np.array_split(used, max(1, len(used) // 512)):
         middle = np.rint(bin_hz[some] / fine[1]).astype(int)
         near = np.clip(middle[:, None] + offsets, 1, len(fine) - 1)
         inside = middle[:, None] + offsets == near

@@ -14,11 +14,13 @@ what neither of both explains (the multiple coherence of Bendat and Piersol 2010
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from femupdate.arrays import Complexes, Flags, Floats
+from femupdate.arrays import Flags, Floats
 from femupdate.dynamics.level import levels_in_run, strongest_hz
 from femupdate.errors import MeasurementError
 from femupdate.measurement.estimated import (
@@ -97,16 +99,16 @@ def estimate_frf(
             raise MeasurementError(f"{histories.source}: too few segments to be parted in halves")
         noise = noise * (whole.effective / segments.effective) ** 0.5
         spectra = welch_spectra(base, floors, step, segments)
-    frf = spectra.cross / np.maximum(spectra.base, _TINY)
     slack = 1e-9  # grids are sums of rounded steps
     lowest, nyquist = (1.0 - slack) / segments.seconds, 0.5 * (1.0 - slack) / step
     inside = (grid >= lowest) & (grid < nyquist)
-    at_grid = _Interpolator(spectra.frequency_hz, grid, inside)
-    frf = at_grid.complex(frf)
+    between = _between(spectra.frequency_hz, grid, inside)
+    at_grid = partial(_at_grid, between, inside)
+    frf = at_grid(spectra.cross / np.maximum(spectra.base, _TINY))
     valid = (at_grid(trusted.astype(np.float64)) > 0.999) & (np.abs(frf) > 0)
     _require_points(valid, histories.source)
     inputs = np.stack([base] if rotation is None else [base, rotation])
-    estimator = estimator_of(inputs, step, segments, grid, at_grid.matrix())
+    estimator = estimator_of(inputs, step, segments, grid, between)
     return Observation(
         frequency_hz=grid,
         floors=names,
@@ -118,7 +120,7 @@ def estimate_frf(
         resolution_hz=HANN_BANDWIDTH / segments.seconds,
         source=histories.source,
         estimator=replace(estimator, run_levels=levels_in_run(base, floors, step).parts),
-        rotation=None if turned is None else at_grid.complex(turned),
+        rotation=None if turned is None else at_grid(turned),
         notes=(
             segments.note,
             *_of_sensors(histories, direction, base),
@@ -150,10 +152,9 @@ def on_grid(table: Observation, frequency_hz: Floats) -> Observation:
     """
     grid, own = _checked_grid(frequency_hz), table.frequency_hz
     inside = (grid >= own[0]) & (grid <= own[-1])
-    at_grid = _Interpolator(own, grid, inside)
-    phase = table.phase
+    at_grid, phase = partial(_at_grid, _between(own, grid, inside), inside), table.phase
     if phase is not None:
-        phase = np.angle(at_grid.complex(np.exp(table.log_frf + 1j * phase)))
+        phase = np.angle(at_grid(np.exp(table.log_frf + 1j * phase)))
     valid = np.broadcast_to(inside, (len(table.floors), grid.size)).copy()
     _require_points(valid, table.source)
     # Where a table is coarser than the grid, the grid repeats its points.
@@ -257,31 +258,19 @@ def by_strength(seen: Observation, direction: str) -> tuple[Observation, ...]:
     )
 
 
-class _Interpolator:
-    """Straight lines between bins, row by row; NaN where the grid lies outside."""
+def _between(bins: Floats, grid: Floats, inside: Flags) -> csr_array:
+    """(m, b) straight lines between values at bins; zero where the grid lies outside."""
+    upper = np.clip(np.searchsorted(bins, grid), 1, bins.size - 1)
+    share = (grid - bins[upper - 1]) / (bins[upper] - bins[upper - 1])
+    rows = np.flatnonzero(inside)
+    weights = np.concatenate([1.0 - share[rows], share[rows]])
+    places = np.tile(rows, 2), np.concatenate([upper[rows] - 1, upper[rows]])
+    return csr_array((weights, places), shape=(grid.size, bins.size))
 
-    def __init__(self, bins: Floats, grid: Floats, inside: Flags) -> None:
-        upper = np.clip(np.searchsorted(bins, grid), 1, bins.size - 1)
-        self._bins, self._upper, self._inside = bins.size, upper, inside
-        self._share = (grid - bins[upper - 1]) / (bins[upper] - bins[upper - 1])
 
-    def matrix(self) -> csr_array:
-        """(m, b) that does the same to values at the bins; zero where the grid lies outside."""
-        share = np.where(self._inside, self._share, 0.0)
-        weights = np.concatenate([np.where(self._inside, 1.0 - share, 0.0), share])
-        rows = np.tile(np.arange(share.size), 2)
-        columns = np.concatenate([self._upper - 1, self._upper])
-        return csr_array((weights, (rows, columns)), shape=(share.size, self._bins))
-
-    def complex(self, values: Complexes) -> Complexes:
-        """The same of complex values, by their parts."""
-        return np.asarray(self(values.real) + 1j * self(values.imag))
-
-    def __call__(self, values: Floats) -> Floats:
-        """(f, b) at the bins to (f, m) at the grid."""
-        low, high = values[..., self._upper - 1], values[..., self._upper]
-        between = low + np.where(self._inside, self._share, 0.0) * (high - low)
-        return np.asarray(np.where(self._inside, between, np.nan), dtype=np.float64)
+def _at_grid(between: csr_array, inside: Flags, values: Any) -> Any:
+    """Values (..., b) at bins on the grid (..., m), NaN where that lies outside."""
+    return np.where(inside, (between @ values.T).T, np.nan)
 
 
 def _checked_grid(frequency_hz: Floats) -> Floats:

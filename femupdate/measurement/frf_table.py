@@ -12,67 +12,81 @@ from numpy.typing import NDArray
 from femupdate.arrays import Floats
 from femupdate.dynamics.excitation import Excitation
 from femupdate.errors import MeasurementError
-from femupdate.measurement.names import (
-    BASE,
-    FREQUENCY,
-    FRF_COLUMNS,
-    FrfColumn,
-    floor_height,
-)
+from femupdate.measurement.names import BASE, FREQUENCY, FRF_COLUMNS, FrfColumn, floor_height
 from femupdate.measurement.observation import (
     Observation,
     at_frequencies,
     require_floors_of_building,
     select_floors,
 )
-from femupdate.measurement.quantity import force_unit
+from femupdate.measurement.quantity import QUANTITIES, force_unit
 from femupdate.measurement.recording import RecordedFunction, Recording
-from femupdate.measurement.resolve import Layout, in_parts, positions, whole_or_parts
+from femupdate.measurement.resolve import in_parts, positions, whole_or_parts
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.thresholds import SPECTRUM
 
-# Figures by which files are judged.
-_FEWEST = 3  # frequencies of a table
-
 SOMEWHERE = "a force somewhere"
 _RESPONSES = ("frequency response", "transmissibility")
-_SHOWN = 8
 _RATIO_UNITS = ("", "-", "–", "1")
 _UNITS = "m/s2/N (accelerance), m/s/N (mobility) or m/N (receptance)"
 
 
 def frfs_in_table(
-    layout: Layout,
+    table: ColumnTable,
     force: str | None = None,
     unit: str | None = None,
     noise: float = SPECTRUM.default_noise,
 ) -> tuple[Observation, ...]:
     """The FRFs in a table, an observation for each excitation, at the table's own frequencies."""
-    file, units = layout.table.file, layout.force_units
-    told = force or any(column.force for column in layout.frfs)
-    if layout.frfs and (told or force_unit(unit or "")):
-        by_force = _by_force(layout, force)
-        ordered = sorted(by_force, key=floor_height)
-        return tuple(_under_force(by_force[floor], floor, unit, noise) for floor in ordered)
-    if units:
-        raise file.error(
-            f"a response in {units[0]} is one to a force; say at which floor it acts by the force"
-            " option, or by the columns' names, such as 2F/RF for 2F under a force at RF"
-        )
-    values = {i: _ratio(layout.table, i) for i in layout.frfs.values()}
-    # Two modes may cancel, but only to 1e-9.
-    # A damping ratio of 1e-4 amplifies 5,000 times.
-    return (_observation(layout, values, (1e-9, 1e5), noise),)
+    frfs = table.frfs
+    told = force or any(column.force for column in frfs)
+    if not frfs or not (told or force_unit(unit or "")):
+        if table.force_units:
+            raise table.file.error(
+                f"a response in {table.force_units[0]} is one to a force; say at which floor it"
+                " acts by the force option, or by the columns' names, such as 2F/RF for 2F under a"
+                " force at RF"
+            )
+        values = {i: _ratio(table, i) for i in frfs.values()}
+        # Two modes may cancel, but only to 1e-9. A damping ratio of 1e-4 amplifies 5,000 times.
+        return (_observation(table, values, (1e-9, 1e5), noise),)
+    by_force: dict[str, dict[FrfColumn, int]] = {}
+    for column, i in frfs.items():
+        at = column.force or force
+        if at is None:
+            raise table.file.error(
+                "the floor at which the force acts is not said; name it by the force option, or by"
+                " the column's name, such as 2F/RF for 2F under a force at RF",
+                column=table.title(i),
+            )
+        if force is not None and at != force:
+            raise table.file.error(
+                f"the column says another floor than the force option, {force}; leave the option"
+                " out",
+                column=table.title(i),
+            )
+        responses, plain = by_force.setdefault(at, {}), replace(column, force=at)
+        if plain in responses:
+            raise table.file.error(
+                f"{table.title(i)} and {table.title(responses[plain])} are the same response;"
+                " remove one"
+            )
+        responses[plain] = i
+    parts = {at: {i: column for column, i in by_force[at].items()} for at in by_force}
+    return tuple(
+        _under_force(replace(table, known=parts[at]), at, unit, noise)
+        for at in sorted(parts, key=floor_height)
+    )
 
 
 def _observation(
-    layout: Layout, values: Mapping[int, Floats], possible: tuple[float, float], default: float
+    table: ColumnTable, values: Mapping[int, Floats], possible: tuple[float, float], default: float
 ) -> Observation:
     """The curves in a table, all under one excitation."""
-    table, frequency = layout.table, layout.frequency_hz
-    if frequency.size < _FEWEST:
+    frequency = table.frequency_hz
+    if frequency.size < 3:
         raise table.file.error(
-            f"{frequency.size} rows are no response function; give at least {_FEWEST}",
+            f"{frequency.size} rows are no response function; give at least 3",
             int(table.lines[-1]),
         )
     wrong = np.flatnonzero((np.diff(frequency, prepend=-1.0) <= 0) | (frequency < 0))
@@ -82,10 +96,10 @@ def _observation(
             int(table.lines[wrong[0]]),
             FREQUENCY,
         )
-    floors = tuple(sorted({column.floor for column in layout.frfs}, key=floor_height))
+    floors = tuple(sorted({column.floor for column in table.frfs}, key=floor_height))
     if not floors:
         raise table.file.error(f"there is no column of a floor; columns are {FRF_COLUMNS}")
-    columns = {column.name: i for column, i in layout.frfs.items()}
+    columns = {column.name: i for column, i in table.frfs.items()}
     curves: list[NDArray[np.inexact]] = []
     noise = np.full((len(floors), frequency.size), default)
     for row, floor in enumerate(floors):
@@ -117,41 +131,11 @@ def _observation(
     )
 
 
-def _by_force(layout: Layout, force: str | None) -> dict[str, Layout]:
-    """The responses to the force at each floor, each response once."""
-    table, found = layout.table, dict[str, dict[FrfColumn, int]]()
-    for column, i in layout.frfs.items():
-        at = column.force or force
-        if at is None:
-            raise table.file.error(
-                "the floor at which the force acts is not said; name it by the force option, or by"
-                " the column's name, such as 2F/RF for 2F under a force at RF",
-                column=table.title(i),
-            )
-        if force is not None and at != force:
-            raise table.file.error(
-                f"the column says another floor than the force option, {force}; leave the option"
-                " out",
-                column=table.title(i),
-            )
-        responses, plain = found.setdefault(at, {}), replace(column, force=at)
-        if plain in responses:
-            raise table.file.error(
-                f"{table.title(i)} and {table.title(responses[plain])} are the same response;"
-                " remove one"
-            )
-        responses[plain] = i
-    return {
-        at: replace(layout, known={i: column for column, i in responses.items()})
-        for at, responses in found.items()
-    }
-
-
-def _under_force(layout: Layout, force: str, asked: str | None, noise: float) -> Observation:
+def _under_force(table: ColumnTable, force: str, asked: str | None, noise: float) -> Observation:
     """The accelerance of floors, without phase: a sign or a phase of i omega does not matter."""
-    table, omega = layout.table, 2.0 * np.pi * layout.frequency_hz
+    omega = 2.0 * np.pi * table.frequency_hz
     values, quantities = {}, set()
-    for column, i in layout.frfs.items():
+    for column, i in table.frfs.items():
         if column.part == "sd":
             continue
         stated = table.units[i] or asked
@@ -163,19 +147,18 @@ def _under_force(layout: Layout, force: str, asked: str | None, noise: float) ->
                 f" name, as {_UNITS}",
                 column=table.title(i),
             )
-        quantities.add(found.quantity)
-        values[i] = table.values[:, i] * found.factor * omega ** (2 - found.power)
+        power, si = found
+        quantities.add(QUANTITIES[power])
+        values[i] = table.values[:, i] * si * omega ** (2 - power)
     if len(quantities) > 1:
         raise table.file.error(
             f"responses to the force at {force} are in several quantities,"
             f" {' and '.join(sorted(quantities))}; give them in files of their own"
         )
-    # 1/kg, of a tower below its modes;
-    # of a toy at a mode.
-    possible = 1e-18, 1e6
-    found_curves = _observation(layout, values, possible, noise)
+    # 1/kg, of a tower below its modes and of a toy at a mode.
+    seen = _observation(table, values, (1e-18, 1e6), noise)
     (quantity,) = quantities or {"accelerance"}
-    return replace(found_curves, phase=None, excitation=Excitation(force), quantity=quantity)
+    return replace(seen, phase=None, excitation=Excitation(force), quantity=quantity)
 
 
 def in_band(
@@ -256,7 +239,7 @@ def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> Colu
         f"{k} = {name} ({function.unit or 'no unit'})"
         for k, (name, function) in enumerate(zip(names, known, strict=True), start=1)
     ]
-    listing = ", ".join(shown[:_SHOWN]) + (", ..." if len(known) > _SHOWN else "")
+    listing = ", ".join(shown[:8]) + (", ..." if len(known) > 8 else "")
     if not columns:
         raise file.error(
             "say which floor each response function is, by the columns option, such as 2F/RF=1"
@@ -278,40 +261,42 @@ def unnamed_functions(table: ColumnTable, at: int) -> tuple[RecordedFunction, ..
     """The functions in a table whose columns do not say their floors, by the file's names."""
     columns = {name: k for k, name in enumerate(table.names or ()) if k != at}
     return tuple(
-        RecordedFunction(
-            kind="function",
-            name=name,
-            frequency_hz=table.values[:, at],
-            values=_values(table, *parts),
-            unit=table.units[parts[0]],
-        )
+        _function(table, "function", name, parts, table.values[:, at], table.units[parts[0]])
         for name, parts in in_parts(columns).items()
     )
 
 
-def response_functions(layout: Layout) -> tuple[RecordedFunction, ...]:
+def response_functions(table: ColumnTable) -> tuple[RecordedFunction, ...]:
     """The responses of floors to the base or to a force in a table, in the file's units."""
-    table, forced = layout.table, layout.under_force
+    forced = table.force_units or any(column.force for column in table.frfs)
     columns: dict[str, dict[str, int]] = {}
-    for column, i in layout.frfs.items():
+    for column, i in table.frfs.items():
         if column.part != "sd":
             columns.setdefault(column.force, {})[column.name] = i
-    somewhere = SOMEWHERE if forced else BASE
-    return tuple(
-        RecordedFunction(
-            kind="frequency response",
-            name=name,
-            frequency_hz=layout.frequency_hz,
-            values=_values(table, *parts),
-            unit=table.units[parts[0]] if forced else None,
-            response=name,
-            reference=f"a force at {force}" if force else somewhere,
-        )
+    functions = [
+        (force, _function(table, "frequency response", name, parts, table.frequency_hz, unit))
         for force, places in columns.items()
         for name, parts in in_parts(places).items()
+        for unit in (table.units[parts[0]] if forced else None,)
+    ]
+    somewhere = SOMEWHERE if forced else BASE
+    return tuple(
+        replace(f, response=f.name, reference=f"a force at {force}" if force else somewhere)
+        for force, f in functions
     )
 
 
-def _values(table: ColumnTable, at: int, imaginary: int | None) -> NDArray[np.inexact]:
-    whole = table.values[:, at]
-    return whole if imaginary is None else whole + 1j * table.values[:, imaginary]
+def _function(
+    table: ColumnTable,
+    kind: str,
+    name: str,
+    parts: tuple[int, int | None],
+    frequency_hz: Floats,
+    unit: str | None,
+) -> RecordedFunction:
+    at, imaginary = parts
+    values = table.values[:, at]
+    values = values if imaginary is None else values + 1j * table.values[:, imaginary]
+    return RecordedFunction(
+        kind=kind, name=name, frequency_hz=frequency_hz, values=values, unit=unit
+    )

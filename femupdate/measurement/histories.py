@@ -8,7 +8,6 @@ acceleration. Of more than two sensors the slope is the least-squares one.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
@@ -16,29 +15,19 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.excitation import Excitation
 from femupdate.errors import MeasurementError
 from femupdate.measurement.clock import check_step
-from femupdate.measurement.names import BASE, FloorChannel, ForceChannel, floor_height
+from femupdate.measurement.names import BASE, FloorChannel, floor_height
 from femupdate.measurement.quantity import newtons, si_factor
-from femupdate.measurement.recording import (
-    RecordedChannel,
-    Recording,
-    acceleration_unit,
-    in_step,
-)
-from femupdate.measurement.resolve import Motion, placed_channels
+from femupdate.measurement.recording import RecordedChannel, Recording, acceleration_unit, in_step
+from femupdate.measurement.resolve import placed_channels
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY, percent
 
-# Figures by which files are judged.
-_HEIGHT_M = 10.0  # m, at which the rotation is compared with the translation
-# of the largest peak of the ground, that a floor feels; beyond it is a spike or a wrong unit
-_LARGEST_FLOOR = 40.0
-
 # m/s2.
 LARGEST_PEAK = RECORD.largest_g * STANDARD_GRAVITY
 SMALLEST_PEAK = RECORD.smallest_g * STANDARD_GRAVITY
-_Motion = TypeVar("_Motion", bound=Motion)
-LARGEST_RESPONSE = _LARGEST_FLOOR * LARGEST_PEAK  # m/s2
+# A floor feels forty times the largest peak of the ground; beyond it is a spike or a wrong unit.
+LARGEST_RESPONSE = 40.0 * LARGEST_PEAK
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,18 +90,47 @@ class Histories:
 
 
 def histories_of(
-    file: TextFile, channels: Mapping[Motion, RecordedChannel], unit: str | None = None
+    file: TextFile, channels: Mapping[FloorChannel, RecordedChannel], unit: str | None = None
 ) -> Histories:
-    """The histories of a building in channels."""
-    motions = {ours: motion for ours, motion in channels.items() if isinstance(ours, FloorChannel)}
-    forces = [ours for ours in channels if isinstance(ours, ForceChannel)]
-    if forces:
-        return _under_force(file, forces, channels, motions, unit)
-    _require_base_and_floors(file, tuple(motions))
-    motions, done = _at_same_times(file, motions)
-    first = next(iter(motions.values()))
-    rows = [_acceleration(file, each, channel, unit) for channel, each in motions.items()]
-    return Histories(first.time_step, tuple(motions), np.array(rows), file.path.name, notes=done)
+    """The histories of a building in channels; beside a force the base's motion is not used."""
+    forces = [ours for ours in channels if ours.force]
+    if len(forces) > 1:
+        raise file.error(
+            f"forces act at {' and '.join(force.floor for force in forces)}; give the record of"
+            " each in a file of its own"
+        )
+    aside = {ours: c for ours, c in channels.items() if ours.floor == BASE} if forces else {}
+    used = {ours: channel for ours, channel in channels.items() if ours not in aside}
+    if not forces:
+        _require_base_and_floors(file, tuple(used))
+    elif len(used) == 1:
+        raise file.error("there is a force but no floor that responds; add columns 2F ... RF")
+    used, done = _at_same_times(file, used)
+    time_step, source = next(iter(used.values())).time_step, file.path.name
+    if not forces:
+        rows = [_acceleration(file, each, ours, unit) for ours, each in used.items()]
+        return Histories(time_step, tuple(used), np.array(rows), source, notes=done)
+    (force,) = forces
+    excitation = used.pop(force)
+    pushed = newtons(file, excitation.values, excitation.unit, repr(excitation.name))
+    if np.ptp(excitation.values) == 0.0:
+        raise file.error(
+            f"every value is {excitation.values[0]:g}: the force was not recorded",
+            column=repr(excitation.name),
+        )
+    moved = [_acceleration(file, each, ours, unit) for ours, each in used.items()]
+    along = [o for o in aside if o.direction == force.direction]
+    beneath = [float(np.std(_acceleration(file, aside[ours], ours, unit))) for ours in along]
+    if beneath:
+        largest = max(float(np.std(row)) for row in moved)
+        share = f" ({percent(max(beneath) / largest)} of the largest floor's, rms)"
+        done = (
+            *done,
+            f"The base's motion{share if largest > 0.0 else ''} is not used beside the force at"
+            f" {force.floor}: the force is taken for all that moves the building.",
+        )
+    names = (FloorChannel(BASE, BASE, direction=force.direction), *used)
+    return Histories(time_step, names, np.array([pushed, *moved]), source, force.floor, done)
 
 
 def motions_in(
@@ -120,64 +138,13 @@ def motions_in(
 ) -> Mapping[FloorChannel, RecordedChannel]:
     """Histories of floors at the same times, of any quantity, with or without the base."""
     channels = placed_channels(recording, columns)
-    motions = {
-        ours: channel for ours, channel in channels.items() if isinstance(ours, FloorChannel)
-    }
+    motions = {ours: channel for ours, channel in channels.items() if not ours.force}
     return _at_same_times(recording.file, motions)[0]
 
 
-def _under_force(
-    file: TextFile,
-    forces: Sequence[ForceChannel],
-    channels: Mapping[Motion, RecordedChannel],
-    motions: Mapping[FloorChannel, RecordedChannel],
-    unit: str | None,
-) -> Histories:
-    if len(forces) > 1:
-        raise file.error(
-            f"forces act at {' and '.join(force.floor for force in forces)}; give the record of"
-            " each in a file of its own"
-        )
-    (force,) = forces
-    floors = {ours: channel for ours, channel in motions.items() if ours.floor != BASE}
-    if not floors:
-        raise file.error("there is a force but no floor that responds; add columns 2F ... RF")
-    together, done = _at_same_times(file, {force: channels[force], **floors})
-    excitation = together.pop(force)
-    floors = {ours: together[ours] for ours in floors}
-    pushed = newtons(file, excitation.values, excitation.unit, repr(excitation.name))
-    if np.ptp(excitation.values) == 0.0:
-        raise file.error(
-            f"every value is {excitation.values[0]:g}: the force was not recorded",
-            column=repr(excitation.name),
-        )
-    moved = [_acceleration(file, each, ours, unit) for ours, each in floors.items()]
-    names = (FloorChannel(BASE, BASE, direction=force.direction), *floors)
-    rows = np.array([pushed, *moved])
-    base = [
-        _acceleration(file, each, ours, unit)
-        for ours, each in motions.items()
-        if ours.floor == BASE and ours.direction == force.direction
-    ]
-    notes = (*done, *_base_beside(force.floor, base, moved))
-    return Histories(excitation.time_step, names, rows, file.path.name, force.floor, notes)
-
-
-def _base_beside(forced: str, base: Sequence[Floats], floors: Sequence[Floats]) -> tuple[str, ...]:
-    """What is told of motion of the base that was measured beside a force."""
-    if not base:
-        return ()
-    largest, beneath = (max(float(np.std(row)) for row in rows) for rows in (floors, base))
-    share = f" ({percent(beneath / largest)} of the largest floor's, rms)" if largest > 0.0 else ""
-    return (
-        f"The base's motion{share} is not used beside the force at {forced}: the force is taken"
-        " for all that moves the building.",
-    )
-
-
 def _at_same_times(
-    file: TextFile, channels: Mapping[_Motion, RecordedChannel]
-) -> tuple[dict[_Motion, RecordedChannel], tuple[str, ...]]:
+    file: TextFile, channels: Mapping[FloorChannel, RecordedChannel]
+) -> tuple[dict[FloorChannel, RecordedChannel], tuple[str, ...]]:
     """The channels at the same times, and sentences on what was done for that."""
     channels = in_step(file, channels, one_rate=True)
     first = next(iter(channels.values()))
@@ -289,12 +256,13 @@ def said_of_rotation(
     if rotation is not None:
         at = ", ".join(f"{place:g}" for place in places)
         moved = float(np.sqrt((rotation**2).mean()))
-        share = _HEIGHT_M * moved / float(base.std())
+        height = 10.0  # m, at which the rotation is compared with the translation
+        share = height * moved / float(base.std())
         # A table that pitches by 0.3 rad/m moves such a point by three times the translation.
         doubt = " Is their unit right, and are the places in metres?" if share > 3.0 else ""
         return (
             f"The base's rotation is measured by vertical sensors at {at} m and is an input:"
-            f" {moved:.3g} rad/s2 rms, which moves a point {_HEIGHT_M:g} m up by"
+            f" {moved:.3g} rad/s2 rms, which moves a point {height:g} m up by"
             f" {percent(share)} of what the translation does.{doubt}",
         )
     alone = [

@@ -17,7 +17,6 @@ from femupdate.measurement.names import (
     FREQUENCY,
     TIME,
     FloorChannel,
-    ForceChannel,
     base_rank,
     channel_name,
     floor_height,
@@ -36,10 +35,9 @@ from femupdate.measurement.recording import (
     azimuth_of,
     in_m_s2,
 )
-from femupdate.measurement.resolve import axes_of, layout_of
+from femupdate.measurement.resolve import axes_of, resolved
 
 # Figures by which files are judged.
-_COMPONENTS = 3  # channels of a record of one place, at most
 _ALONG_DEG = 10.0  # degrees, by which azimuths of one direction may differ
 
 
@@ -183,7 +181,7 @@ def next_step(
     ours = len(others) == len(names or ()) - 1 and all(parse_history(title) for title in others)
     mapped = "" if ours else columns_option(along)
     calibrate = f"femupdate calibrate {name}{options}"
-    forced = any(isinstance(parse_history(each.name), ForceChannel) for each in histories)
+    forced = any((motion := parse_history(h.name)) and motion.force for h in histories)
     if (base or forced) and floors:
         return NextStep(calibrate + mapped, "" if ours else _CHECK, columns)
     what = "NUMBER" if names is None else "NAME"
@@ -192,7 +190,8 @@ def next_step(
         force = str(pushed + 1) if names is None else histories[pushed].name
         option = columns_option({"force/RF": force, **along}, [] if floors else ["RF"], what)
         return NextStep(calibrate + option, _FORCED, columns)
-    if len(histories) <= _COMPONENTS and not floors:
+    of_one_place = len(histories) <= 3
+    if of_one_place and not floors:
         largest = max(usable, key=lambda k: float(abs(histories[k].values).max()))
         channel = f" --channel {largest + 1}" if len(histories) > 1 else ""
         return NextStep(f"femupdate predict --record {name}{channel}{options}", "")
@@ -201,7 +200,7 @@ def next_step(
     if floors and not base and seconds >= 120.0:
         identify = f"femupdate identify {name} -o modes.csv{mapped}"
         return NextStep(identify, _NO_BASE, columns)
-    if not base and len(histories) <= _COMPONENTS:
+    if not base and of_one_place:
         return NextStep(
             "",
             f"The channel sits at {', '.join(floors)}: a response needs the base's record too, with"
@@ -427,81 +426,66 @@ def inspect_file(
     tabled = bool(functions) and recording.table is not None
     histories = () if tabled or table is not None else recording.histories(columns)
     done = tuple(dict.fromkeys(words for each in histories for words in each.done))
-    floors = proposed_floors(histories)
-    placed = _placed([parse_channel(each.name) for each in histories])
+    floors: Sequence[str | None] = proposed_floors(histories)
+    motions = [parse_channel(each.name) for each in histories]
     if columns and histories:  # as the user says them, in the directions x, y and z
-        given = {
-            (motion.name, motion.direction): (ours, motion)
-            for ours, motion in motions_in(recording, columns).items()
-        }
-        mapped = [given.get((each.name, each.direction), (None, each)) for each in histories]
+        turned = motions_in(recording, columns)
+        given = {(motion.name, motion.direction): ours for ours, motion in turned.items()}
+        motions = [given.get((each.name, each.direction)) for each in histories]
         histories = tuple(
-            each if ours is None else replace(each, direction=ours.direction.upper())
-            for ours, each in mapped
+            each if ours is None else replace(turned[ours], direction=ours.direction.upper())
+            for each, ours in zip(histories, motions, strict=True)
         )
-        floors = tuple(None if ours is None else ours.floor for ours, _ in mapped)
-        placed = _placed([ours for ours, _ in mapped])
-    channels = tuple(
-        _inspected(recording, number, channel, floor, unit)
-        for number, (channel, floor) in enumerate(zip(histories, floors, strict=True), start=1)
-    )
+        floors = [None if ours is None else ours.floor for ours in motions]
+    # Vertical channels of the base whose places are known.
+    placed = {k: ours for k, ours in enumerate(motions) if ours and ours.place is not None}
+    channels = []
+    for number, (channel, floor) in enumerate(zip(histories, floors, strict=True), start=1):
+        assumed = unit if channel.quantity in ("acceleration", "unknown") else None
+        stated, si = channel.unit or assumed, None
+        if stated is not None and is_acceleration(stated):
+            si = si_factor(recording.file, stated, "acceleration")
+        peak = None if si is None else float(np.abs(channel.values).max()) * si
+        findings = channel_findings(channel, si)
+        channels.append(InspectedChannel(number, channel, peak, floor, findings))
     return Inspection(
         path=path,
         reads=readers()[recording.format].READS,
         recording=recording,
-        channels=channels,
+        channels=tuple(channels),
         functions=functions,
         modes=modes,
         findings=(*pair_findings(histories, floors, placed=placed), *mode_findings(modes)),
-        rotation=(*done, *_rotation(recording, histories, floors, placed, unit)),
+        rotation=(*done, *_rotation(recording, channels, placed, unit)),
         step=_step(path, recording, histories, functions, modes, unit, columns),
     )
 
 
-def _placed(channels: Sequence[FloorChannel | None]) -> dict[int, FloorChannel]:
-    """Vertical channels of the base whose places are known, by their index."""
-    return {k: each for k, each in enumerate(channels) if each and each.place is not None}
-
-
 def _rotation(
     recording: Recording,
-    histories: Sequence[RecordedChannel],
-    floors: Sequence[str | None],
+    channels: Sequence[InspectedChannel],
     placed: Mapping[int, FloorChannel],
     unit: str | None,
 ) -> tuple[str, ...]:
     """What vertical channels of the base tell, or could tell, of its rotation."""
-    base = next(
-        (
-            channel
-            for channel, floor in zip(histories, floors, strict=True)
-            if floor == BASE and not channel.vertical
-        ),
-        None,
-    )
-    units = [histories[k].unit or unit for k in placed]
+    below = [each for each in channels if each.floor == BASE]
     if not placed:
-        inside = [
-            str(k + 1)
-            for k, (channel, floor) in enumerate(zip(histories, floors, strict=True))
-            if floor == BASE
-            and channel.vertical
-            and base_rank(channel.location or channel.name) == 0
-        ]
+        up = [each for each in below if each.channel.vertical and base_rank(each.place) == 0]
         advice = (
-            f"Channels {', '.join(inside)} are vertical at the base: with their places along the"
-            " motion, in m, they measure how it turns. Map them under names such as base@-2.5.z."
+            f"Channels {', '.join(str(each.number) for each in up)} are vertical at the base: with"
+            " their places along the motion, in m, they measure how it turns. Map them under names"
+            " such as base@-2.5.z."
         )
-        return (advice,) if len(inside) >= 2 else ()
-    if len(placed) < 2 or base is None or None in units:
+        return (advice,) if len(up) >= 2 else ()
+    base = next((each.channel for each in below if not each.channel.vertical), None)
+    vertical, places = [channels[k].channel for k in placed], tuple(placed.values())
+    if len(placed) < 2 or base is None or None in [each.unit or unit for each in vertical]:
         return ()
-    fault = fault_of(tuple(placed.values()))
+    fault = fault_of(places)
     if fault is not None:
         return (fault,)
-
-    vertical = np.array([in_m_s2(recording.file, histories[k], unit) for k in placed])
-    moved = in_m_s2(recording.file, base, unit)
-    return said_of_rotation(tuple(placed.values()), vertical, moved)
+    rows = np.array([in_m_s2(recording.file, each, unit) for each in vertical])
+    return said_of_rotation(places, rows, in_m_s2(recording.file, base, unit))
 
 
 def _functions_of_table(
@@ -516,21 +500,10 @@ def _functions_of_table(
     others = (name for k, name in enumerate(names) if k != axis)
     if not columns and not all(map(parse_frf_column, others)):
         return unnamed_functions(table, axis)
-    layout = layout_of(table, columns)
-    if not layout.under_force:
+    table = resolved(table, columns)
+    if not (table.force_units or any(column.force for column in table.frfs)):
         base_motion_in(recording, unit, columns)  # refuses what cannot be
-    return response_functions(layout)
-
-
-def _inspected(
-    recording: Recording, number: int, channel: RecordedChannel, floor: str | None, unit: str | None
-) -> InspectedChannel:
-    stated = channel.unit or (unit if channel.quantity in ("acceleration", "unknown") else None)
-    known = stated is not None and is_acceleration(stated)
-    si = si_factor(recording.file, stated, "acceleration") if known and stated else None
-    peak = float(np.abs(channel.values).max())
-    findings = channel_findings(channel, si)
-    return InspectedChannel(number, channel, None if si is None else peak * si, floor, findings)
+    return response_functions(table)
 
 
 def _step(

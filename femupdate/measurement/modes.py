@@ -156,7 +156,6 @@ def _shapes(
     return sensors, shape.real if real_only else shape, sd
 
 
-_SHOWN = 12
 _OF_MODES = ("frequency_hz", "frequency_sd_hz", "damping", "damping_sd", "shape", "shape_sd")
 
 
@@ -306,7 +305,7 @@ def _floors_of(
         if channel is not None and channel.direction == direction and channel.floor != BASE:
             placed[sensor] = channel.floor
     if sensors and not placed:
-        shown = ", ".join(sensors[:_SHOWN]) + (", ..." if len(sensors) > _SHOWN else "")
+        shown = ", ".join(sensors[:12]) + (", ..." if len(sensors) > 12 else "")
         raise file.error(
             f"none of the shapes' components is a floor's in direction {direction}; say which are,"
             f" by the columns option, such as 2F=NAME,RF=NAME, among {shown}"

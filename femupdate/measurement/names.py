@@ -47,14 +47,15 @@ FRF_COLUMNS = (
 
 @dataclass(frozen=True)
 class FloorChannel:
-    """One acceleration channel of a building.
+    """One channel of a building: an acceleration, or the force of a hammer or a shaker.
 
     Attributes:
-        name: of its column, such as `2F:1.y`.
+        name: of its column, such as `2F:1.y` or `force/RF`.
         floor: `base`, `2F`, ... or `RF`.
         sensor: what tells the sensors of a floor apart; empty where there is one.
         direction: `x`, `y` or `z`.
         place: of a vertical sensor of the base that stands at a known place along the motion, m.
+        force: whether it is the force that acts there.
     """
 
     name: str
@@ -62,6 +63,7 @@ class FloorChannel:
     sensor: str = ""
     direction: str = "x"
     place: float | None = None
+    force: bool = False
 
 
 @dataclass(frozen=True)
@@ -83,25 +85,14 @@ class FrfColumn:
         return self.floor if self.part == "abs" else f"{self.floor}_{self.part}"
 
 
-@dataclass(frozen=True)
-class ForceChannel:
-    """The history of a force of a hammer or a shaker."""
-
-    floor: str
-    direction: str = "x"
-
-    @property
-    def name(self) -> str:
-        """Of its column."""
-        return f"force/{self.floor}" + (f".{self.direction}" if self.direction != "x" else "")
-
-
-def parse_history(name: str) -> FloorChannel | ForceChannel | None:
+def parse_history(name: str) -> FloorChannel | None:
     """Return the motion or the force that a column of histories stands for, or None."""
     match = _FORCE.fullmatch(name.strip())
     if match is None:
         return parse_channel(name)
-    return ForceChannel(match["floor"].upper(), (match["direction"] or "x").lower())
+    floor, direction = match["floor"].upper(), (match["direction"] or "x").lower()
+    name = f"force/{channel_name(floor, direction=direction)}"
+    return FloorChannel(name, floor, direction=direction, force=True)
 
 
 def parse_channel(name: str) -> FloorChannel | None:

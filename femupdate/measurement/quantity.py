@@ -1,7 +1,6 @@
 """Units as measured files write them, also of forces and of responses per force."""
 
 import re
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,49 +38,27 @@ def newtons(file: TextFile, values: Floats, unit: str | None, column: str) -> Fl
     return found
 
 
-@dataclass(frozen=True)
-class ForceUnit:
-    """A unit of a response per unit force.
+def force_unit(text: str) -> tuple[int, float] | None:
+    """The unit per force that a text such as `m/s2/N`, `g/kN` or `(1/N)*(m/s²)` names, or None.
 
-    Attributes:
-        power: 0 for displacement, 1 for velocity, 2 for acceleration.
-        factor: to SI, per N.
+    Returns:
+        Power of i omega (see `QUANTITIES`), and factor to SI.
     """
-
-    power: int
-    factor: float
-
-    @property
-    def quantity(self) -> str:
-        """Its name."""
-        return QUANTITIES[self.power]
-
-
-def force_unit(text: str) -> ForceUnit | None:
-    """The unit that a text such as `m/s2/N`, `g/kN`, `1/kg` or `(1/N)*(m/s²)` names, or None."""
     plain = re.sub(r"\s", "", text).replace("²", "2").replace("**", "").replace("^", "")
     mass = _MASS.fullmatch(plain)
     if mass is not None:
-        return ForceUnit(2, 1.0 / UNITS["mass"][mass["mass"]])
+        return 2, 1.0 / UNITS["mass"][mass["mass"]]
     match = _PRODUCT.fullmatch(plain) or _RATIO.fullmatch(plain)
     if match is None:
         return None
-    motion = _motion(match["motion"])
-    if motion is None:
-        return None
-    power, si = motion
-    return ForceUnit(power, si / FORCES[match["force"]])
-
-
-def _motion(name: str) -> tuple[int, float] | None:
-    """Power of i omega and SI factor of a unit of motion, or None."""
-    if name in UNITS["length"]:
-        return 0, UNITS["length"][name]
-    velocity = _VELOCITY.fullmatch(name)
-    if velocity is not None and velocity["length"] in UNITS["length"]:
-        return 1, UNITS["length"][velocity["length"]]
+    newton, lengths = FORCES[match["force"]], UNITS["length"]
+    velocity = _VELOCITY.fullmatch(match["motion"])
+    if match["motion"] in lengths:
+        return 0, lengths[match["motion"]] / newton
+    if velocity is not None and velocity["length"] in lengths:
+        return 1, lengths[velocity["length"]] / newton
     try:
-        return 2, factor(name, "acceleration")
+        return 2, factor(match["motion"], "acceleration") / newton
     except UnitError:
         return None
 

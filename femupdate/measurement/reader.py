@@ -15,9 +15,10 @@ from femupdate.measurement import readers as folder
 from femupdate.measurement.frf_table import frfs_in_table, table_of_functions
 from femupdate.measurement.histories import Histories, histories_of
 from femupdate.measurement.modes import IdentifiedModes, identified_modes
+from femupdate.measurement.names import TIME
 from femupdate.measurement.observation import Observation
 from femupdate.measurement.recording import Recording, in_step
-from femupdate.measurement.resolve import layout_of, placed_channels
+from femupdate.measurement.resolve import placed_channels, resolved, table_channels
 from femupdate.measurement.text import read_head, read_text
 from femupdate.measurement.thresholds import SPECTRUM
 
@@ -171,7 +172,7 @@ def kind_in(
         table, columns = table_of_functions(recording, columns or {}), None
     if table is None:
         return histories_of(file, placed_channels(recording, columns, unit), unit)
-    layout = layout_of(table, columns)
-    if layout.of_histories:
-        return histories_of(file, layout.channels(), unit)
-    return frfs_in_table(layout, force, unit, noise)
+    table = resolved(table, columns)
+    if table.axis == TIME:
+        return histories_of(file, table_channels(table), unit)
+    return frfs_in_table(table, force, unit, noise)

@@ -258,10 +258,7 @@ def _choose(
     base: Mapping[FloorChannel, RecordedChannel],
 ) -> RecordedChannel:
     if asked is not None:
-        names, listing = (
-            [channel.name for channel in channels],
-            channel_listing(file, channels, unit),
-        )
+        names, listing = [c.name for c in channels], channel_listing(file, channels, unit)
         at = positions(file, "channel", names, {"the record": str(asked)}, listing)
         chosen = channels[at["the record"]]
         return next((known for known in base.values() if known.name == chosen.name), chosen)

@@ -11,13 +11,7 @@ from numpy.typing import NDArray
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
-from femupdate.measurement.clock import (
-    counted_unit,
-    even_step,
-    interpolated,
-    rate_ratio,
-    resampled,
-)
+from femupdate.measurement.clock import counted_unit, even_step, interpolated, rate_ratio, resampled
 from femupdate.measurement.names import (
     DIRECTION_END,
     TIME,
@@ -279,8 +273,7 @@ def channels_of(
     count, width = table.values.shape
     if count < fewest:
         raise table.file.error(
-            f"{count} rows are too short for a {what}; give at least {fewest}",
-            int(table.lines[-1]),
+            f"{count} rows are too short for a {what}; give at least {fewest}", int(table.lines[-1])
         )
     table.require_filled([at])
     time, counted = _seconds(table, at)
@@ -424,16 +417,13 @@ def in_step(
         places = {
             key: (begin - (each.start or 0.0)) / each.time_step for key, each in found.items()
         }
-        counts = {
-            key: int((end - begin) / each.time_step + 1e-3) + 1 for key, each in found.items()
-        }
+        counts: dict[float, int] = {}  # of samples, by their step
         for key, each in found.items():
-            first = round(places[key])
-            counts[key] = min(counts[key], each.values.size - first)
+            most = int((end - begin) / each.time_step + 1e-3) + 1
+            most = min(most, each.values.size - round(places[key]))
+            counts[each.time_step] = min(most, counts.get(each.time_step, most))
         for key, each in found.items():
-            alike = [counts[k] for k, other in found.items() if other.time_step == each.time_step]
-            first, cut = round(places[key]), min(alike)
-            values = each.values[first : first + cut]
+            values = each.values[round(places[key]) :][: counts[each.time_step]]
             found[key] = replace(each, values=values, start=begin)
         if any(each.values.size < channels[key].values.size - 1 for key, each in found.items()):
             earliest = min(each.start or 0.0 for each in channels.values())

@@ -7,12 +7,11 @@ A name of ours stands in the file itself, or the user gives it to what the file 
 import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
-from femupdate.arrays import Floats
 from femupdate.measurement.names import (
     BASE,
     FREQUENCY,
@@ -22,12 +21,11 @@ from femupdate.measurement.names import (
     SECONDS_NAME,
     TIME,
     FloorChannel,
-    ForceChannel,
     FrfColumn,
     parse_frf_column,
     parse_history,
 )
-from femupdate.measurement.quantity import force_unit, si_factor, split_unit
+from femupdate.measurement.quantity import split_unit
 from femupdate.measurement.recording import (
     RecordedChannel,
     Recording,
@@ -41,12 +39,9 @@ from femupdate.measurement.thresholds import RECORD
 
 logger = logging.getLogger(__name__)
 
-Motion = FloorChannel | ForceChannel
 _Column = TypeVar("_Column")
-Known = FloorChannel | ForceChannel | FrfColumn
+Known = FloorChannel | FrfColumn
 _ON_BASE = re.compile(rf"^{BASE}/|/{BASE}\b|/{BASE}_", re.IGNORECASE)
-_COMMON_NAMES = (BASE, "RF", *(f"{n}F" for n in range(2, 13)))
-_SHOWN = 20
 _KINDS: Mapping[str, tuple[Callable[[str], Known | None], str]] = {
     TIME: (parse_history, HISTORY_COLUMNS),
     FREQUENCY: (parse_frf_column, FRF_COLUMNS),
@@ -77,7 +72,7 @@ def positions(
             if not at:
                 near = closest(theirs, names)
                 problem = f"there is no {what} {theirs!r} to take for {ours}{near}"
-            shown = ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
+            shown = ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
             offer = f"choose by number: {listing}" if listing else f"the file has {shown}"
             raise file.error(f"{problem}; {offer}")
         if at[0] in at_name.values():
@@ -118,7 +113,7 @@ def given_channels(
     channels: Sequence[RecordedChannel],
     columns: Mapping[str, str],
     unit: str | None = None,
-) -> dict[Motion, RecordedChannel]:
+) -> dict[FloorChannel, RecordedChannel]:
     """The channels to which the user gives our names.
 
     Args:
@@ -129,9 +124,9 @@ def given_channels(
     known = _known(file, tuple(columns), {}, TIME)
     names, listing = [channel.name for channel in channels], channel_listing(file, channels, unit)
     at = positions(file, "channel", names, columns, listing, turned=True)
-    chosen: dict[Motion, RecordedChannel] = {}
+    chosen: dict[FloorChannel, RecordedChannel] = {}
     for (ours, theirs), motion in zip(columns.items(), known.values(), strict=True):
-        if isinstance(motion, FloorChannel | ForceChannel):
+        if isinstance(motion, FloorChannel):
             sign = -1.0 if theirs.startswith("-") else 1.0
             chosen[motion] = channels[at[ours]].times(sign * factors.get(ours, 1.0))
     return chosen
@@ -139,14 +134,14 @@ def given_channels(
 
 def placed_channels(
     recording: Recording, columns: Mapping[str, str] | None, unit: str | None = None
-) -> dict[Motion, RecordedChannel]:
+) -> dict[FloorChannel, RecordedChannel]:
     """The histories in a file, by what they are of a building."""
     file, channels = recording.file, recording.channels
     if recording.table is not None:
-        layout = layout_of(recording.table, columns)
-        if not layout.of_histories:
+        table = resolved(recording.table, columns)
+        if table.axis != TIME:
             raise file.error("these are response functions; modes come from a record of the floors")
-        return layout.channels()
+        return table_channels(table)
     if not channels:
         raise file.error("there are no histories in the file; give the record of the floors")
     if not columns:
@@ -157,55 +152,14 @@ def placed_channels(
     return given_channels(file, channels, columns, unit)
 
 
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """What the columns of a table stand for.
-
-    Attributes:
-        table: without a first row at zero frequency, where nothing accelerates.
-        of_histories: whether these are times.
-        known: what each other column stands for, by its position.
-    """
-
-    table: ColumnTable
-    at: int
-    of_histories: bool
-    known: Mapping[int, Known]
-
-    @property
-    def frfs(self) -> dict[FrfColumn, int]:
-        """Position of every column of response functions."""
-        return {column: i for i, column in self.known.items() if isinstance(column, FrfColumn)}
-
-    @property
-    def frequency_hz(self) -> Floats:
-        """(r,) of the rows."""
-        unit = self.table.units[self.at] or "Hz"
-        return self.table.values[:, self.at] * si_factor(self.table.file, unit, "frequency")
-
-    @property
-    def force_units(self) -> list[str]:
-        """Units of columns that only a response to a force has."""
-        units = (self.table.units[i] for meaning, i in self.frfs.items() if meaning.part != "sd")
-        return [unit for unit in units if unit and force_unit(unit)]
-
-    @property
-    def under_force(self) -> bool:
-        """Whether the columns say that they are responses to a force."""
-        return bool(self.force_units) or any(column.force for column in self.frfs)
-
-    def channels(self) -> dict[Motion, RecordedChannel]:
-        """The columns of histories."""
-        read = channels_of(self.table, self.at, RECORD.fewest_of_spectrum, "spectrum")
-        return {
-            meaning: read[i]
-            for i, meaning in self.known.items()
-            if isinstance(meaning, FloorChannel | ForceChannel)
-        }
+def table_channels(table: ColumnTable) -> dict[FloorChannel, RecordedChannel]:
+    """The columns of histories in a table."""
+    read = channels_of(table, table.at, RECORD.fewest_of_spectrum, "spectrum")
+    return {ours: read[i] for i, ours in table.known.items() if isinstance(ours, FloorChannel)}
 
 
-def layout_of(table: ColumnTable, columns: Mapping[str, str] | None) -> Layout:
-    """What the columns of a table stand for.
+def resolved(table: ColumnTable, columns: Mapping[str, str] | None) -> ColumnTable:
+    """A table with what its columns stand for, without a first row at zero frequency.
 
     Args:
         columns: our column name to the file's, which are numbers from 1 where it has no header;
@@ -233,15 +187,14 @@ def layout_of(table: ColumnTable, columns: Mapping[str, str] | None) -> Layout:
             f" it by --columns {TIME}={first}"
         )
     ((at, axis),) = axes.items()
-    if axis == FREQUENCY and table.values[0, at] == 0.0:
+    if axis == FREQUENCY and table.values[0, at] == 0.0:  # where nothing accelerates
         table = replace(table, values=table.values[1:], lines=table.lines[1:])
     unused = [at]
     if axis == TIME:
         unused += [k for k in second_clocks(table, at) if k not in given]
     else:
         table.require_filled(range(table.values.shape[1]))
-    known = _known(file, names, given, axis, unused)
-    return Layout(table, at, axis == TIME, known)
+    return replace(table, at=at, axis=axis, known=_known(file, names, given, axis, unused))
 
 
 def axes_of(names: Sequence[str]) -> dict[int, str]:
@@ -303,6 +256,7 @@ def _known(
 ) -> dict[int, Known]:
     """What channels or columns stand for, by their positions."""
     parse, columns = _KINDS[axis]
+    common = (BASE, "RF", *(f"{n}F" for n in range(2, 13)))
     known: dict[int, Known] = {}
     for position, title in enumerate(names):
         name = given.get(position, title)
@@ -318,7 +272,7 @@ def _known(
             )
         elif parsed is None:
             raise file.error(
-                f"unknown column {name!r}{closest(name, _COMMON_NAMES)}; columns are {columns}:"
+                f"unknown column {name!r}{closest(name, common)}; columns are {columns}:"
                 " rename it or map it by --columns"
             )
         elif parsed in known.values():

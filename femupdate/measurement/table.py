@@ -3,16 +3,15 @@
 import csv
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Floats, Integers
 from femupdate.measurement.clock import DATE_ALONE, is_moment, seconds_of
-from femupdate.measurement.names import TIME
-from femupdate.measurement.quantity import split_unit
+from femupdate.measurement.names import TIME, FloorChannel, FrfColumn
+from femupdate.measurement.quantity import force_unit, si_factor, split_unit
 from femupdate.measurement.text import TextFile
 
 Row = tuple[int, str]  # line number, text
@@ -153,6 +152,9 @@ class ColumnTable:
         names: (c,) titles of the columns without their units, or None where there is no header.
         units: (c,) unit of each column, or None where the file does not say.
         values: (r, c) the numbers, NaN where a cell is blank.
+        at: position of the column that the others go by.
+        axis: our name of that, times or frequencies; empty until it is known (`resolved`).
+        known: what each other column stands for, by its position.
     """
 
     file: TextFile
@@ -160,12 +162,30 @@ class ColumnTable:
     units: tuple[str | None, ...]
     values: Floats
     lines: Integers
+    at: int = 0
+    axis: str = ""
+    known: Mapping[int, FloorChannel | FrfColumn] = field(default_factory=dict)
+
+    @property
+    def frfs(self) -> dict[FrfColumn, int]:
+        """Position of every column of response functions."""
+        return {column: i for i, column in self.known.items() if isinstance(column, FrfColumn)}
+
+    @property
+    def frequency_hz(self) -> Floats:
+        """(r,) of the rows."""
+        unit = self.units[self.at] or "Hz"
+        return self.values[:, self.at] * si_factor(self.file, unit, "frequency")
+
+    @property
+    def force_units(self) -> list[str]:
+        """Units of columns that only a response to a force has."""
+        units = (self.units[i] for column, i in self.frfs.items() if column.part != "sd")
+        return [unit for unit in units if unit and force_unit(unit)]
 
     @staticmethod
     def of_arrays(
-        file: TextFile,
-        columns: Mapping[str, NDArray[np.number]],
-        units: Mapping[str, str | None],
+        file: TextFile, columns: Mapping[str, NDArray[np.number]], units: Mapping[str, str | None]
     ) -> "ColumnTable":
         """Arrays (r,) as a table; one of complex numbers becomes two, `name_re` and `name_im`."""
         parts = {
@@ -326,12 +346,29 @@ def parse_rows(
     refused = np.isinf if missing else lambda found: ~np.isfinite(found)
     if values is not None and values.shape[1] == width and not refused(values).any():
         return values, lines
-    numbered = list(zip(lines.tolist(), texts, strict=True))
-    _blame(file, numbered, delimiter, width, names, refused, blanks)
+    for line, text in zip(lines.tolist(), texts, strict=True):
+        cells = cells_of(text, delimiter)
+        if len(cells) != width:
+            raise file.error(
+                f"the row has {len(cells)} cells where {width} are expected; the file may be cut"
+                " off: complete or remove the row",
+                line,
+            )
+        for position, cell in enumerate(cells):
+            number = is_number(cell)
+            if (number and not refused(float(cell))) or (blanks and not cell):
+                continue
+            what = f"{cell!r} is not a number" if cell else "the cell is blank"
+            raise file.error(
+                f"{f'the value is {cell}' if number else what}; fill in the measured value or"
+                " remove the row or column",
+                line,
+                column_title(names, position),
+            )
     if not blanks:
         raise file.error("the table cannot be read as numbers; write plain decimal numbers")
-    cells = [[cell or "nan" for cell in cells_of(text, delimiter)] for text in texts]
-    return np.array(cells, dtype=np.float64), lines
+    filled = [[cell or "nan" for cell in cells_of(text, delimiter)] for text in texts]
+    return np.array(filled, dtype=np.float64), lines
 
 
 def read_head_rows(
@@ -373,36 +410,3 @@ def read_head_rows(
     below = [None if unit in ("", "-") else unit for unit in second]
     stated = tuple(unit or beside for unit, beside in zip(below, units, strict=True))
     return names, stated, rows[2:]
-
-
-def _blame(
-    file: TextFile,
-    rows: list[Row],
-    delimiter: str | None,
-    width: int,
-    names: tuple[str, ...] | None,
-    refused: Callable[[Any], Any],
-    blanks: bool,
-) -> None:
-    """Raise the error of the first cell that is no number or a refused one."""
-    for line, text in rows:
-        cells = cells_of(text, delimiter)
-        if len(cells) != width:
-            raise file.error(
-                f"the row has {len(cells)} cells where {width} are expected; the file may be cut"
-                " off: complete or remove the row",
-                line,
-            )
-        for position, cell in enumerate(cells):
-            if is_number(cell) and not refused(float(cell.replace(",", "."))):
-                continue
-            if blanks and not cell:
-                continue
-            what = f"{cell!r} is not a number" if cell else "the cell is blank"
-            if is_number(cell):
-                what = f"the value is {cell}"
-            raise file.error(
-                f"{what}; fill in the measured value or remove the row or column",
-                line,
-                column_title(names, position),
-            )

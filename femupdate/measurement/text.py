@@ -21,7 +21,6 @@ _ZIP_MARK = b"PK\x03\x04"
 # JMA writes station names in Shift-JIS; latin-1 accepts every byte and comes last.
 _CONTROLS = bytes(range(0x80, 0xA0))
 _ENCODINGS = ("utf-8-sig", "cp932", "latin-1")
-_HEAD_BYTES = 65536
 
 
 @dataclass(frozen=True)
@@ -90,10 +89,11 @@ def text_of(path: Path, data: bytes) -> TextFile:
 
 def read_head(path: str | Path) -> str:
     """Return the beginning of a file as text, with line ends as \\n; binary ones as latin-1."""
-    data = read_bytes(path, _HEAD_BYTES)
+    limit = 65536
+    data = read_bytes(path, limit)
     if b"\0" in data and not data.startswith(_UTF16_MARKS):
         return data.decode("latin-1")
-    return "\n".join(_lines(_decode(data, whole=len(data) < _HEAD_BYTES)))
+    return "\n".join(_lines(_decode(data, whole=len(data) < limit)))
 
 
 def closest(name: str, known: Iterable[str]) -> str:

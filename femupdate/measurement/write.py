@@ -204,6 +204,4 @@ def write_mapping(
     if rest:
         lines.append("\n# Not used:")
         lines += [f"# {k + 1}: {told(channels[k])}" for k in rest]
-    with atomic_path(path, MeasurementError) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    return path
+    return _write_text(path, "\n".join(lines) + "\n")

@@ -18,7 +18,7 @@ __all__, __getattr__ = public(
             "CertifiedModel choose_building DEFAULT_BUILDING open_study reduce_building REDUCED "
             "StudyModel"
         ),
-        "observed": "observation_of ObservationSource readable runs_of",
+        "observed": "ObservationSource readable",
         "predict": "predict_study PredictionSettings RecordSource",
         "render": "render_study",
         "repair": "repair_study",

@@ -67,7 +67,7 @@ def fitted_effects(
     phase = any(place.effect.needs_phase for place in building_effects(model.building).placed)
     data: list[Data] = []
     if measured.has_base:
-        data.append(base_data(measured.runs_at_levels, model.system, phase, table=COARSE_ERROR))
+        data.append(base_data(measured.runs, model.system, phase, table=COARSE_ERROR))
     data += data_of_forces(measured, model.system, use_phase=phase, table=COARSE_ERROR)
     data += data_of_modes(measured, model.system)
     problem, fitted = prepared(finder, data, progress=progress)
@@ -105,15 +105,16 @@ def with_levels(model: StudyModel, source: ObservationSource, measured: Measured
     changes = changes_with_level(building_effects(model.building).placed)
     if not changes or len(measured.runs) < 2:
         return measured
-    first, *further = measured.base_paths
-    first_run, *others = replace(source, path=first, further=tuple(further)).runs
-    levels = (0.0, *(level_between(model, first_run, other) for other in others))
-    others_of = zip(measured.runs[1:], levels[1:], strict=True)
-    each = ", ".join(f"{run.source} at {2.0**level:.2g} times" for run, level in others_of)
+    first, *others = (replace(source, path=path, further=()) for path in measured.base_paths)
+    levels = [0.0, *(level_between(model, first, other) for other in others)]
+    runs = tuple(
+        replace(run, level=level) for run, level in zip(measured.runs, levels, strict=True)
+    )
+    each = ", ".join(f"{run.source} at {2.0**run.level:.2g} times" for run in runs[1:])
     said = (
-        f"{len(levels)} runs are explained together, each at its own level: {each} that of "
-        f"{measured.runs[0].source}."
+        f"{len(runs)} runs are explained together, each at its own level: {each} that of "
+        f"{runs[0].source}."
     )
     # Whether they agree with one another is no question where the level changes the building.
     base = replace(measured.base, notes=(said, *measured.base.notes[1:]))
-    return replace(measured, levels=levels, base=base)
+    return replace(measured, runs=runs, base=base)

@@ -471,7 +471,7 @@ def concluded(
         if not settings.anyway and any("[prior.theta" in told for told in outside):
             raise InferenceError(f"{outside[0]} --anyway keeps draws that do not hold this answer.")
         warnings = (*outside, *warnings)
-    scatter = scatter_of_runs(model, measured.runs, posterior, between, measured.levels)
+    scatter = scatter_of_runs(model, measured.runs, posterior, between)
     posterior = replace(posterior, warnings=warnings, scatter=scatter)
     posterior = with_own_errors(with_error_of_all(posterior, model, alike), model, second)
     found = identified(posterior)
@@ -506,11 +506,7 @@ def concluded(
 
 
 def scatter_of_runs(
-    model: StudyModel,
-    runs: Sequence[Observation],
-    posterior: Posterior,
-    seed: Seed,
-    levels: Sequence[float] = (),
+    model: StudyModel, runs: Sequence[Observation], posterior: Posterior, seed: Seed
 ) -> LearnedScatter | None:
     """How much stiffness and damping differ between runs; None of a single one.
 
@@ -518,23 +514,21 @@ def scatter_of_runs(
     likelihood of its own, in which the model may err.
 
     Args:
-        runs: FRFs under base motion, a run each.
-        levels: of the runs, in doublings above the first; all alike by default.
+        runs: FRFs under base motion, each at its level.
     """
     if len(runs) < 2:
         return None
-    both = zip(runs, levels or [0.0] * len(runs), strict=True)
-    found = np.array([_moments(model, run, level, posterior) for run, level in both])
+    found = np.array([_moments(model, run, posterior) for run in runs])
     return learned_scatter(found[:, 0], found[:, 1], posterior.values.shape[:2], seed)
 
 
-def _moments(model: StudyModel, run: Observation, level: float, posterior: Posterior) -> Floats:
+def _moments(model: StudyModel, run: Observation, posterior: Posterior) -> Floats:
     """Mean and standard deviation (2, 2) of ln stiffness and ln damping over the posterior's."""
     data, parameters = base_logs(run, model.system), posterior.parameters
     # Errors of the model that all runs share, such as a mesh's, do not move one from another.
     error = data.error(None)
     mean = parameters.split(torch.from_numpy(posterior.values.mean(axis=(0, 1))[None]))
-    theta, zeta = model.system.at_level(mean.theta, mean.zeta, mean.sizes, level)
+    theta, zeta = model.system.at_level(mean.theta, mean.zeta, mean.sizes, run.level)
 
     def judge(moved: Tensor) -> Tensor:
         factors = theta * moved[:, :1].exp()

@@ -1,9 +1,10 @@
 """Observation files of any kind."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -20,11 +21,8 @@ from femupdate.measurement.frf import observation_for, with_halves
 from femupdate.measurement.frf_table import in_band
 from femupdate.measurement.histories import Histories
 from femupdate.measurement.modes import IdentifiedModes
-from femupdate.measurement.observation import (
-    Observation,
-    require_floors_of_building,
-    select_floors,
-)
+from femupdate.measurement.observation import Observation, require_floors_of_building, select_floors
+from femupdate.measurement.quantity import QUANTITIES
 from femupdate.measurement.recording import RecordedChannel
 from femupdate.progress import Progress
 from femupdate.storage import check_shapes, read_arrays, write_arrays
@@ -44,12 +42,10 @@ class Measured:
         modes: identified modes, one entry a file.
         forced: responses to forces, one entry a file and floor at which a force acts.
         rest: static displacement under forces that the reduced model lacks; None of a stick.
-        runs: under base motion, an observation each; `base` is all of them together.
-        levels: of the runs, in doublings above the first; none where all count as alike.
+        runs: under base motion, an observation each at its level; `base` is all of them together.
         doubts: sentences on channels of a run that do not fit together.
         base_paths: files of the FRFs under base motion.
-        moving_base: what the base does under forces and in modes; empty where it is held.
-        nominal_masses: whether the building says that its masses are.
+        notes_of_others: sentences on how all that is no FRF under base motion was read.
         left_out: sentences on identified modes that fit none of the model's.
         second: what was measured at another level, to be explained together with the first.
         level: of that above the first, in doublings; zero where they are alike.
@@ -61,11 +57,9 @@ class Measured:
     rest: RestFlexibility | None = None
     errors: ModalErrors = field(default_factory=ModalErrors)
     runs: tuple[Observation, ...] = ()
-    levels: tuple[float, ...] = ()
     doubts: tuple[str, ...] = ()
     base_paths: tuple[Path, ...] = ()
-    moving_base: str = ""
-    nominal_masses: bool = False
+    notes_of_others: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     second: "Measured | None" = None
     level: float = 0.0
@@ -93,18 +87,15 @@ class Measured:
         return self.others or self.base.rotation is not None
 
     @property
+    def levels(self) -> tuple[float, ...]:
+        """Of the runs, in doublings above the first."""
+        return tuple(run.level for run in self.runs)
+
+    @property
     def reference(self) -> Observation:
         """FRFs under base motion at the level of the first run, where that has all floors."""
         apart = any(self.levels) and self.runs[0].floors == self.base.floors
         return self.runs[0] if apart else self.base
-
-    @property
-    def runs_at_levels(self) -> tuple[Observation, ...]:
-        """The runs, each at its level."""
-        levels = self.levels or (0.0,) * len(self.runs)
-        return tuple(
-            replace(run, level=level) for run, level in zip(self.runs, levels, strict=True)
-        )
 
     @property
     def run(self) -> Observation | None:
@@ -132,12 +123,6 @@ class Measured:
         return (*level, *self.notes_of_others, *self.second.notes_of_others)
 
     @property
-    def notes_of_others(self) -> tuple[str, ...]:
-        """The same of all that is no FRF under base motion."""
-        base = [f"The base {self.moving_base}, as the building file says."]
-        return (*self._force_notes(), *self._mode_notes(), *(base if self.moving_base else ()))
-
-    @property
     def as_observation(self) -> Observation:
         """The FRFs under base motion, called by all sources and floors."""
         if not self.others:
@@ -147,58 +132,51 @@ class Measured:
         sources += [table.source for table in self.modes]
         return replace(self.base, source=" and ".join(dict.fromkeys(sources)))
 
-    def _force_notes(self) -> list[str]:
-        told = []
-        for seen in self.forced:
-            told.append(
-                f"{seen.source}: {seen.quantity} of {', '.join(seen.floors)} under a"
-                f" {seen.excitation.name}, taken to act through the middle of its sensors."
-            )
-            told += [f"{seen.source}: {note}" for note in seen.notes]
-        if self.forced and self.nominal_masses:
-            told.append(
-                "The building's masses are nominal (masses_known = false), but the level of a force"
-                " test goes by them: the factors are of stiffness over those masses."
-            )
-        if self.rest is not None:
-            told.append(
-                f"The reduced model lacks {percent(self.rest.lacked)} (rms) of the static "
-                f"displacement where a force acts; {self.rest.error:.1g} is left of it after a "
-                "correction by the full model."
-            )
-        return told
 
-    def _mode_notes(self) -> list[str]:
-        if not self.modes:
-            return []
-        errors = self.errors
-        notes = [f"{table.source}: {note}" for table in self.modes for note in table.notes]
-        notes.append(
+def _notes(
+    building: Building,
+    forced: Sequence[Observation],
+    modes: Sequence[IdentifiedModes],
+    errors: ModalErrors,
+) -> Iterator[str]:
+    """Sentences on how responses to forces and modes were read, and what was assumed."""
+    for seen in forced:
+        yield (
+            f"{seen.source}: {seen.quantity} of {', '.join(seen.floors)} under a"
+            f" {seen.excitation.name}, taken to act through the middle of its sensors."
+        )
+        yield from (f"{seen.source}: {note}" for note in seen.notes)
+    if forced and building.forces_are_relative:
+        yield (
+            "The building's masses are nominal (masses_known = false), but the level of a force"
+            " test goes by them: the factors are of stiffness over those masses."
+        )
+    for table in modes:
+        yield from (f"{table.source}: {note}" for note in table.notes)
+    if modes:
+        yield (
             f"The model's natural frequencies are taken to err by {errors.model_frequency:.2g}"
             f" and its shapes by {errors.model_shape:.2g} of the largest component (standard"
             " deviations); --mode-error changes the first."
         )
-        for table in self.modes:
-            there, ratios = ~np.isnan(table.shape), ~np.isnan(table.damping)
-            assumed = []
-            if np.isnan(table.frequency_sd_hz).any():
-                assumed.append(f"{percent(errors.frequency, 1)} of a frequency")
-            if (ratios & np.isnan(table.damping_sd)).any():
-                assumed.append(f"{percent(errors.damping)} of a damping ratio")
-            if (there & np.isnan(table.shape_sd)).any():
-                assumed.append(f"{percent(errors.shape)} of the largest component of a shape")
-            if assumed:
-                notes.append(
-                    f"{table.source} gives no standard deviation; taken are {', '.join(assumed)}."
-                )
-        return notes
+    for table in modes:
+        ratios, shapes = ~np.isnan(table.damping), ~np.isnan(table.shape)
+        lacking = {
+            f"{percent(errors.frequency, 1)} of a frequency": np.isnan(table.frequency_sd_hz),
+            f"{percent(errors.damping)} of a damping ratio": ratios & np.isnan(table.damping_sd),
+            f"{percent(errors.shape)} of the largest component of a shape": (
+                shapes & np.isnan(table.shape_sd)
+            ),
+        }
+        assumed = [words for words, without in lacking.items() if without.any()]
+        if assumed:
+            yield f"{table.source} gives no standard deviation; taken are {', '.join(assumed)}."
+    if building.moving_base:
+        yield f"The base {building.moving_base}, as the building file says."
 
 
 def read_measured_of(
-    study: Study,
-    model: StudyModel,
-    source: ObservationSource,
-    progress: Progress,
+    study: Study, model: StudyModel, source: ObservationSource, progress: Progress
 ) -> Measured:
     """Read the files of a source, of any kind.
 
@@ -219,10 +197,16 @@ def with_rest(study: Study, model: StudyModel, measured: Measured, progress: Pro
     """
     if not measured.forced:
         return measured
-    measured = replace(measured, rest=open_rest(study, model, progress))
+    rest = open_rest(study, model, progress)
     for seen in measured.forced:
-        check_level(model, forced_data(seen, model.system.floors, measured.rest), seen)
-    return measured
+        check_level(model, forced_data(seen, model.system.floors, rest), seen)
+    if rest is None:
+        return measured
+    lacks = (
+        f"The reduced model lacks {percent(rest.lacked)} (rms) of the static displacement where a"
+        f" force acts; {rest.error:.1g} is left of it after a correction by the full model."
+    )
+    return replace(measured, rest=rest, notes_of_others=(*measured.notes_of_others, lacks))
 
 
 def measured_of(building: Building, source: ObservationSource, halves: bool = False) -> Measured:
@@ -231,7 +215,7 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
     Args:
         halves: part FRFs under base motion in two that err independently.
     """
-    base: list[Path] = []
+    base: list[tuple[Path, Histories | Observation]] = []
     modes: list[IdentifiedModes] = []
     forced: list[Observation] = []
     doubts: list[str] = []
@@ -245,8 +229,14 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
         if found[0].excitation.force:
             forced += [seen for given in found for seen in _forced(building, source, given)]
         else:
-            base.append(path)
-            doubts += _doubts(path, read, direction) if isinstance(read, Histories) else ()
+            base.append((path, found[0]))
+            if isinstance(read, Histories):
+                rows = zip(read.channels, read.acceleration, strict=True)
+                along = [(to, row) for to, row in rows if to.direction == direction]
+                how: dict[str, Any] = {"time_step": read.time_step, "unit": "m/s2"}
+                heard = [RecordedChannel(name=to.name, values=row, **how) for to, row in along]
+                said = pair_findings(heard, [to.floor for to, _ in along])
+                doubts += [f"{path.name}: {words}" for words in said]
     errors = ModalErrors()
     if source.mode_error is not None:
         errors = replace(errors, model_frequency=source.mode_error)
@@ -256,8 +246,7 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
         tuple(forced),
         None,
         errors,
-        moving_base=building.moving_base,
-        nominal_masses=building.forces_are_relative,
+        notes_of_others=tuple(_notes(building, forced, modes, errors)),
     )
     if not base:
         floors = others.base.floors
@@ -268,14 +257,13 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
                 f" {', '.join(floors) or 'frequencies alone'} of what was asked for"
             )
         return others
-    shaken = replace(source, path=base[0], further=tuple(base[1:]))
-    runs = runs_of(building, shaken, halves)
+    runs = runs_of(building, source, base, halves)
     return replace(
         others,
         base=as_one(building, runs),
         runs=runs,
         doubts=tuple(doubts),
-        base_paths=shaken.paths,
+        base_paths=tuple(path for path, _ in base),
     )
 
 
@@ -299,22 +287,6 @@ def read_both(
     first, further = (with_rest(study, model, seen, progress) for seen in (measured, other))
     level = 0.0 if abs(level) < 0.25 else level
     return replace(first, rest=first.rest or further.rest, second=further, level=level)
-
-
-def _doubts(path: Path, read: Histories, direction: str) -> list[str]:
-    """Whether channels of a record are late, drift, are swapped or reversed, in sentences."""
-    there = [k for k, channel in enumerate(read.channels) if channel.direction == direction]
-    channels = [
-        RecordedChannel(
-            name=read.channels[k].name,
-            values=read.acceleration[k],
-            time_step=read.time_step,
-            unit="m/s2",
-        )
-        for k in there
-    ]
-    floors = [read.channels[k].floor for k in there]
-    return [f"{path.name}: {said}" for said in pair_findings(channels, floors)]
 
 
 def _forced(
@@ -382,7 +354,6 @@ _FACTORS = {
     "a thousand times too small": 1e-3,
     "in g, not in m/s2": 1.0 / STANDARD_GRAVITY,
 }
-_QUANTITIES = ("receptance", "mobility", "accelerance")
 
 
 def open_rest(study: Study, model: StudyModel, progress: Progress) -> RestFlexibility | None:
@@ -438,12 +409,12 @@ def check_level(model: StudyModel, data: FrfData, seen: Observation) -> None:
     if level <= math.log(_FORCE_LEVEL):
         return
     # What would be right, if anything.
-    best, guess, power = math.inf, "", _QUANTITIES.index(seen.quantity)
+    best, guess, power = math.inf, "", QUANTITIES.index(seen.quantity)
     for shift in range(-power, 3 - power):
         for words, factor in {"": 1.0, **_FACTORS}.items():
             if shift or factor != 1.0:
                 other, scatter = _level(away - math.log(factor), omega, shift)
-                told = f"{_QUANTITIES[power + shift]} " if shift else ""
+                told = f"{QUANTITIES[power + shift]} " if shift else ""
                 if other + scatter < best:
                     best, guess = other + scatter, f"{told}{words}".strip()
     hint = f"; it fits if it is {guess}" if best < math.log(_FORCE_LEVEL) + spread else ""

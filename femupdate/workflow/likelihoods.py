@@ -169,7 +169,7 @@ def smooth_likelihood(
     if not measured.has_base:
         return likelihood_of(others, model.system, model.parameters)
     if any(measured.levels):
-        base = base_data(measured.runs_at_levels, model.system, phase)
+        base = base_data(measured.runs, model.system, phase)
         cost = 0.0
     else:
         base = base_data([measured.base], model.system, phase)

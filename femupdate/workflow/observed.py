@@ -55,11 +55,6 @@ class ObservationSource:
         """All files."""
         return (self.path, *self.further)
 
-    @property
-    def runs(self) -> "tuple[ObservationSource, ...]":
-        """Every file as a source of its own."""
-        return tuple(replace(self, path=path, further=()) for path in self.paths)
-
     def opened(self) -> "ObservationSource":
         """The source with its files read: all that follows sees them as they are now.
 
@@ -113,21 +108,6 @@ class ObservationSource:
         return {"file": str(self.path), "further": [str(path) for path in self.further]}
 
 
-def observation_of(
-    building: Building, source: ObservationSource, halves: bool = False
-) -> Observation:
-    """Read the files of a source on a building's floors and frequency grid, as one observation.
-
-    Args:
-        building: its floors and grid count.
-        halves: part the data in two that err independently: of several runs every other one.
-
-    Raises:
-        MeasurementError: a file cannot be used, or belongs to another building.
-    """
-    return as_one(building, runs_of(building, source, halves))
-
-
 def as_one(building: Building, runs: Sequence[Observation]) -> Observation:
     """Runs of a building as one observation, whose notes say whether they agree."""
     if len(runs) == 1:
@@ -141,11 +121,15 @@ def as_one(building: Building, runs: Sequence[Observation]) -> Observation:
 
 
 def runs_of(
-    building: Building, source: ObservationSource, halves: bool = False
+    building: Building,
+    source: ObservationSource,
+    read: Sequence[tuple[Path, Histories | Observation]],
+    halves: bool = False,
 ) -> tuple[Observation, ...]:
-    """Every file of a source as an observation of its own, under a name that no other has.
+    """What files hold of base motion, an observation each, under a name that no other has.
 
     Args:
+        read: what every file holds.
         halves: part a single run in two halves.
 
     Raises:
@@ -153,25 +137,22 @@ def runs_of(
     """
     grid, direction = building.frequency_grid.frequencies_hz(), direction_of(building)
     runs: Sequence[Observation] = [
-        observation_for(
-            building.floors, run.read_base_motion(building.observation.noise_sd), grid, direction
-        )
-        for run in source.runs
+        observation_for(building.floors, held, grid, direction) for _, held in read
     ]
     if any(run.rotation is not None for run in runs):
         require_heights(building)
     if halves and len(runs) == 1:
         runs = [with_halves(runs[0], direction)]
     if len({run.source for run in runs}) < len(runs):
-        named = zip(runs, source.paths, strict=True)
-        runs = [replace(run, source=str(path)) for run, path in named]
+        runs = [replace(run, source=str(path)) for run, (path, _) in zip(runs, read, strict=True)]
     for run, other in combinations(runs, 2):
         alike = run.floors == other.floors
         if alike and np.array_equal(run.log_frf, other.log_frf, equal_nan=True):
             said = f"{other.source} holds the same measurement as {run.source}"
             said = f"{run.source} is given twice" if run.source == other.source else said
             raise MeasurementError(f"{said}; give every run once, or it counts as if it were two")
-    runs = _with_sensors(runs, source)
+    if source.sensors:
+        runs = _with_sensors(runs, [path for path, _ in read], source.sensors)
     if source.band_hz is not None:
         runs = [_within(run, source.band_hz) for run in runs]
         for run in runs:
@@ -183,21 +164,21 @@ def runs_of(
     return tuple(runs)
 
 
-def _with_sensors(runs: Sequence[Observation], source: ObservationSource) -> Sequence[Observation]:
+def _with_sensors(
+    runs: Sequence[Observation], paths: Sequence[Path], sensors: Sequence[str]
+) -> Sequence[Observation]:
     """The floors asked for of every run, bottom to top and each once, however they were named."""
-    if not source.sensors:
-        return runs
     measured = dict.fromkeys(name for run in runs for name in run.floors)
-    missing = [name for name in source.sensors if name not in measured]
+    missing = [name for name in sensors if name not in measured]
     if missing:
-        files = ", ".join(str(path) for path in source.paths)
         have = "the file has" if len(runs) == 1 else "the files have"
         raise MeasurementError(
-            f"{files}: there is no {', '.join(missing)} to use; {have} {', '.join(measured)}"
+            f"{', '.join(map(str, paths))}: there is no {', '.join(missing)} to use; {have}"
+            f" {', '.join(measured)}"
         )
     chosen = []
-    for run, path in zip(runs, source.paths, strict=True):
-        wanted = [name for name in run.floors if name in source.sensors]
+    for run, path in zip(runs, paths, strict=True):
+        wanted = [name for name in run.floors if name in sensors]
         if not wanted:
             raise MeasurementError(
                 f"{path}: it has none of the floors asked for, only {', '.join(run.floors)}; leave "

@@ -309,7 +309,7 @@ def sample_latent(
         model.prior,
         drawn_by("latent", "tempered particles", runs, evidence=False),
         (
-            *likelihood.input.notes,
+            *likelihood.notes,
             *latent_notes(likelihood),
             *calibration_notes(surrogate.info, observation),
         ),

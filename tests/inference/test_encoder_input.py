@@ -25,37 +25,37 @@ def everything(floors):
 
 
 def test_a_complete_observation_passes_as_it_is():
-    found = encoder_input(observation(FLOORS, everything(FLOORS)), FLOORS)
-    assert found.log_frf.shape == (1, 3, 41)
-    assert found.log_frf.dtype == found.visibility.band.dtype == torch.float32
-    assert found.visibility.floors.tolist() == [[1.0, 1.0, 1.0]]
-    assert found.visibility.band.tolist() == [[0.0, 1.0]]
-    assert found.notes == ()
+    log_frf, visibility, notes = encoder_input(observation(FLOORS, everything(FLOORS)), FLOORS)
+    assert log_frf.shape == (1, 3, 41)
+    assert log_frf.dtype == visibility.band.dtype == torch.float32
+    assert visibility.floors.tolist() == [[1.0, 1.0, 1.0]]
+    assert visibility.band.tolist() == [[0.0, 1.0]]
+    assert notes == ()
     lines = observation(FLOORS, everything(FLOORS)).log_frf
-    np.testing.assert_allclose(found.log_frf[0], lines, rtol=1e-6)
+    np.testing.assert_allclose(log_frf[0], lines, rtol=1e-6)
 
 
 def test_gaps_are_filled_by_straight_lines_and_told():
     valid = everything(FLOORS)
     valid[1, 10:14] = False
     valid[1, 20] = False
-    found = encoder_input(observation(FLOORS, valid), FLOORS)
+    log_frf, _, notes = encoder_input(observation(FLOORS, valid), FLOORS)
     lines = observation(FLOORS, everything(FLOORS)).log_frf
-    np.testing.assert_allclose(found.log_frf[0], lines, rtol=1e-6)  # they were straight
-    assert found.notes == ("Interpolated parts of the band: 3F 12.2 %.",)
+    np.testing.assert_allclose(log_frf[0], lines, rtol=1e-6)  # they were straight
+    assert notes == ("Interpolated parts of the band: 3F 12.2 %.",)
 
 
 def test_the_band_is_what_all_floors_have_in_common():
     valid = everything(FLOORS)
     valid[0, :7] = False
     valid[2, 33:] = False
-    found = encoder_input(observation(FLOORS, valid), FLOORS)
-    first, last = (40.0 * found.visibility.band[0]).round().int().tolist()
+    visibility = encoder_input(observation(FLOORS, valid), FLOORS)[1]
+    first, last = (40.0 * visibility.band[0]).round().int().tolist()
     # A window of three points may reach over the edge by one.
     assert first in (6, 7)
     assert last in (32, 33)
     # Just these points count: the network is told so by weights that are zero elsewhere.
-    weights = found.visibility.weights(41)
+    weights = visibility.weights(41)
     assert weights[0, :, first : last + 1].eq(1.0).all()
     assert weights[0, :, :first].eq(0.0).all()
     assert weights[0, :, last + 1 :].eq(0.0).all()
@@ -65,5 +65,5 @@ def test_the_band_is_what_all_floors_have_in_common():
 def test_a_band_that_no_training_has_seen_is_told(low, high, told):
     valid = everything(("RF",))
     valid[0, :low] = valid[0, high + 1 :] = False
-    notes = encoder_input(observation(("RF",), valid), FLOORS).notes
+    notes = encoder_input(observation(("RF",), valid), FLOORS)[2]
     assert sum("narrower than the surrogate was trained for" in note for note in notes) == told

@@ -67,4 +67,4 @@ def test_the_four_modes_of_the_four_story_roof():
     for mode in found.modes:
         assert np.abs(case.solutions - mode.mean).max(axis=1).min() < 0.02
     assert found.undetermined == 0
-    assert "4 separate modes" in found.sentences()[0]
+    assert "4 separate modes" in next(found.sentences())

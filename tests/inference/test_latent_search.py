@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.optimize import least_squares
 
-from femupdate.inference.latent_search import LatentQuadratics, find_latent
+from femupdate.inference.latent_search import find_latent, latent_quadratics
 from femupdate.maximise import LatentData
 from femupdate.surrogate import LatentMixture, Mvae, NetworkSizes
 
@@ -149,7 +149,7 @@ def test_what_lies_beyond_the_box_is_expanded_from_its_edge(mvae):
     away from that corner as fast as the building's own does."""
     seen = data((2.1, 2.0), 0.05)
     posterior = find(mvae, seen, proposal((2.1, 2.0)))
-    likelihood = LatentQuadratics(posterior, 1e-9 * torch.eye(2))
+    likelihood = latent_quadratics(posterior, 1e-9 * torch.eye(2))
     edge = 3.0**0.5
     z = torch.tensor([[edge, edge], [edge, edge - 0.02], [edge - 0.03, edge - 0.03]]).double()
     exact = -0.5 * (seen.weight * (seen.log_frf - BUILDING(z)) ** 2).sum((1, 2))

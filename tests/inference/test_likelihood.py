@@ -147,7 +147,7 @@ def test_latent_likelihood_is_the_integral_of_its_gaussians(model, surrogate):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (6, 3)))
     found = likelihood(theta)
     with torch.no_grad():
-        assert likelihood.input.visibility.floors.tolist() == [[0.0, 1.0, 1.0]]
+        assert likelihood.visibility.floors.tolist() == [[0.0, 1.0, 1.0]]
         z = surrogate.mvae.encode_parameters(theta.float()).double().numpy()
     x = likelihood.found
     assert x.mean.shape[1] == 4  # three stiffness factors and the damping ratio

@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
-from femupdate.inference.latent_search import FoundLatent, LatentQuadratics
+from femupdate.inference.latent_search import FoundLatent, latent_quadratics
 
 
 def tensor(values):
@@ -40,7 +40,7 @@ def test_one_dimension_against_quadrature(mean_x, information, mean_theta, varia
     reach = 12.0 * precision**-0.5
     value = quad(integrand, centre - reach, centre + reach, points=[centre], epsabs=0.0)[0]
     observed = one_component([mean_x], [[information]])
-    found = LatentQuadratics(observed, tensor([[variance_theta]]))(torch.tensor([[mean_theta]]))
+    found = latent_quadratics(observed, tensor([[variance_theta]]))(torch.tensor([[mean_theta]]))
     assert float(found) == pytest.approx(np.log(value), abs=2e-6)
 
 
@@ -59,7 +59,7 @@ def test_a_mixture_in_two_dimensions_against_quadrature():
     seen = logsumexp([part.logpdf(z) for part in parts], b=weights[:, None, None], axis=0)
     value = np.exp(seen + said.logpdf(z) - norm.logpdf(z).sum(-1)).sum() * step**2
     observed = FoundLatent(tensor(np.log(weights)), tensor(means), tensor(information))
-    found = LatentQuadratics(observed, tensor(spread))(tensor(mean_theta)[None].float())
+    found = latent_quadratics(observed, tensor(spread))(tensor(mean_theta)[None].float())
     assert float(found) == pytest.approx(np.log(value), abs=1e-5)
 
 
@@ -71,6 +71,6 @@ def test_a_coordinate_that_theta_says_nothing_of_is_integrated_out():
     mean, sd = 0.4, covariance[0, 0] ** 0.5
     places = np.linspace(-0.2, 1.0, 7)
     means = torch.tensor(np.column_stack([places, np.zeros(7)])).float()
-    found = LatentQuadratics(both, tensor(np.diag([1e-9, 1.0])))(means).double().numpy()
+    found = latent_quadratics(both, tensor(np.diag([1e-9, 1.0])))(means).double().numpy()
     expected = norm.logpdf(places, mean, sd) - norm.logpdf(places)
     np.testing.assert_allclose(found - found[0], expected - expected[0], atol=2e-4)

@@ -15,7 +15,7 @@ from femupdate.workflow import (
     CalibrationSettings,
     ObservationSource,
     calibrate_study,
-    observation_of,
+    measured_of,
     open_study,
     train_study,
 )
@@ -107,7 +107,7 @@ def calibrated(study, model, path, settings=QUICK, **source):
 def test_a_band_leaves_the_rest_out(tower_model, frf_table):
     """Floors asked for in any order, and twice, count once."""
     source = ObservationSource(frf_table[0], sensors=("RF", "2F", "RF"), band_hz=(0.5, 6.0))
-    observation = observation_of(tower_model.building, source)
+    observation = measured_of(tower_model.building, source).base
     assert observation.floors == ("2F", "RF")
     seen = observation.frequency_hz[observation.valid.all(axis=0)]
     assert (seen.min(), seen.max()) == pytest.approx((0.6, 6.0))
@@ -127,7 +127,7 @@ def test_a_real_frame_is_followed_and_its_misfit_told(tmp_path):
     model = open_study(study, "shear_3dof")
     report = calibrated(study, model, path, unit="m/s2", columns=columns, band_hz=(0.5, 20.0))
     source = ObservationSource(path, "m/s2", columns)
-    roof = observation_of(model.building, source).log_frf[2]
+    roof = measured_of(model.building, source).base.log_frf[2]
     grid = model.frequency_hz.numpy()
     peaks = [
         grid[np.nanargmax(np.where((grid > low) & (grid < high), roof, -np.inf))]
@@ -243,7 +243,7 @@ def test_an_observation_unlike_the_training_is_told(learned, tmp_path, frf_table
 
 
 def test_a_solution_that_may_have_been_missed_is_told_of(tower_model, frf_table):
-    observation = observation_of(tower_model.building, ObservationSource(frf_table[0]))
+    observation = measured_of(tower_model.building, ObservationSource(frf_table[0])).base
     model = replace(tower_model, reduction_error=0.02)
     typical = float(np.median(observation.noise_sd))
     assert elsewhere_warnings(model, observation, 0.2, typical) == ()

@@ -18,9 +18,8 @@ from femupdate.workflow import (
     CalibrationSettings,
     ObservationSource,
     calibrate_study,
-    observation_of,
+    measured_of,
     open_study,
-    runs_of,
 )
 
 QUICK = CalibrationSettings(
@@ -74,7 +73,7 @@ def test_log_likelihood_and_evidence_are_those_of_both_runs(
     study = Study(tmp_path)
     model = open_study(study, str(tower_file))
     source = source_of(*tables[:2])
-    apart = [stated_likelihood(model, run) for run in runs_of(model.building, source)]
+    apart = [stated_likelihood(model, run) for run in measured_of(model.building, source).runs]
     settings = CalibrationSettings(particles=2000, exact=True)
     posterior = calibrate_study(study, model, source, settings).posterior
     draws = np.column_stack([posterior.samples, posterior.zeta_samples])
@@ -96,7 +95,7 @@ def test_log_likelihood_and_evidence_are_those_of_both_runs(
 def test_pooled_runs_have_the_likelihood_of_each_other_s_product_at_any_theta(tower_model, tables):
     """At random places of the prior, with gaps, other floors and a band."""
     source = source_of(*tables, band_hz=(0.5, 8.0))
-    runs = list(runs_of(tower_model.building, source))
+    runs = list(measured_of(tower_model.building, source).runs)
     rng = np.random.default_rng(0)
     runs = [replace(run, valid=run.valid & (rng.random(run.valid.shape) < 0.7)) for run in runs]
     runs[1] = replace(runs[1], resolution_hz=0.5)
@@ -141,11 +140,12 @@ def test_floors_may_be_of_one_run_only(tower_model, tables, tower_frf, tmp_path)
     clean = np.log(np.abs(tower_frf(TRUTH, ZETA, GRID)))
     roof = write_table(tmp_path / "roof.csv", clean[1:], 0.1, ("RF",))
     low = write_table(tmp_path / "low.csv", clean[:1], 0.1, ("2F",))
-    both = observation_of(tower_model.building, source_of(roof, low))
+    both = measured_of(tower_model.building, source_of(roof, low)).base
     assert both.floors == ("2F", "RF")
     np.testing.assert_allclose(both.log_frf, clean, atol=1e-9)
     assert "cannot be told" in both.notes[0]
-    more = observation_of(tower_model.building, source_of(tables[0], roof, sensors=("RF",)))
+    source = source_of(tables[0], roof, sensors=("RF",))
+    more = measured_of(tower_model.building, source).base
     assert more.floors == ("RF",)
 
 
@@ -164,7 +164,7 @@ def test_runs_that_cannot_be_taken_together(tmp_path, tower_model, tables):
     )
     for paths, options, words in cases:
         with pytest.raises(MeasurementError, match=words):
-            observation_of(tower_model.building, source_of(*paths, **options))
+            measured_of(tower_model.building, source_of(*paths, **options))
 
 
 def test_histories_of_two_earthquakes(tmp_path, tower_file):
@@ -183,7 +183,7 @@ def test_histories_of_two_earthquakes(tmp_path, tower_file):
         paths.append(write_simulation(made, tmp_path / f"{seed}.csv").observation)
     study = Study(tmp_path / "study")
     model = open_study(study, str(tower_file))
-    runs = runs_of(building, source_of(*paths))
+    runs = measured_of(building, source_of(*paths)).runs
     assert runs[0].resolution_hz < runs[1].resolution_hz
     report = calibrate_study(study, model, source_of(*paths), QUICK)
     observation = report.posterior.observation
