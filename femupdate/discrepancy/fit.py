@@ -9,7 +9,7 @@ units of their prior's standard deviation.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -55,7 +55,9 @@ class _Target:
         if not count:  # an exchange has no size
             return residual.new_zeros(*residual.shape, 0)
         moved = (z[:, None] + torch.diag_embed(step)[:, first:]).flatten(0, 1)
-        parts = in_threads(lambda some: self.whitened(self.raw(some)), moved.split(4))
+        # Of small models a call costs more than its rows.
+        some = max(4, 256 // self._likelihood.system.model.size)
+        parts = in_threads(lambda rows: self.whitened(self.raw(rows)), moved.split(some))
         there = torch.cat(parts).view(len(z), count, -1)
         return ((residual[:, None] - there) / step[:, first:, None]).mT
 
@@ -240,21 +242,23 @@ def fit(
         near: Jacobian (m, k) by the first unknowns at a point near the start, if known.
     """
     how = replace(_SEARCH, iterations=iterations)
-    return _searched(likelihood, placed, start, how, steps, near)
+    return _searched(likelihood, placed, start[None], how, steps, near)[0]
 
 
 def _searched(
     likelihood: Likelihood,
     placed: tuple[Placed, ...],
-    start: Tensor,
+    starts: Tensor,
     how: Search,
-    steps: LogSteps | None,
-    near: Tensor | None,
-) -> Fit:
+    steps: LogSteps | None = None,
+    near: Tensor | None = None,
+) -> list[Fit]:
+    """A fit from every start (s, d)."""
     of = likelihood.with_effects(placed)
     target = _Target(of, steps or of.prior.steps)
-    end = maximise(target, start[None], how, near)
-    return Fit(of, target.steps, end.z[0], end.residual[0], end.jacobian[0], end.raw[0])
+    end = maximise(target, starts, how, near)
+    ends = zip(end.z, end.residual, end.jacobian, end.raw, strict=True)
+    return [Fit(of, target.steps, *parts) for parts in ends]
 
 
 def glance(without: Fit, placed: Placed, start: Floats, steps: int) -> Fit:
@@ -266,7 +270,7 @@ def glance(without: Fit, placed: Placed, start: Floats, steps: int) -> Fit:
     of, together = without.likelihood, (*without.placed, placed)
     z = extended(of, without, together, np.concatenate([without.known, start]))
     how = replace(_SEARCH, iterations=steps, renewed=False, fresh=len(without.z))
-    return _searched(of, together, z, how, None, without.jacobian)
+    return _searched(of, together, z[None], how, near=without.jacobian)[0]
 
 
 def nearest(likelihood: Likelihood, base: Fit, placed: Placed, starts: Sequence[Floats]) -> Floats:
@@ -374,9 +378,8 @@ def _fitted_draws(likelihood: Likelihood, z: Tensor, starts: int) -> list[Fit]:
     # they are compared as if they were coarse.
     placed = likelihood.system.placed
     rough = coarse(likelihood).with_effects(placed)
-    near = in_threads(
-        partial(fit, rough, placed, iterations=10), z[misfits(rough, z).argsort()[:starts]]
-    )
+    best = z[misfits(rough, z).argsort()[:starts]]
+    near = _searched(rough, placed, best, replace(_SEARCH, iterations=10))
     near.sort(key=lambda fitted: fitted.misfit)
     # No few points decide while the model may err much.
     wide = likelihood.at_row(likelihood.error.start)

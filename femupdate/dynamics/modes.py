@@ -141,7 +141,7 @@ def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, columns: Tensor) -> 
     count, outputs, size = modes.rows.shape
     pairs = (modes.rows[:, :, None, :] * columns[:, None, :, :]).reshape(count, -1, size)
     terms = modes.inverse, ratio, pairs
-    if len(omega) <= _POINTS:
+    if len(omega) <= _POINTS or size <= _POINTS:
         total = torch.complex(*modal_sum(*terms, omega))
     else:
         bands = _bands(omega.numpy().tobytes())

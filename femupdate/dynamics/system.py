@@ -539,7 +539,7 @@ def changes_in_run(effect: Effect) -> bool:
 
 def _different(values: Tensor) -> tuple[Tensor, Tensor]:
     """One row (u,) of every kind among values (N, v), and which of these each row is (N,)."""
-    if not values.numel():
+    if not values.numel() or len(values) == 1:
         every = torch.arange(len(values), device=values.device)
         return every, every
     kinds = torch.unique(values, dim=0, return_inverse=True)[1]

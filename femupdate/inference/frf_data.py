@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -119,7 +120,7 @@ class FrfData:
         """Number of them that err independently."""
         return self._parts * float((self.valid * self.independent).sum())
 
-    @property
+    @cached_property
     def independent(self) -> Tensor:
         """(k,) share by which a point counts."""
         parts = [torch.full((b.points,), b.independent, dtype=torch.float64) for b in self.blocks]
@@ -336,7 +337,7 @@ class FrfData:
         """(f, k) inverse variance by which independent points count; zero where not valid."""
         return self.independent / self.sd**2
 
-    @property
+    @cached_property
     def _root(self) -> Tensor:
         return (1.0 / self.sd) * self.independent**0.5
 

@@ -22,6 +22,7 @@ import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -172,6 +173,7 @@ class Harmonics:
         angle = 2.0 * torch.pi / self.period_hz * (frequency_hz - self.first_hz)[:, None] * cycles
         return torch.cat([angle.new_ones(len(angle), 1), angle.cos(), angle.sin()], dim=1)
 
+    @lru_cache(maxsize=512)  # noqa: B019  (a few numbers)
     def spread(self, length_hz: float) -> Tensor:
         """Standard deviations (j,) of the coefficients of a process of unit variance."""
         cycles = torch.arange(self.count + 1, dtype=torch.float64)
@@ -197,18 +199,18 @@ class _Factor:
     errors known beforehand.
 
     Attributes:
-        own: (r, f, j, j) of a floor's own, the same in all parts.
+        groups: (r, g, j, j) of each.
         across: (r, g, j, s) of these and the shared ones.
         shared: (r, s, s).
     """
 
-    own: Tensor
+    groups: Tensor
     across: Tensor
     shared: Tensor
 
     def forward(self, alone: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
         """The factors' inverses times values of all coefficients, (r, g, j, n) and (r, s, n)."""
-        first = torch.linalg.solve_triangular(self._groups, alone, upper=False)
+        first = torch.linalg.solve_triangular(self.groups, alone, upper=False)
         rest = shared - self.across.flatten(1, 2).mT @ first.flatten(1, 2)
         return first, torch.linalg.solve_triangular(self.shared, rest, upper=False)
 
@@ -217,24 +219,18 @@ class _Factor:
         first, rest = self.forward(alone, shared)
         rest = torch.linalg.solve_triangular(self.shared.mT, rest, upper=True)
         first = first - self.across @ rest[:, None]
-        return torch.linalg.solve_triangular(self._groups.mT, first, upper=True), rest
+        return torch.linalg.solve_triangular(self.groups.mT, first, upper=True), rest
 
     @property
     def half_log_determinants(self) -> Tensor:
         """(r,) of the precisions."""
-        parts = self.across.shape[1] // self.own.shape[1]
-        alone = self.own.diagonal(dim1=2, dim2=3).log().sum((1, 2))
-        return parts * alone + self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
+        alone = self.groups.diagonal(dim1=2, dim2=3).log().sum((1, 2))
+        return alone + self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
 
     @property
     def size(self) -> int:
         """Numbers in it."""
-        return self.own.numel() + self.across.numel() + self.shared.numel()
-
-    @property
-    def _groups(self) -> Tensor:
-        parts = self.across.shape[1] // self.own.shape[1]
-        return self.own if parts == 1 else self.own.repeat(1, parts, 1, 1)
+        return self.groups.numel() + self.across.numel() + self.shared.numel()
 
 
 class LearnedError:
@@ -525,11 +521,11 @@ class LearnedError:
         )
         both = owns[:, None, None, None] * known
         both = self._with_common(both, (owns * commons)[:, None, None, None] * scaled)
-        groups = alone if self._parts == 1 else alone.repeat(1, self._parts, 1, 1)
+        groups = alone.repeat(1, self._parts, 1, 1)
         across = torch.linalg.solve_triangular(groups, both, upper=False).contiguous()
         flat = across.flatten(1, 2)
         shared = self._shared_precision(rows, scaled, known) - flat.mT @ flat
-        return _Factor(alone, across, torch.linalg.cholesky(shared))
+        return _Factor(groups, across, torch.linalg.cholesky(shared))
 
     def _with_common(self, known: Tensor, common: Tensor) -> Tensor:
         """(r, g, j, s) of the known errors (r, g, j, c) and of each part's own (r, f, j, j)."""

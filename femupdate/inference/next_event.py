@@ -266,7 +266,7 @@ def drawn_error(
         return np.zeros((floors, len(frequency_hz)))
     width = errors.width_hz
     harmonics = Harmonics(errors.first_hz, width, MODEL_ERROR.period * width, MODEL_ERROR.harmonics)
-    spread = harmonics.spread(length).numpy()
+    spread = harmonics.spread(float(length)).numpy()
     white = rng.standard_normal((floors + 1, len(spread)))
     coefficients = spread * (common * white[:1] + single * white[1:])
     # Beyond the measured band errors go on as they were at its end.
