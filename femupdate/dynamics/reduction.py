@@ -7,8 +7,8 @@ from the parts (`femupdate.dynamics.substructures`), which cost less.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.errors import StructureError
-from femupdate.fe.driven import driven_shapes, orthonormal
+from femupdate.fe.driven import Factored, driven_shapes, orthonormal
 from femupdate.fe.mechanism import factorize_held
 from femupdate.fe.products import along, combined, symmetric_times
 from femupdate.progress import SILENT, Progress
@@ -97,19 +97,21 @@ def reduce_structure(
     rng = np.random.default_rng(chosen_seed)
     samples, least = log_even_samples(target, len(structure.stiffness_terms)), 0
     whole_only = bool(placed) or len(structure.dashpots) > 0
-    parts = None if whole_only else _parts(structure, target, samples[:_REFINE])
-    mass: Any = structure.mass if parts is None else parts
+    space = None if whole_only else _space(structure, target, samples[:_REFINE])
+    mass: Any = structure.mass if space is None else space.mass
     taken: Callable[[ReductionTarget, Floats], Floats | Singles]
-    taken = partial(_snapshots, asked) if parts is None else partial(_of_parts, parts)
+    taken = partial(_snapshots, asked) if space is None else partial(_driven, space)
     progress.start("Reducing the model", len(samples) + checks)
     shapes: list[Floats | Singles] = everywhere(partial(taken, target), list(samples), progress)
     for _ in range(_ROUNDS):
         basis = compressed(mass, shapes, _SIZES[-1])
-        reduced = whole = reduced_on(structure, basis if parts is None else parts.expanded(basis))
+        expanded = basis if space is None else space.expanded(basis)
+        reduced = whole = reduced_on(structure, expanded)
         unit = rng.random((checks, len(target.lower)))
         unseen = target.lower + (target.upper - target.lower) * unit  # even over the box
-        beyond = partial(_beyond, whole, parts)
-        judge = partial(_full_log_frf, asked) if whole_only else beyond
+        judge = partial(_full_log_frf, asked)
+        if space is not None:
+            judge = partial(_beyond, *space.with_inertia(basis), whole.model)
         full = np.stack(everywhere(partial(judge, target), list(unseen), progress))
         # On the fewest shapes that a few samples do not object to, or on all. A few checks see half
         # as much as many do (50 theta: 1.5 times the rms of four).
@@ -192,22 +194,63 @@ def _log_frf(system: System, samples: Floats, target: ReductionTarget) -> Floats
     return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
 
 
-def _parts(structure: Structure, target: ReductionTarget, thetas: Floats) -> Substructures | None:
-    """Parts of a structure that follow its responses within the box; None where it has none."""
+@dataclass(frozen=True, eq=False)
+class _Space:
+    """What shapes are made of: q degrees of freedom, or coordinates of substructures."""
+
+    structure: Structure
+    parts: Substructures | None
+
+    @cached_property
+    def force(self) -> Floats:
+        """(q, 1) by which the base drives it."""
+        force = self.structure.rigid_force[:, [TRANSLATION]]
+        return force if self.parts is None else self.parts.condensed(force)
+
+    @cached_property
+    def rows(self) -> Floats:
+        """(f, q) what floors show of it."""
+        rows = self.structure.floor_rows
+        return rows if self.parts is None else self.parts.condensed(rows.T).T
+
+    @property
+    def mass(self) -> Any:
+        """(q, q)."""
+        return self.structure.mass if self.parts is None else self.parts
+
+    def at(self, theta: Floats) -> Factored:
+        """The stiffness (q, q) at a theta (p,), factorised."""
+        if self.parts is not None:
+            return self.parts.at(theta)
+        return factorize_held(self.structure.meshed[1], self.structure.stiffness(theta))
+
+    def expanded(self, shapes: Floats) -> Floats:
+        """Displacements (n, c) of shapes (q, c)."""
+        return shapes if self.parts is None else self.parts.expanded(shapes)
+
+    def with_inertia(self, basis: Floats) -> tuple["_Space", Floats]:
+        """Where one step of inverse iteration from a basis (q, r) leads, and the basis there."""
+        if self.parts is None:
+            return self, basis
+        parts, basis = self.parts.with_inertia(basis)
+        return _Space(self.structure, parts), basis
+
+
+def _space(structure: Structure, target: ReductionTarget, thetas: Floats) -> _Space:
+    """Of parts that follow the structure's responses within the box, where it has such."""
     # Modes of a part are as low as the least factor makes them.
-    parts = substructures(structure, target.top_hz / float(np.sqrt(target.lower.min())))
-    if parts is None:
-        return None
-    shapes = [_of_parts(parts, target, theta) for theta in thetas]
-    return parts.with_inertia(compressed(parts, shapes, _REFINED))
+    top_hz = target.top_hz / float(np.sqrt(target.lower.min()))
+    space = _Space(structure, substructures(structure, top_hz))
+    if space.parts is None:
+        return space
+    shapes = [_driven(space, target, theta) for theta in thetas]
+    return space.with_inertia(compressed(space.mass, shapes, _REFINED))[0]
 
 
-def _of_parts(parts: Substructures, target: ReductionTarget, theta: Floats) -> Floats:
-    """Weighted shapes (q, c) of substructures at a theta (p,), to take a basis from."""
-    structure = parts.structure
-    force = parts.condensed(structure.rigid_force[:, [TRANSLATION]])
-    rows = parts.condensed(structure.floor_rows.T).T
-    found = driven_shapes(parts.at(theta), parts, force, rows, target.top_hz)
+def _driven(space: _Space, target: ReductionTarget, theta: Floats) -> Floats:
+    """Weighted shapes (q, c) of the response at a theta (p,), to take a basis from."""
+    force, rows = space.force, space.rows
+    found = driven_shapes(space.at(theta), space.mass, force, rows, target.top_hz)
     omega, driven = 2.0 * np.pi * found.frequency_hz, force[:, 0] @ found.shapes
     felt = FeltModes(omega, driven, rows @ found.shapes, np.zeros(len(rows)))
     weights = np.column_stack([felt.combinations(target), STATIC_WEIGHT * driven / omega**2])
@@ -215,40 +258,29 @@ def _of_parts(parts: Substructures, target: ReductionTarget, theta: Floats) -> F
 
 
 def _beyond(
-    reduced: ReducedStructure, parts: Substructures | None, target: ReductionTarget, theta: Floats
+    space: _Space, basis: Floats, model: ReducedModel, target: ReductionTarget, theta: Floats
 ) -> Floats:
-    """ln|H| (f, k) of the full model at a theta (p,), at the lowest damping."""
-    # From a step of inverse iteration that starts from the responses of a reduced model, and from
-    # those: in the six-story frame it leaves a tenth of what 230 shapes err by.
-    structure, model, basis = reduced.structure, reduced.model, reduced.basis
+    """ln|H| (f, k) of the full model at a theta (p,), at the lowest damping.
+
+    Args:
+        space: where one step of inverse iteration from a basis (q, r) leads.
+        model: on that basis.
+    """
+    # From the responses of the reduced model and a step from them: in the six-story frame it leaves
+    # a tenth of what 230 shapes err by.
     squared, vectors = np.linalg.eigh(model.stiffness(theta))
     none = np.zeros(len(model.floors))
-    felt = FeltModes(
-        np.sqrt(squared), model.excitation @ vectors, model.floor_shapes @ vectors, none
-    )
+    driven, floors = model.excitation, model.floor_shapes
+    felt = FeltModes(np.sqrt(squared), driven @ vectors, floors @ vectors, none)
     # Responses of less energy, of the largest, are left out.
     moved = combined(basis, vectors @ felt.combinations(target, 1e-5))
-    force = structure.rigid_force[:, TRANSLATION]
-    loads = np.column_stack([symmetric_times(structure.mass, moved), force])
-    stiffness = structure.stiffness(theta)
-    if parts is not None:
-        displacement = parts.at(theta).displacement(loads)
-    else:
-        displacement = factorize_held(structure.meshed[1], stiffness).apply(loads)
-    fresh, _ = orthonormal(displacement, basis, structure.mass)
-    held = symmetric_times(stiffness, fresh)
+    factors = space.at(theta)
+    loads = np.column_stack([symmetric_times(space.mass, moved), space.force])
+    fresh, _ = orthonormal(factors.apply(loads), basis, space.mass)
+    held = factors.times(fresh)
     between = along(basis, held)
-    whole = np.block([[model.stiffness(theta), between], [between.T, fresh.T @ held]])
-    size = len(whole)
-    both = replace(
-        model,
-        stiffness_terms=np.zeros((0, size, size)),
-        stiffness_constant=0.5 * (whole + whole.T),
-        excitation=np.append(model.excitation, force @ fresh),
-        floor_shapes=np.column_stack([model.floor_shapes, structure.floor_rows @ fresh]),
-        story_inertia=np.zeros((len(model.story_inertia), size)),
-        story_drift=np.zeros((len(model.story_drift), size)),
-        node_shapes=None,
-        rotation=None,
-    )
-    return _log_frf(System(both, ConstantDamping()), np.zeros((1, 0)), target)[0]
+    both = np.block([[model.stiffness(theta), between], [between.T, fresh.T @ held]])
+    squared, vectors = np.linalg.eigh(0.5 * (both + both.T))
+    driven = np.append(driven, space.force[:, 0] @ fresh) @ vectors
+    floors = np.column_stack([floors, space.rows @ fresh]) @ vectors
+    return FeltModes(np.sqrt(squared), driven, floors, none).log_frf(target)

@@ -56,6 +56,13 @@ class FeltModes:
     missed: Floats  # (f,) what the modes lack of the floors' static displacement, s2
     dashpots: Floats | None = None  # (j, m) stretch of dashpots of one N s/m each
 
+    def log_frf(self, target: ReductionTarget) -> Floats:
+        """ln|H| (f, k) of the floors, at the lowest damping."""
+        omega, w = self.omega[:, None], 2.0 * np.pi * target.frequency_hz
+        moved = w**2 / (omega**2 - w**2 + 2j * target.zeta * omega * w)
+        frf = 1.0 + (self.floors * self.participation) @ moved
+        return np.asarray(np.log(np.abs(frf).clip(1e-12)))
+
     def combinations(self, target: ReductionTarget, least: float = 1e-9) -> Floats:
         """Weighted combinations (m, c) of the modes that span their responses over the grid.
 

@@ -16,7 +16,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats, Integers
-from femupdate.effects.structure import Structure
+from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.errors import StructureError
 from femupdate.fe.assembly import AffineOperators, with_terms
 from femupdate.fe.driven import orthonormal
@@ -54,13 +54,14 @@ class Substructure:
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "factors"}
 
-    def with_forces(self, forces: Floats) -> "Substructure":
-        """With the shapes in which forces (m, c) move the inside."""
+    def with_forces(self, forces: Floats) -> tuple["Substructure", Floats]:
+        """With the shapes in which forces (m, c) move the inside; old ones (k, k + c) among all."""
         mass = self.alone.mass
         shapes, _ = orthonormal(self.factors.apply(forces), self.shapes, mass)
         both = np.column_stack([self.shapes, shapes])
         squared, directions = np.linalg.eigh(both.T @ self.factors.times(both))
-        return replace(self, shapes=both @ directions, squared=squared)
+        old = directions[: len(self.squared)]
+        return replace(self, shapes=both @ directions, squared=squared), old
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +114,24 @@ class Substructures:
             found[part.inner] = part.moved @ shapes[part.border] + part.shapes @ shapes[modal]
         return found
 
-    def with_inertia(self, shapes: Floats) -> "Substructures":
-        """With what the inertia of shapes (q, c) moves inside of each part."""
-        forces = symmetric_times(self.structure.mass, self.expanded(shapes))
-        parts = tuple(
-            part.with_forces(forces[part.inner]) if len(part.inner) else part for part in self.parts
-        )
-        return replace(self, parts=parts)
+    def with_inertia(self, shapes: Floats) -> tuple["Substructures", Floats]:
+        """With what the inertia of shapes (q, c), and that of the base, moves inside of each part.
+
+        Returns:
+            the parts, and the shapes in their coordinates. K^-1 M of the whole structure leads from
+            the shapes to no other displacements than these have, at all factors.
+        """
+        base = self.structure.rigid_force[:, [TRANSLATION]]
+        forces = np.column_stack([self.structure.mass @ self.expanded(shapes), base])
+        parts, coordinates = [], [shapes[: len(self.joints)]]
+        for part, modal in self.each():
+            inside = shapes[modal]
+            if len(part.inner):
+                part, old = part.with_forces(forces[part.inner])
+                inside = old.T @ inside
+            parts.append(part)
+            coordinates.append(inside)
+        return replace(self, parts=tuple(parts)), np.vstack(coordinates)
 
     def at(self, theta: Floats) -> "Joined":
         """The stiffness at theta (p,), factorised.
@@ -166,19 +178,6 @@ class Joined:
             found[modal] = factor * part.squared[:, None] * shapes[modal]
         return found
 
-    def displacement(self, loads: Floats) -> Floats:
-        """Displacement (n, c) of the whole structure under loads (n, c); nothing is left out."""
-        found, joints = np.empty_like(loads), loads[self.whole.joints]
-        for part in self.whole.parts:
-            joints[part.border] += part.moved.T @ loads[part.inner]
-        joints = cho_solve_banded((self.joints, True), joints)
-        for factor, part in zip(self.factors, self.whole.parts, strict=True):
-            if len(part.inner):
-                inside = part.factors.apply(loads[part.inner]) / factor
-                found[part.inner] = inside + part.moved @ joints[part.border]
-        found[self.whole.joints] = joints
-        return found
-
 
 def substructures(structure: Structure, top_hz: float) -> Substructures | None:
     """Parts of a frame with their modes up to a frequency; None where they would not pay.
@@ -211,7 +210,7 @@ def substructures(structure: Structure, top_hz: float) -> Substructures | None:
     for number, term in enumerate(terms):
         inner = np.flatnonzero(owner == number)
         rows, masses = term[inner], structure.mass[inner]
-        coupled = np.bincount(masses.indices, minlength=len(owner)) > 0
+        coupled = np.diff(masses.indptr) > 0
         border = np.flatnonzero((touched[number] | coupled)[joints])
         at = joints[border]
         alone = replace(
