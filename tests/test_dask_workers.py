@@ -15,11 +15,10 @@ from femupdate.dynamics import System
 from femupdate.errors import WorkersError
 from femupdate.inference import theta_prior
 from femupdate.surrogate import compute_dataset
-from femupdate.surrogate import dataset as room
 from femupdate.workers import completed, dask_executor, everywhere, working_on
 from femupdate.workflow import reduce_building
 
-PLAN = {"samples": 90, "modes": 3, "top_hz": 12.8, "seed": 3}
+PLAN = {"samples": 90, "modes": 3, "top_hz": 12.8, "seed": 3, "shard": 6}
 
 
 @pytest.fixture(scope="module")
@@ -72,10 +71,7 @@ def test_a_worker_that_comes_later_gets_work_that_was_used(processes, killer):
     assert len(seen) == 3
 
 
-def test_a_data_set_is_the_same_when_a_worker_is_killed(
-    processes, tower, tmp_path, monkeypatch, killer
-):
-    monkeypatch.setattr(room, "SHARD", 6)
+def test_a_data_set_is_the_same_when_a_worker_is_killed(processes, tower, tmp_path, killer):
     system, prior = System(reduce_building(tower).model), theta_prior(tower)
     serial = compute_dataset(system, prior, tmp_path / "here", **PLAN)
     with working_on(processes):

@@ -53,6 +53,7 @@ def compute_dataset(
     top_hz: float,
     seed: Seed,
     progress: Progress = SILENT,
+    shard: int = SHARD,
 ) -> ModalDataset:
     """Solve the modes of all samples in shards; valid shards in `folder` are kept.
 
@@ -67,6 +68,7 @@ def compute_dataset(
         modes: kept for each sample, at most.
         top_hz: top of the frequency grid.
         progress: advances by one for each sample.
+        shard: samples of one.
 
     Raises:
         StudyError: the folder cannot be written.
@@ -76,13 +78,13 @@ def compute_dataset(
     engine = torch.quasirandom.SobolEngine(len(box.lower), scramble=True, seed=scramble)
     unit = engine.draw(samples, dtype=torch.float64)
     theta = box.lower + (box.upper - box.lower) * unit
-    rows = theta.split(SHARD)
+    rows = theta.split(shard)
     paths = [folder / f"{k:04d}.npz" for k in range(len(rows))]
     kept = modes_kept(system, modes)
     shards: dict[int, ModalDataset] = {}
     for k, (path, factors) in enumerate(zip(paths, rows, strict=True)):
-        if (shard := kept_shard(path, factors, kept)) is not None:
-            shards[k] = shard
+        if (there := kept_shard(path, factors, kept)) is not None:
+            shards[k] = there
             progress.advance(len(factors))
     missing = [k for k in range(len(rows)) if k not in shards]
     solve = partial(_solve_shard, system, modes=kept, top_hz=top_hz)

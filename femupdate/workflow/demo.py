@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib.resources import as_file, files
+from importlib.resources.abc import Traversable
 from typing import TYPE_CHECKING
 
 from femupdate.building.parameters import factor_titles
@@ -26,9 +27,9 @@ from femupdate.workflow.render import render_study
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_OBSERVATION = "six_story_white_noise.csv"
-_TRUTH = "six_story_white_noise.truth.json"
-_RECORD = "records/ridgecrest_2019_clc_90.csv"
+OBSERVATION = "six_story_white_noise.csv"
+TRUTH = "six_story_white_noise.truth.json"
+RECORD = "records/ridgecrest_2019_clc_90.csv"
 _ROOF = "roof"
 """Name of the posterior from the roof alone."""
 
@@ -54,15 +55,27 @@ class DemoReport(Result):
             yield from part.figures()
 
 
-def run_demo(study: Study, seed: int = 0, progress: Progress = SILENT) -> DemoReport:
-    """Build, calibrate with all floors and with the roof alone, predict, render."""
+def run_demo(
+    study: Study,
+    seed: int = 0,
+    progress: Progress = SILENT,
+    *,
+    building: str = DEFAULT_BUILDING,
+    examples: Traversable | None = None,
+    settings: CalibrationSettings | None = None,
+) -> DemoReport:
+    """Build, calibrate with all floors and with the roof alone, predict, render.
+
+    Args:
+        examples: a folder with the observation, its truth and the record; default the shipped ones.
+    """
     started = time.monotonic()
-    examples = files("femupdate.examples")
+    examples = examples or files("femupdate.examples")
     progress.say("1/5 The six-story building: mesh, modes, reduced model")
-    built = build_study(study, DEFAULT_BUILDING, progress)
-    with as_file(examples / _OBSERVATION) as observation, as_file(examples / _RECORD) as record:
+    built = build_study(study, building, progress)
+    with as_file(examples / OBSERVATION) as observation, as_file(examples / RECORD) as record:
         progress.say("2/5 Posterior from the roof alone (Case 2)")
-        settings = CalibrationSettings(seed=seed)
+        settings = settings or CalibrationSettings(seed=seed)
         source = ObservationSource(observation, sensors=("RF",))
         roof = calibrate_study(Study(study.folder, _ROOF), built.model, source, settings, progress)
         progress.say("3/5 Posterior from all six floors (Case 1)")
@@ -75,7 +88,7 @@ def run_demo(study: Study, seed: int = 0, progress: Progress = SILENT) -> DemoRe
         )
     progress.say("5/5 Mode shapes of the posterior")
     rendered = render_study(study, built.model, progress=progress)
-    truth = tuple(json.loads((examples / _TRUTH).read_text(encoding="utf-8"))["theta"])
+    truth = tuple(json.loads((examples / TRUTH).read_text(encoding="utf-8"))["theta"])
     posterior, seconds = everything.posterior, time.monotonic() - started
     columns = [
         Column(list(factor_titles(built.model.building).values()), ""),

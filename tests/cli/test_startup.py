@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -216,22 +217,17 @@ def test_wrong_usage_exits_with_2_and_makes_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_interrupted_command_says_how_to_go_on(monkeypatch, capsys, tmp_path):
-    from femupdate.cli.main import main
-
-    from femupdate.workflow import build
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(build, "build_study", interrupted)
-    monkeypatch.setattr(sys, "argv", ["femupdate", "build-model", "--study", str(tmp_path)])
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    said = capsys.readouterr()
-    assert stopped.value.code == 130
-    assert said.out == ""
-    assert "run the same command again to go on" in said.err
+def test_an_interrupted_command_says_how_to_go_on(tmp_path):
+    words = ["build-model", "six_story_wall_frame", "--study", str(tmp_path)]
+    command = [sys.executable, "-m", "femupdate", *words]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, text=True, **pipes) as running:
+        first = running.stderr.readline()  # it is at work for many seconds then
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=120)
+    assert "six_story_wall_frame" in first
+    assert (running.returncode, out) == (130, "")
+    assert "run the same command again to go on" in err
 
 
 @pytest.mark.parametrize(

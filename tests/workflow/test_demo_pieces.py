@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from functools import partial
 from importlib.resources import files
 from pathlib import Path
 
@@ -22,12 +21,12 @@ EXAMPLES = files("femupdate.examples")
 
 def test_what_the_demo_reads_is_shipped():
     building = load_building(DEFAULT_BUILDING)
-    observation = read_observation_file(Path(str(EXAMPLES / demo._OBSERVATION)))
+    observation = read_observation_file(Path(str(EXAMPLES / demo.OBSERVATION)))
     assert observation.floors == building.floors
-    truth = json.loads((EXAMPLES / demo._TRUTH).read_text(encoding="utf-8"))
+    truth = json.loads((EXAMPLES / demo.TRUTH).read_text(encoding="utf-8"))
     assert len(truth["theta"]) == len(building.story_names)
     assert truth["building"] == DEFAULT_BUILDING
-    record = read_record(Path(str(EXAMPLES / demo._RECORD)))
+    record = read_record(Path(str(EXAMPLES / demo.RECORD)))
     assert record.peak == pytest.approx(3.376, abs=0.001)
 
 
@@ -35,12 +34,12 @@ def test_what_the_demo_reads_is_shipped():
 def shipped(tmp_path_factory, tower_observation, write_record):
     """A folder of examples with the tower's files under the demo's names."""
     folder = tmp_path_factory.mktemp("examples")
-    shutil.copy(tower_observation.path, folder / demo._OBSERVATION)
-    (folder / demo._TRUTH).write_text(json.dumps({"theta": tower_observation.theta}))
+    shutil.copy(tower_observation.path, folder / demo.OBSERVATION)
+    (folder / demo.TRUTH).write_text(json.dumps({"theta": tower_observation.theta}))
     time = np.arange(500) * 0.02
     motion = GroundMotion(3.0 * np.exp(-0.5 * time) * np.sin(20.0 * time), 0.02)
-    (folder / demo._RECORD).parent.mkdir()
-    write_record(folder / demo._RECORD, motion)
+    (folder / demo.RECORD).parent.mkdir()
+    write_record(folder / demo.RECORD, motion)
     return folder
 
 
@@ -51,11 +50,9 @@ def shown(tmp_path_factory, shipped, tower_file, recorder):
     model = open_study(study, str(tower_file))
     train_study(study, model, 400, TrainingSettings(epochs=4, batch=64))
     log = recorder()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(demo, "DEFAULT_BUILDING", str(tower_file))
-        patch.setattr(demo, "files", lambda package: shipped)
-        patch.setattr(demo, "CalibrationSettings", partial(CalibrationSettings, particles=400))
-        return demo.run_demo(study, seed=1, progress=log), study, log
+    settings = CalibrationSettings(particles=400, seed=1)
+    given = {"building": str(tower_file), "examples": shipped, "settings": settings}
+    return demo.run_demo(study, progress=log, **given), study, log
 
 
 def test_the_steps_are_told_in_order(shown):
