@@ -58,6 +58,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
     """Let the keyboard scroll code that is too wide, and name every menu for screen readers."""
     output = re.sub(r"(<pre><span></span>)(<code)?", _scrolled, output)
+    # A corner without words is no heading.
+    output = re.sub(r"<th( [^>]*)?></th>", r"<td\1></td>", output)
     return _MENU.sub(r'aria-label="\3"\2', output)
 
 
