@@ -41,7 +41,8 @@ class FloorSpectra:
             (floor, f"{spectrum.max():.3f}", f"{self.frequency_hz[spectrum.argmax()]:.3g}")
             for floor, spectrum in zip(floors, mean, strict=True)
         ]
-        return Table.of((f"spectrum, {100.0 * self.damping:.3g} %", "peak, m/s²", "at, Hz"), rows)
+        head = (f"spectrum, {100.0 * self.damping:.3g} %", "peak, m/s²", "at, Hz")
+        return Table.of(head, rows, caption="Peaks of the mean floor spectra")
 
 
 def floor_spectra(floors: Floats, base: Floats, time_step: float, damping: float) -> FloorSpectra:

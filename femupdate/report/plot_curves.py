@@ -11,7 +11,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from femupdate.arrays import Floats
-from femupdate.errors import ReportError
 from femupdate.report.curves import LEFT_OUT, MEASURED, Curve
 from femupdate.report.figure import (
     add_head,
@@ -217,12 +216,7 @@ def story_shear_drift(
         drift: (S, s, n) m.
         stiffness: (S', s) N/m of all samples: mean slope and 5 to 95 % interval.
         stories: s names, the lowest first.
-
-    Raises:
-        ReportError: there is no sample.
     """
-    if not len(shear) or not len(stiffness):
-        raise ReportError("shear and stiffness hold no sample; give one at least")
     # The stretch with most drift, summed over stories each by its size.
     power = np.einsum("ksn,ksn->sn", drift, drift)
     power /= np.maximum(power.max(axis=1, keepdims=True), 1e-300)

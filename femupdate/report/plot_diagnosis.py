@@ -11,7 +11,6 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
-from femupdate.errors import ReportError
 from femupdate.inference.model_error import Cell
 from femupdate.report.figure import add_head, frequency_ticks, new_figure
 from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, styled
@@ -94,12 +93,7 @@ def residual_map(
 
     Args:
         maps: name of a model and its residuals, all of the same data.
-
-    Raises:
-        ReportError: there is no model.
     """
-    if not maps:
-        raise ReportError("a residual map needs the misfit of one model at least")
     figure = new_figure(4.6 * len(maps) + 1.2, 0.9 + 0.38 * len(maps[0][1].rows))
     panels = np.atleast_1d(figure.subplots(1, len(maps), sharey=True))
     top = largest_misfit([shown for _, shown in maps])
@@ -150,12 +144,7 @@ def ranking(effects: Sequence[Ranked], needed: float, verdict: str) -> Figure:
         effects: the strongest first.
         needed: log evidence that a name needs.
         verdict: in a sentence or two, under the title.
-
-    Raises:
-        ReportError: there is no effect.
     """
-    if not effects:
-        raise ReportError("a ranking needs one effect at least")
     shown = list(effects)[::-1]
     figure = new_figure(8.0, 0.8 + 0.3 * len(shown))
     panel = figure.subplots()

@@ -11,11 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from femupdate.arrays import Floats
-from femupdate.errors import ReportError
 from femupdate.report.curves import Interval
 from femupdate.report.figure import add_head, new_figure
 from femupdate.report.scale import plus_minus
-from femupdate.report.style import DASHES, FAINT, KNOWN, SERIES, hue, look, styled
+from femupdate.report.style import DASHES, FAINT, KNOWN, hue, look, styled
 
 POINTS = 250  # drawn under the contours; more hide each other
 MOST = 12  # parameters in one figure; more cannot be read
@@ -38,11 +37,8 @@ def posterior_pairs(
         names: p names.
         bounds: (p, 2) prior bounds.
         truth: (p,) true values, where they are known.
-
-    Raises:
-        ReportError: there are no samples or too many sets.
     """
-    cases, total = _checked(sets), len(names)
+    cases, total = sets, len(names)
     true = None if truth is None else np.asarray(truth, dtype=np.float64)
     if total > MOST:
         shown = most_correlated(next(iter(cases.values())), MOST)
@@ -74,22 +70,6 @@ def posterior_pairs(
         note = f"The {size} of {total} with the strongest correlations. {note}"
     add_head(figure, "Posterior of the parameters", note=note if size > 1 else "")
     return figure
-
-
-def _checked(sets: Mapping[str, Floats]) -> Mapping[str, Floats]:
-    """Sets of draws that can be drawn.
-
-    Raises:
-        ReportError: no set, too many, or samples that are too few or not finite.
-    """
-    if not 1 <= len(sets) <= len(SERIES):
-        raise ReportError(
-            f"{len(sets)} sets of samples are given; the figure shows one to {len(SERIES)}"
-        )
-    for label, samples in sets.items():
-        if len(samples) < 2 or not np.isfinite(samples).all():
-            raise ReportError(f"{label} needs two samples or more, all of them finite")
-    return sets
 
 
 def _draw_marginal(
@@ -274,13 +254,9 @@ def theta_intervals(
         names: p names; the first is drawn lowest, as the first story is.
         sets: draws (S, p) of one to six posteriors, by what they are of.
         bounds: (p, 2) prior bounds.
-
-    Raises:
-        ReportError: there are no samples or too many sets.
     """
-    cases = _checked(sets)
     rows = np.arange(len(names), dtype=np.float64)
-    band = ROW_HEIGHT * len(cases) + 0.2
+    band = ROW_HEIGHT * len(sets) + 0.2
     figure = new_figure(8.5, 0.75 + band * len(names))
     panel = figure.subplots()
     panel.use_sticky_edges = False
@@ -290,10 +266,10 @@ def theta_intervals(
     )
     shown = [
         Interval.of(samples, label or "Posterior", k)
-        for k, (label, samples) in enumerate(cases.items())
+        for k, (label, samples) in enumerate(sets.items())
     ]
     for place, interval in enumerate(shown):
-        heights = rows + ((len(cases) - 1) / 2 - place) * ROW_HEIGHT / band
+        heights = rows + ((len(sets) - 1) / 2 - place) * ROW_HEIGHT / band
         draw_intervals(panel, interval, heights, label=interval.name)
         _write_figures(panel, interval, heights)
     panel.set(yticks=rows, yticklabels=names, ylim=(-0.6, len(names) - 0.4))
@@ -302,7 +278,7 @@ def theta_intervals(
     panel.spines["left"].set_visible(False)
     panel.set_xlabel("Stiffness over that in the building file")
     short = short_note(panel, shown)
-    order = "Lines of a row are in the order of the legend" if len(cases) > 1 else ""
+    order = "Lines of a row are in the order of the legend" if len(sets) > 1 else ""
     read = f"{short}: read the figures at the right" if short else ""
     add_head(figure, title, note="\n".join(sentence for sentence in (order, read) if sentence))
     return figure

@@ -24,6 +24,7 @@ from femupdate.dynamics.summary import (
 from femupdate.errors import StudyError
 from femupdate.measurement.record import GroundMotion
 from femupdate.report.curves import Curve, history_curves, spectrum_curves
+from femupdate.report.page import items_of, kept_items
 from femupdate.report.quantities import (
     ALONE,
     PEAKS,
@@ -69,6 +70,7 @@ class Prediction(Result):
         measured: (f, n) floors measured in the same motion, m/s2, if any.
         floor_spectra: where they were asked for, over the first hundred samples.
         members: forces of the members asked for.
+        forces: the same as told and kept.
     """
 
     summary: HistorySummary
@@ -83,6 +85,7 @@ class Prediction(Result):
     measured: Floats | None = None
     floor_spectra: FloorSpectra | None = None
     members: tuple[MemberForces, ...] = ()
+    forces: tuple[Item, ...] = ()
     warnings: tuple[str, ...] = ()
 
     @property
@@ -148,7 +151,7 @@ class Prediction(Result):
         yield Note(f"  damping ratio: {self.damping}", {"damping": self.damping}, detail=True)
         yield from (replace(table, detail=True) for table in quantity_tables(found))
         yield Note("  mean, and 5 to 95 % in brackets", detail=True, page=False)
-        yield from member_tables(self.members)
+        yield from self.forces or member_tables(self.members)
         if self.members:
             forces = [member.as_dict() for member in self.members]
             yield Note(content={"member_forces": forces})
@@ -312,6 +315,7 @@ def save_prediction(found: Prediction) -> None:
         "damping": found.damping,
         "notes": json.dumps(found.notes),
         "warnings": json.dumps(found.warnings),
+        "member_forces": json.dumps(kept_items(member_tables(found.members))),
     }
     write_tree(tree, found.path)
 
@@ -384,4 +388,5 @@ def read_prediction(path: Path, building: Building, mass: float) -> Prediction:
             motion=motion,
             measured=None if measured is None else measured.values,
             floor_spectra=spectra,
+            forces=tuple(items_of(json.loads(tree.attrs.get("member_forces", "[]")))),
         )

@@ -189,7 +189,7 @@ def member_tables(members: Sequence[MemberForces]) -> Iterator[Note | Table]:
     for number, member in enumerate(members, 1):
         yield Note(f"{place_of(number, member)}: largest forces")
         yield Table.of(
-            ("", ""),
+            ("force", "largest"),
             [
                 (f"{quantity}, {unit}", interval_text(*values))
                 for quantity, unit, *values in _peaks(member, scales)

@@ -1,5 +1,6 @@
 """The page as a file: escaped, whole, small; histories and meshes thinned without losing peaks."""
 
+import json
 import re
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from femupdate.report import Geometry, Section, scene_content, thinned_geometry
 from femupdate.report.figure import new_figure
-from femupdate.report.page import page_html, prose_html
+from femupdate.report.page import items_of, kept_items, page_html, prose_html
 from femupdate.report.plot_measured import thinned
 from femupdate.result import Note, Notes, Picture
 from femupdate.tables import Table
@@ -40,6 +41,16 @@ def test_what_the_terminal_alone_shows_is_not_on_the_page():
     assert "<p>told</p>" in html
     assert "a path" not in html
     assert "<ul" not in html
+
+
+def test_what_a_result_says_on_the_page_is_kept_as_json():
+    table = Table.of(("a", "b"), (("1", "x"),), name="t", caption="c", note="n")
+    said = [Note("told"), Notes(("one",), warning=True), table]
+    kept = json.loads(json.dumps(kept_items([*said, Note("a path", page=False), Notes(())])))
+    first, page = (
+        page_html((Section("s", "", tuple(of)),), title="") for of in (said, items_of(kept))
+    )
+    assert page == first
 
 
 def test_a_sentence_is_escaped_before_anything_in_it_is_marked_up():
