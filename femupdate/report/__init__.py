@@ -8,7 +8,7 @@ __all__, __getattr__ = public(
         "figure": "draw save_figure",
         "geometry": "Geometry",
         "glyphs": "drawn Glyphs",
-        "page": "Section",
+        "page": "Section items_of kept_items page_html",
         "page_scene": "scene_content thinned_geometry",
         "plot_curves": "frf_fit",
         "plot_posterior": "posterior_pairs theta_intervals",

@@ -6,9 +6,17 @@ import re
 import numpy as np
 import pytest
 
-from femupdate.report import Geometry, Section, scene_content, thinned_geometry
+from femupdate.report import (
+    Geometry,
+    Section,
+    items_of,
+    kept_items,
+    page_html,
+    scene_content,
+    thinned_geometry,
+)
 from femupdate.report.figure import new_figure
-from femupdate.report.page import items_of, kept_items, page_html, prose_html
+from femupdate.report.page import prose_html
 from femupdate.report.plot_measured import thinned
 from femupdate.result import Note, Notes, Picture
 from femupdate.tables import Table
