@@ -201,7 +201,11 @@ class FrfData:
         With `logs`, ln|H| (N, g, k) of the observed ones.
         """
         if self.logs is not None:
-            return self._logs(system, theta, zeta, sizes, self.logs)
+            seen, both = self.blocks[0].estimator, torch.cat([theta, sizes], dim=1).double()
+            if self.stand_in is not None:
+                return self.stand_in(both, zeta.double())
+            asked = self.frequency_hz if seen is None else torch.from_numpy(seen.frequency_hz)
+            return _as_run(system, seen).log_frf(both, zeta.double(), asked, self.logs)
         parts, first = [], 0
         for block in self.blocks:
             frequency = self.frequency_hz[first : first + block.points]
@@ -224,17 +228,6 @@ class FrfData:
         """Complex FRFs (N, f, k) of all floors, to the first column of the excitation."""
         force = Excitation(self.excitation.force)
         return system.respond(force, theta, zeta, sizes, frequency_hz, self.rest)[:, :, 0]
-
-    def _logs(
-        self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, how: Responses
-    ) -> Tensor:
-        (block,) = self.blocks
-        seen = block.estimator
-        asked = self.frequency_hz if seen is None else torch.from_numpy(seen.frequency_hz)
-        both, ratio = torch.cat([theta, sizes], dim=1).double(), zeta.double()
-        if self.stand_in is not None:
-            return self.stand_in(both, ratio)
-        return _as_run(system, seen).log_frf(both, ratio, asked, how)
 
     def as_logs(
         self,

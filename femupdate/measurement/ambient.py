@@ -206,8 +206,7 @@ def identify_modes(
     poles = tuple(p for p in subspace.poles() if band[0] <= p.frequency_hz <= band[1])
     group = _groups(poles)
     chosen, doubtful = _chosen(poles, group, order)
-    every, unclear = _modes(subspace, poles, group, chosen, tuple(channels))
-    modes, twice = _once(every)
+    modes, left_out = _modes(subspace, poles, group, chosen, tuple(channels))
     if not modes:
         raise MeasurementError(
             f"no mode comes back from order to order between {band[0]:.3g} and {band[1]:.3g} Hz;"
@@ -227,8 +226,7 @@ def identify_modes(
             f" {seconds:.4g} s, models up to order {order}, {band[0]:.3g} to"
             f" {band[1]:.3g} Hz; standard deviations from {blocks} blocks of the record.",
             *doubtful,
-            *unclear,
-            *twice,
+            *left_out,
         ),
     )
 
@@ -308,7 +306,7 @@ def _modes(
     chosen: dict[int, tuple[Pole, ...]],
     channels: tuple[str, ...],
 ) -> tuple[dict[int, RecordedMode], tuple[str, ...]]:
-    """Modes by their groups, and sentences on what is left out."""
+    """Modes by their groups, from the lowest on, and sentences on what is left out."""
     if not chosen:
         return {}, ()
     modes: dict[int, RecordedMode] = {}
@@ -347,13 +345,8 @@ def _modes(
                 shape=shape / largest,
                 shape_sd=sd if shape.size > 1 else None,
             )
-    return modes, tuple(notes)
-
-
-def _once(modes: dict[int, RecordedMode]) -> tuple[dict[int, RecordedMode], tuple[str, ...]]:
-    """The modes, of two alike the one that is better known, and sentences on the others."""
+    # Of two alike the one that is better known is taken.
     kept: dict[int, RecordedMode] = {}
-    notes = []
     for number, mode in sorted(modes.items(), key=lambda item: item[1].frequency_sd_hz or 0.0):
         if any(alike(mode, other) for other in kept.values()):
             notes.append(

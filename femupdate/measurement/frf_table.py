@@ -86,8 +86,7 @@ def _observation(
     frequency = table.frequency_hz
     if frequency.size < 3:
         raise table.file.error(
-            f"{frequency.size} rows are no response function; give at least 3",
-            int(table.lines[-1]),
+            f"{frequency.size} rows are no response function; give at least 3", int(table.lines[-1])
         )
     wrong = np.flatnonzero((np.diff(frequency, prepend=-1.0) <= 0) | (frequency < 0))
     if wrong.size:

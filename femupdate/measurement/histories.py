@@ -101,9 +101,17 @@ def histories_of(
         )
     aside = {ours: c for ours, c in channels.items() if ours.floor == BASE} if forces else {}
     used = {ours: channel for ours, channel in channels.items() if ours not in aside}
-    if not forces:
-        _require_base_and_floors(file, tuple(used))
-    elif len(used) == 1:
+    if not forces and all(ours.floor != BASE for ours in used):
+        raise file.error(
+            "there is no column base, and a response is measured against the base; name or map"
+            " the base acceleration, or take modes from the floors alone by femupdate identify"
+        )
+    fault = None if forces else fault_of(tuple(used))
+    if fault is not None:
+        raise file.error(fault)
+    if not forces and all(ours.floor == BASE for ours in used):
+        raise file.error("there is no floor beside the base; add columns 2F ... RF")
+    if forces and len(used) == 1:
         raise file.error("there is a force but no floor that responds; add columns 2F ... RF")
     used, done = _at_same_times(file, used)
     time_step, source = next(iter(used.values())).time_step, file.path.name
@@ -164,20 +172,6 @@ def _at_same_times(
     return channels, tuple(
         dict.fromkeys(words for each in channels.values() for words in each.done)
     )
-
-
-def _require_base_and_floors(file: TextFile, channels: tuple[FloorChannel, ...]) -> None:
-    floors = [channel.floor for channel in channels]
-    if BASE not in floors:
-        raise file.error(
-            "there is no column base, and a response is measured against the base; name or map"
-            " the base acceleration, or take modes from the floors alone by femupdate identify"
-        )
-    fault = fault_of(channels)
-    if fault is not None:
-        raise file.error(fault)
-    if all(floor == BASE for floor in floors):
-        raise file.error("there is no floor beside the base; add columns 2F ... RF")
 
 
 def _acceleration(

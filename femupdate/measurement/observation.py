@@ -206,15 +206,12 @@ def at_frequencies(observation: Observation, used: Flags) -> Observation:
     """The observation at some of its frequencies (m,); its resolution stays what it is."""
     grid, estimator = observation.frequency_hz, observation.estimator
     spacing = float(np.median(np.diff(grid))) if grid.size > 1 else None
+    seen = {name: getattr(observation, name) for name in _OF_FLOORS}
+    arrays = {name: array[:, used] for name, array in seen.items() if array is not None}
     return replace(
         observation,
         frequency_hz=grid[used],
-        log_frf=observation.log_frf[:, used],
-        noise_sd=observation.noise_sd[:, used],
-        valid=observation.valid[:, used],
-        phase=None if observation.phase is None else observation.phase[:, used],
-        coherence=None if observation.coherence is None else observation.coherence[:, used],
-        scatter=None,
+        **{**arrays, "scatter": None},
         resolution_hz=observation.resolution_hz or spacing,
         estimator=None if estimator is None else estimator.at(used),
         rotation=None if observation.rotation is None else observation.rotation[used],
