@@ -299,6 +299,9 @@ class Building(Entry):
 
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
+        if self.by_kind and self.effects:
+            text = "effects need one factor a story; remove [parameters], or the effects"
+            raise Complaint("effects", text)
         seen: list[str] = []
         for number, name in enumerate(self.story_names):
             if name in seen:
@@ -328,6 +331,12 @@ class MeshedBuilding(Building):
     floor_mass: tuple[FloorMass, ...] = ()
     supports: Supports = Supports()
     springs: tuple[SpringGroup, ...] = ()
+    parameters: ParameterGrouping | None = None  # None where the file does not say it
+
+    @property
+    def by_kind(self) -> bool:
+        """As of a `Building`."""
+        return self.parameters is not None and "kind" in self.parameters.by
 
     @property
     def has_dashpots(self) -> bool:

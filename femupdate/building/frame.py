@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator
 
-from femupdate.building.common import MeshedBuilding, ParameterGrouping
+from femupdate.building.common import MeshedBuilding
 from femupdate.building.entry import Complaint
 from femupdate.building.members import (
     BeamLines,
@@ -59,12 +59,6 @@ class FrameBuilding(MeshedBuilding):
     slabs: tuple[Slab, ...] = ()
     mesh: Mesh
     sensors: Sensors
-    parameters: ParameterGrouping | None = None  # None where the file does not say it
-
-    @property
-    def by_kind(self) -> bool:
-        """Whether members of different kinds have stiffness factors of their own."""
-        return self.parameters is not None and "kind" in self.parameters.by
 
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
@@ -98,9 +92,6 @@ class FrameBuilding(MeshedBuilding):
             if story not in held:
                 text = f"no column or wall with stiffness stands in story {story!r}; add one"
                 raise Complaint(f"stories[{number}]", text)
-        if self.by_kind and self.effects:
-            text = "effects need one factor a story; remove [parameters], or the effects"
-            raise Complaint("effects", text)
 
 
 def _check_lines(lines: Mapping[str, float], key: str) -> None:

@@ -28,7 +28,7 @@ from femupdate.building.mesh_check import (
 from femupdate.building.mesh_reader import RawMesh, read_mesh
 from femupdate.building.model_files import building_model
 from femupdate.building.own_mesh import MeshBuilding, Part
-from femupdate.building.parameters import stiffness_factors
+from femupdate.building.parameters import stiffness_factors, with_factors
 from femupdate.building.quantities import ALL
 from femupdate.errors import StructureError
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
@@ -118,12 +118,12 @@ def import_mesh(building: MeshBuilding) -> BuildingMesh:
             connection is wrong, or there is no node where a floor or a sensor should be.
     """
     if building.from_program:
-        read = building_model(building)
+        read, factors = building_model(building), stiffness_factors(building)
         model = read.model
         for at, springs in sprung(building, model, read.held):
             model = with_springs(model, at, springs)
         return BuildingMesh(
-            model=model,
+            model=with_factors(model, factors) if building.by_kind else model,
             floors=building.floors,
             floor_nodes=_floor_nodes(building, model),
             floor_level=building.floor_levels,
@@ -131,7 +131,7 @@ def import_mesh(building: MeshBuilding) -> BuildingMesh:
             base_nodes=read.held,
             direction="xy".index(building.sensors.direction),
             story_names=building.story_names,
-            factors=stiffness_factors(building),
+            factors=factors,
             parts=read.wall_of,
             walls=read.walls,
             notes=(*read.notes, *story_notes(building)),

@@ -151,6 +151,9 @@ class MeshBuilding(MeshedBuilding):
             if self.mesh.force is None:
                 text = 'the key is missing; write the unit of force of the model, such as "N"'
                 raise Complaint("mesh.force", text)
+            for key in ("tags", "merge"):
+                if getattr(self.mesh, key) is not None:
+                    raise Complaint(f"mesh.{key}", "it is for meshes without members; remove it")
             for key in ("materials", "floor_mass"):
                 if getattr(self, key):
                     raise Complaint(key, "the model has them; change them there, or give parts")
@@ -161,6 +164,9 @@ class MeshBuilding(MeshedBuilding):
             if rigid is not None and rigid != "none":
                 resolve(rigid, self.floors, "floor", "mesh.diaphragms")
             return
+        if self.by_kind:
+            text = "a mesh of parts has one factor a story; remove it"
+            raise Complaint("parameters", text)
         super().check()
         if not self.parts:
             raise Complaint("parts", "no group of the mesh has a meaning; add a [[parts]] table")

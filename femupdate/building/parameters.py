@@ -7,6 +7,8 @@ import numpy as np
 from femupdate.arrays import Integers, Strings
 from femupdate.building.document import Building
 from femupdate.building.frame import FrameBuilding
+from femupdate.building.model_files import building_model
+from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.references import resolve
 from femupdate.fe.model import FiniteElementModel
 
@@ -35,9 +37,34 @@ class StiffnessFactor:
 
 def stiffness_factors(building: Building) -> tuple[StiffnessFactor, ...]:
     """Return the parameters of a building, story by story from the bottom."""
-    if not isinstance(building, FrameBuilding) or not building.by_kind:
+    if not building.by_kind:
         count = len(building.story_names)
         return tuple(StiffnessFactor(f"theta_{i + 1}", i) for i in range(count))
+    stories = building.story_names
+    if isinstance(building, FrameBuilding):
+        owned = _owned_by_members(building)
+    elif "owned" not in building.__dict__:  # read once
+        assert isinstance(building, MeshBuilding)
+        blocks = building_model(building).model.elements
+        owned = {
+            (int(group), _CALLED[str(kind)])
+            for block in blocks
+            for group, kind in zip(block.group, block.kind, strict=True)
+            if group >= 0
+        }
+        building.__dict__["owned"] = owned
+    else:
+        owned = building.__dict__["owned"]
+    return tuple(
+        StiffnessFactor(f"{name} {kind}", story, kind)
+        for story, name in enumerate(stories)
+        for kind in _ORDER
+        if (story, kind) in owned
+    )
+
+
+def _owned_by_members(building: FrameBuilding) -> set[tuple[int, str]]:
+    """Stories and kinds of which a frame has members."""
     stories, floors = building.story_names, building.floors
     lists = (  # of all members with stiffness; story i owns floor i + 1
         *(("walls", wall.stories, stories) for wall in building.walls if wall.is_stiff),
@@ -47,17 +74,11 @@ def stiffness_factors(building: Building) -> tuple[StiffnessFactor, ...]:
         *(("infills", infill.stories, stories) for infill in building.infills),
         *(("slabs", slab.floors, floors) for slab in building.slabs),
     )
-    owned = {
+    return {
         (known.index(name), kind)
         for kind, names, known in lists
         for name in resolve(names, known, kind, kind)
     }
-    return tuple(
-        StiffnessFactor(f"{name} {kind}", story, kind)
-        for story, name in enumerate(stories)
-        for kind in _ORDER
-        if (story, kind) in owned
-    )
 
 
 def factor_titles(building: Building) -> dict[str, str]:

@@ -153,6 +153,24 @@ def test_a_weight_density_is_told_by_wtmass(tmp_path):
     np.testing.assert_allclose(frequencies(weighed), frequencies(plain), rtol=1e-3)
 
 
+def test_members_of_a_kind_have_factors_of_their_own(tmp_path):
+    write(tmp_path, FRAME)
+    draft = draft_text(tmp_path / "frame.bdf", "N,mm", tmp_path)
+    path = tmp_path / "frame.toml"
+    path.write_text(draft.replace("[sensors]", '[parameters]\nby = ["story", "kind"]\n\n[sensors]'))
+    building = load_building(path)
+    mesh = mesh_building(building)
+    names = [factor.name for factor in mesh.factors]
+    floor = ("columns", "braces", "slabs")
+    assert names == [*(f"S1 {k}" for k in ("walls", *floor)), "S2 columns", "S2 slabs"]
+    np.testing.assert_allclose(
+        frequencies(mesh), frequencies(mesh_building(load_building(tmp_path / "frame.bdf", "N,mm")))
+    )
+    soft = np.where([factor.kind == "columns" for factor in mesh.factors], 0.5, 1.0)
+    slower = lowest_modes(assemble(mesh.model), soft, 1).frequency_hz
+    assert slower[0] < 0.9 * frequencies(mesh, 1)[0]
+
+
 def test_a_card_may_be_left_out_on_the_users_word(tmp_path):
     write(tmp_path, FRAME.replace("CROD    15", "CTETRA  15"))
     draft = draft_text(tmp_path / "frame.bdf", "N,mm", tmp_path)
