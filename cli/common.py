@@ -273,10 +273,13 @@ def columns_options(function: F) -> F:
     """Add --columns and --mapping, passed on as `columns`, and fill a `unit` that is missing."""
 
     @option("--columns", "Column names: ours=theirs,...", COLUMNS)
+    @option("--rate", "Samples a second, of a table without times.", click.FloatRange(1e-3, 1e6))
     @option("--mapping", "File that says which channel is which floor.", INPUT_FILE)
     @functools.wraps(function)
-    def wrapper(*args: Any, columns: Any, mapping: Any, **kwargs: Any) -> Any:
+    def wrapper(*args: Any, columns: Any, mapping: Any, rate: Any, **kwargs: Any) -> Any:
+        timed = {} if rate is None else {"time_s": f"{rate:g} Hz"}
         if mapping is None:
+            columns = columns if rate is None else {**(columns or {}), **timed}
             return function(*args, columns=columns, **kwargs)
         if columns is not None:
             raise click.UsageError("--columns and --mapping say the same; give one of them")
@@ -288,7 +291,7 @@ def columns_options(function: F) -> F:
             raise Failure(str(error)) from error
         if "unit" in kwargs:
             kwargs["unit"] = kwargs["unit"] or unit
-        return function(*args, columns=columns, **kwargs)
+        return function(*args, columns={**columns, **timed}, **kwargs)
 
     return wrapper  # type: ignore[return-value]
 

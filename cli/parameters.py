@@ -116,7 +116,12 @@ class Columns(click.ParamType):
             self.fail(
                 "write ours=theirs pairs with commas, such as base=a0,2F=a1,RF=a2", param, ctx
             )
-        return {ours.strip(): theirs.strip() for ours, theirs in pairs}
+        from femupdate.measurement.names import is_ours
+
+        stripped = [(ours.strip(), theirs.strip()) for ours, theirs in pairs]
+        return dict(  # written the other way round, they say the same
+            pair[::-1] if is_ours(pair[1]) and not is_ours(pair[0]) else pair for pair in stripped
+        )
 
 
 class Channel(click.ParamType):

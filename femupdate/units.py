@@ -6,6 +6,7 @@ module is the only place that knows what those names mean.
 
 import math
 import re
+import unicodedata
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -21,6 +22,8 @@ _ACCELERATION = {
     "gal": 1e-2,
     "g": STANDARD_GRAVITY,
     "mg": STANDARD_GRAVITY * 1e-3,
+    "ug": STANDARD_GRAVITY * 1e-6,
+    "%g": STANDARD_GRAVITY * 1e-2,
     "in/s2": 0.0254,
     "ft/s2": 0.3048,
 }
@@ -68,7 +71,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
             "lbf": 4.4482216152605,
             "kip": 4448.2216152605,
         },
-        "time": {"s": 1.0, "ms": 1e-3},
+        "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "d": 86400.0},
         "share": {"%": 0.01},
         "acceleration": _ACCELERATION,
     }
@@ -95,14 +98,18 @@ def factor(unit: str, kind: str) -> float:
     """Return the SI factor of a unit.
 
     Args:
-        unit: its name; `m/s^2`, `m/s/s` and `m/s**2` are read as `m/s2`.
+        unit: its name; `m/s^2`, `m/s/s`, `m s-2` and `m·s⁻²` are read as `m/s2`.
         kind: what it must measure, a key of `UNITS`.
 
     Raises:
         UnitError: the name is not a unit of that kind.
     """
     known = UNITS[kind]
-    name = unit.strip().replace("**", "").replace("^", "").replace("²", "2").replace("/s/s", "/s2")
+    # NFKC makes ² a 2, ⁻ a minus, and both signs of micro one.
+    name = " ".join(unicodedata.normalize("NFKC", unit).split())
+    name = name.replace("−", "-").replace("\u03bc", "u")
+    name = re.sub(r"[\s·.*]*s\(?-2\)?$", "/s2", re.sub(r"\*\*|\^", "", name))
+    name = re.sub(r"\s*/\s*", "/", name).replace("/s/s", "/s2").replace("% g", "%g")
     if name in known:
         return known[name]
     folded = {key.lower(): value for key, value in known.items()}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, figure_of
+from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, TELLING, figure_of
 from femupdate.measurement.names import FREQUENCY, FREQUENCY_NAME, TIME, TIME_NAME
 from femupdate.measurement.quantity import is_unit
 from femupdate.measurement.recording import Recording
@@ -18,7 +18,9 @@ from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile
 
 _Column = NDArray[np.number]
-_RATE = re.compile(r"^(fs|f_s|fsamp\w*|rate|sampl(e|ing)_?(rate|freq(uency)?))(_?hz)?$", re.I)
+_RATE = re.compile(
+    r"^(fs|f_s|sr|srate|fsamp\w*|rate|f_?s?amp\w*|sampl(e|ing)_?(rate|freq(uency)?))(_?hz)?$", re.I
+)
 _STEP = re.compile(r"^(dt|delta_?t|ts|time_?step)(_?s)?$", re.IGNORECASE)
 _UNIT = re.compile(r"^units?$", re.IGNORECASE)
 _LABELS = re.compile(r"^(channel|sensor|column)?s?_?(names?|labels?)$|^(channel|sensor)s$", re.I)
@@ -59,12 +61,15 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
         columns |= _columns(name, array, labels)
     if not columns:
         raise file.error("the file holds no array of numbers; save one for each channel")
-    axis = _axis(file, columns, scalars)
-    count = columns[axis].size
-    used = {axis: columns.pop(axis)} | {k: v for k, v in columns.items() if v.size == count}
+    axis = _axis(columns, scalars)
+    if axis is None and any(map(np.iscomplexobj, columns.values())):
+        raise file.error("complex arrays need their frequencies; add the array frequency_hz (Hz)")
+    count = columns[axis].size if axis else max(column.size for column in columns.values())
+    used = {k: v for k, v in columns.items() if v.size == count}
+    used = {axis: used.pop(axis)} | used if axis else used
     left_out = [name for name in columns if name not in used]
     for name, column in used.items():
-        wrong = np.flatnonzero(~np.isfinite(column))
+        wrong = np.flatnonzero(np.isinf(column))
         if wrong.size:
             raise file.error(
                 f"the value is {column[wrong[0]]}; fill in the measured value or remove the array",
@@ -83,7 +88,10 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     units = {name: each.get(key, common) for name, key in plain.items() if key != axis}
     table = ColumnTable.of_arrays(file, {name: used[key] for name, key in plain.items()}, units)
     notes = (f"Arrays of another length are left out: {', '.join(left_out)}.",)
-    return Recording(file, table=table, notes=notes if left_out else ())
+    of_modes = any(figure_of(name) in TELLING for name in plain)
+    kept = None if of_modes else table
+    modal = table if of_modes else None
+    return Recording(file, table=kept, mode_table=modal, notes=notes if left_out else ())
 
 
 def _texts(arrays: Mapping[str, Any], called: re.Pattern[str]) -> list[str]:
@@ -102,8 +110,8 @@ def _columns(name: str, array: NDArray[Any], labels: Sequence[str] = ()) -> dict
     return {name: array} if array.ndim == 1 and array.size > 1 else {}
 
 
-def _axis(file: TextFile, columns: dict[str, _Column], scalars: Mapping[str, float]) -> str:
-    """Name of the column of times or frequencies; one is added where a rate gives it."""
+def _axis(columns: dict[str, _Column], scalars: Mapping[str, float]) -> str | None:
+    """Name of the column of times or frequencies; one is added where a rate gives it, else None."""
     for kind, name in ((TIME_NAME, TIME), (FREQUENCY_NAME, FREQUENCY)):
         real = (key for key, column in columns.items() if not np.iscomplexobj(column))
         key_of_axis = next((key for key in real if kind.match(key.rpartition(".")[2])), None)
@@ -118,10 +126,7 @@ def _axis(file: TextFile, columns: dict[str, _Column], scalars: Mapping[str, flo
     )
     step = next(steps, None)
     if step is None:
-        raise file.error(
-            f"neither times nor a sampling rate is among {', '.join([*columns, *scalars])}; add"
-            " the array time_s (s), frequency_hz, or the number fs (Hz)"
-        )
+        return None
     longest = max(column.size for column in columns.values())
     columns[TIME] = np.arange(longest, dtype=np.float64) * step
     return TIME

@@ -11,19 +11,48 @@ from femupdate.arrays import Floats, Integers
 from femupdate.measurement.text import TextFile
 
 _DECIMALS = 9  # of times that are looked at, at most
-_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_DATE = r"(?P<first>\d{1,4})[-/.](?P<second>\d{1,2}|[A-Za-z]{3,9})[-/.](?P<third>\d{1,4})"
+BRIDGED = 3  # samples without a value, that are interpolated
+# Months in English, German, French, Spanish, Italian and Portuguese.
+_MONTHS = (
+    *("jan|ene|gen", "feb|fev|fév", "mar|mär|mrz", "apr|avr|abr", "may|mai|mag", "jun|giu|juin"),
+    *("jul|lug|juil", "aug|ago|aoû", "sep|set", "oct|okt|ott|out", "nov", "dec|dez|dic|déc"),
+)
+_DATE = r"(?P<first>\d{1,4})[-/.](?P<second>\d{1,2}|[^\W\d_]{3,10})[-/.](?P<third>\d{1,4})"
 _TIME = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<sec>\d{2}))?(?:[.,:](?P<part>\d{1,9}))?"
     r"\s*(?P<half>[AaPp])?(?(half)\.?[Mm]\.?)\s*(?P<zone>Z|UTC|GMT|[-+]\d{2}:?\d{2})?"
 )
 _MOMENT = re.compile(rf"(?:{_DATE})?[T ,_]*{_TIME}")
-DATE_ALONE = re.compile(_DATE)
+# Also 20240305T235950, 2024年3月5日, Tue Mar 5 10:00 2024, March 5, 2024, 5 March 2024, 23-59-50.
+_LETTERS = r"([^\W\d_]{3,10})\.?"
+_SPELLINGS = (
+    (r"^(\d{4})(\d\d)(\d\d)[T _-]?(\d\d)(\d\d)(\d\d)", r"\1-\2-\3 \4:\5:\6"),
+    (r"^(\d+)年(\d+)月(\d+)日", r"\1-\2-\3"),
+    (rf"^(?:{_LETTERS},? )?{_LETTERS} +(\d+) ([\d:.]+) (\d{{4}})$", r"\3-\2-\5 \4"),
+    (rf"^(?:{_LETTERS},? )?{_LETTERS} (\d+)(?:st|nd|rd|th)?,? (\d{{4}})", r"\3-\2-\4"),
+    (rf"^(?:{_LETTERS},? )?(\d+)\.? (?:de )?{_LETTERS} (?:de )?(\d{{4}})", r"\2-\3-\4"),
+    (r"[ _T](\d\d)[-h](\d\d)[-m](\d\d)(?=\D|$)s?", r" \1:\2:\3"),
+)
+_YEAR_DAY = re.compile(r"^(\d{4})[-:/,. ](\d{3})(?=[T :,])[T :,]+")
+
+
+def _moment(text: str) -> re.Match[str] | None:
+    """The parts of a time of day with or without a date, however it is spelt; None of others."""
+    match = _MOMENT.fullmatch(text)
+    if match or len(text) > 60 or not re.search(r"\d\d", text):
+        return match
+    for spelt, plain in _SPELLINGS:
+        text = re.sub(spelt, plain, text)
+    of_year = _YEAR_DAY.match(text)
+    if of_year and 0 < int(of_year[2]) < 367 and int(of_year[1]):
+        day = date.fromordinal(date(int(of_year[1]), 1, 1).toordinal() + int(of_year[2]) - 1)
+        text = f"{day} {text[of_year.end() :]}"
+    return _MOMENT.fullmatch(text)
 
 
 def is_moment(text: str) -> bool:
     """Whether a text is a time of day, with or without a date."""
-    return _MOMENT.fullmatch(text) is not None
+    return _moment(text) is not None
 
 
 def seconds_of(texts: Sequence[str]) -> Floats | None:
@@ -32,7 +61,7 @@ def seconds_of(texts: Sequence[str]) -> Floats | None:
     A day may end within times without dates, a minute may have a leap second, and of days and
     months that could be either, the order is taken in which time runs evenly.
     """
-    matches = [_MOMENT.fullmatch(text) for text in texts]
+    matches = [_moment(text) for text in texts]
     found = [match.groupdict() for match in matches if match]
     if len(found) < len(texts):
         return None
@@ -68,10 +97,13 @@ def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats
     leap = [k for k, of in enumerate(found) if of["sec"] == "60"]
     if leap:
         seconds[leap[-1] + 1 :] += 1.0
-    # Without dates a clock goes back by a day at midnight, one of twelve hours by half a day.
+    # Without dates a clock goes back by a day at midnight, one of twelve hours by half a day,
+    # one of minutes and seconds by an hour.
     if found[0]["first"] is None:
         back = -np.diff(seconds, prepend=seconds[0])
-        turns = np.where(back > 50000.0, 86400.0, np.where(back > 40000.0, 43200.0, 0.0))
+        turn = 3600.0 if all(of["sec"] is None for of in found) else 86400.0
+        turns = np.where(back > 0.5 * turn, turn, 0.0)
+        turns[(back > 40000.0) & (back < 50000.0)] = 43200.0
         seconds += np.cumsum(turns)
     return np.asarray(seconds - seconds[0])
 
@@ -79,7 +111,8 @@ def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats
 def _day(first: str | None, second: str | None, third: str | None, *, day_first: bool) -> int:
     a, b, c = first or "", second or "", third or ""
     if b.isalpha():
-        b = str(_MONTHS.index(b[:3].lower()) + 1)
+        named = [re.match(month, b, re.IGNORECASE) is not None for month in _MONTHS]
+        b = str(named.index(True) + 1)
         year, month, day = (a, b, c) if len(a) == 4 else (c, b, a)
     elif len(a) == 4:
         year, month, day = a, b, c
@@ -93,8 +126,11 @@ def counted_unit(name: str, unit: str | None, values: Floats) -> tuple[str, tupl
     named = re.search(r"[_ ](ms|msec|us|ns)$", name, re.IGNORECASE)
     if unit or named:
         return unit or (named[1].lower().replace("msec", "ms") if named else "s"), ()
-    # Seconds since 1970 reach 1e11 in the year 5138.
+    # Seconds since 1970 reach 1e11 in the year 5138. Days of spreadsheets pass 20000 in 1954, and
+    # no clock with such large seconds has steps of a microsecond.
     largest = float(np.abs(values).max())
+    if 2e4 < largest < 1e6 and 0.0 < float(np.median(np.diff(values))) < 2e-6:
+        return "d", ("The times are read as days, as spreadsheets count them.",)
     for least, since in ((1e17, "ns"), (1e14, "us"), (1e11, "ms")):
         if largest > least:
             return since, (f"The times are read as {since} since 1970.",)
@@ -120,8 +156,8 @@ def even_step(
 
     A time may differ from the straight line through all of them by three quarters of its last
     printed digit, or by a hundredth of a step. Times with fewer digits than their step takes give
-    the rate by the first and the last. A clock that is uneven throughout gives even times (k,), s,
-    to which the values are to be interpolated. A gap is refused.
+    the rate by the first and the last. A clock that is uneven throughout, or rows that are missing,
+    give even times (k,), s, to which the values are to be interpolated.
     """
     steps = np.diff(time)
     if (steps <= 0).mean() > 0.5 and (time[-1] <= time[0] or (steps < 0).any()):
@@ -144,6 +180,20 @@ def even_step(
         check_step(file, float(step), title)
         return float(step), None, ()
     enough = time.size >= 64  # of fewer rows nothing is told
+    usual = float(np.median(steps))
+    passed = np.rint(steps / usual) if usual > 0.0 else np.zeros_like(steps)
+    lost = np.flatnonzero(passed > 1.0)
+    near = np.abs(steps - passed * usual).max() <= max(1.5 * digit, 0.02 * usual)
+    few = lost.size < 0.01 * time.size and passed.sum() < 3 * time.size
+    if enough and near and passed.min() == 1.0 and few:
+        step = float(np.polyfit(np.r_[0.0, np.cumsum(passed)], since, 1)[0])
+        step = 1.0 / round(1.0 / step) if abs(1.0 / step - round(1.0 / step)) < 0.01 else step
+        check_step(file, step, title)
+        many, after = int(passed.sum()) - steps.size, time[lost[0]]
+        words = f"{many} row{'s are' if many > 1 else ' is'} missing after {after:.6g} s: " + (
+            "interpolated." if passed.max() <= BRIDGED + 1 else "the longer part is used."
+        )
+        return step, time[0] + step * np.arange(passed.sum() + 1.0), (words,)
     if enough and (steps >= 0).all() and deviation.max() <= 0.75 * digit:
         check_step(file, float(step), title)
         words = (
@@ -151,7 +201,6 @@ def even_step(
             " number of steps over the time from the first row to the last."
         )
         return float(step), None, (words,)
-    usual = float(np.median(steps))
     worst = int(np.argmax(np.abs(steps - usual)))
     uneven = np.abs(steps - usual) > max(1.5 * digit, 0.002 * usual)
     if not (enough and (steps > 0).all() and steps.max() < 3.5 * usual and uneven.mean() > 0.1):
@@ -174,10 +223,15 @@ def even_step(
 
 
 def interpolated(values: Floats, time: Floats, even: Floats) -> Floats:
-    """Values (n,) or (n, c) at even times (k,), by cubic splines."""
+    """Values (n, c) at even times (k,), by cubic splines; NaN in a gap of many steps."""
     from scipy.interpolate import CubicSpline
 
-    return np.asarray(CubicSpline(time, values, axis=0)(even))
+    step = even[1] - even[0]
+    behind = np.clip(np.searchsorted(time, even - 0.1 * step), 1, time.size - 1)
+    near = np.minimum(np.abs(even - time[behind]), np.abs(even - time[behind - 1])) < 0.1 * step
+    bridged = time[behind] - time[behind - 1] < (BRIDGED + 1.5) * step
+    found = CubicSpline(time, values, axis=0)(even)
+    return np.where((near | bridged)[:, None], found, np.nan)
 
 
 def _decimals(time: Floats) -> int:

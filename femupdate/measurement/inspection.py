@@ -25,7 +25,7 @@ from femupdate.measurement.names import (
     parse_frf_column,
     parse_history,
 )
-from femupdate.measurement.quantity import is_acceleration, si_factor
+from femupdate.measurement.quantity import RAW, is_acceleration, si_factor
 from femupdate.measurement.reader import base_motion_in, read_measured, readers
 from femupdate.measurement.recording import (
     RecordedChannel,
@@ -47,11 +47,7 @@ def proposed_floors(channels: Sequence[RecordedChannel]) -> tuple[str | None, ..
 
 
 def _proposal(channels: Sequence[RecordedChannel], usable: Sequence[int]) -> dict[str, str]:
-    """Our column name to the channel's number from 1, with a minus where it is turned.
-
-    The direction x is that with most floors above a base; y is the next that may be at a right
-    angle to it.
-    """
+    """Our column name to the channel's number from 1, with a minus where it is turned."""
     floors = proposed_floors(channels)
     directions: dict[str, list[int]] = defaultdict(list)
     for k in usable:
@@ -151,7 +147,8 @@ def next_step(
     # As far as is told, horizontal accelerations.
     kinds = ("acceleration", "unknown")
     usable = [k for k, e in enumerate(histories) if e.quantity in kinds and not e.vertical]
-    unknown = unit is None and any(histories[k].unit is None for k in usable)
+    units = (histories[k].unit for k in usable)
+    unknown = unit is None and any(stated is None or RAW.fullmatch(stated) for stated in units)
     options = f" --unit {unit or 'UNIT'}" if unit or unknown else ""
     if not usable:
         return NextStep("", "None of the channels is a horizontal acceleration.")
@@ -232,6 +229,10 @@ _FRF_COLUMNS = (
     " RF, 2F for 2F over the base."
 )
 _FORCE = "Put in the floor at which the force acts."
+_NO_HEADER = (
+    "Without a header the first column is taken for times; of frequencies say it by --columns, such"
+    " as frequency_hz=1,2F=2, or 2F_re=2,2F_im=3 of real and imaginary parts."
+)
 _POINT_MODES = "Put in which component of the shapes is which floor's."
 
 # What JSON holds of them, by the names that they have themselves.
@@ -443,6 +444,7 @@ def inspect_file(
     for number, (channel, floor) in enumerate(zip(histories, floors, strict=True), start=1):
         assumed = unit if channel.quantity in ("acceleration", "unknown") else None
         stated, si = channel.unit or assumed, None
+        stated = unit if unit and stated and RAW.fullmatch(stated) else stated
         if stated is not None and is_acceleration(stated):
             si = si_factor(recording.file, stated, "acceleration")
         peak = None if si is None else float(np.abs(channel.values).max()) * si
@@ -517,7 +519,9 @@ def _step(
 ) -> NextStep:
     if histories:
         names = None if recording.table is None else recording.table.names or ()
-        return next_step(path, histories, names, unit, columns)
+        step = next_step(path, histories, names, unit, columns)
+        asked = names == () and not columns
+        return replace(step, advice=f"{step.advice} {_NO_HEADER}".strip()) if asked else step
     calibrate = f"femupdate calibrate {shlex.quote(str(path))}"
     if any(mode.damping is not None and mode.damping <= 0.0 for mode in modes):
         return NextStep("", "Damping ratios must be above 0: leave blank what is not known.")

@@ -12,7 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Floats
-from femupdate.measurement.names import BASE, FREQUENCY, floor_height, parse_channel
+from femupdate.measurement.names import (
+    BASE,
+    FREQUENCY,
+    FREQUENCY_WORD,
+    floor_height,
+    parse_channel,
+)
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.recording import RecordedMode, Recording
 from femupdate.measurement.resolve import positions, renamed_columns, whole_or_parts
@@ -28,12 +34,14 @@ MODE_COLUMNS = (
     " 2F_sd ..., or 2F_re and 2F_im"
 )
 _NAMED = (MODE, FREQUENCY, FREQUENCY_SD, DAMPING, DAMPING_SD)
+TELLING = (MODE, FREQUENCY_SD, DAMPING, DAMPING_SD)
+"""Columns that no table of histories or of response functions has."""
 _DEVIATION = r"(std|sd|standarddeviation)"
-_FREQUENCY = r"(f|fn|fid|(natural|modal)?freq(uency|uencies|s)?)"
-_DAMPING = r"(xi|zeta|ξ|ζ|(modal)?damp(ing)?(ratios?)?)"
+_FREQUENCY = rf"(f|fn|fid|(natural|modal|eigen)?({FREQUENCY_WORD}))"
+_DAMPING = r"(xi|zeta|ξ|ζ|(modal)?damp(ing)?(ratios?)?|dämpfung\w*|amort\w+|smorz\w+|sönüm\w*)"
 # Titles without blanks, points and underscores.
 _TITLES = {
-    MODE: r"mode(no|nr|number|name)?",
+    MODE: r"mod[eo](no|nr|number|name)?",
     FREQUENCY: rf"{_FREQUENCY}(hz)?",
     FREQUENCY_SD: rf"{_DEVIATION}{_FREQUENCY}(hz)?|{_FREQUENCY}{_DEVIATION}(hz)?",
     DAMPING: _DAMPING,

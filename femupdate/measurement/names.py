@@ -12,7 +12,9 @@ TIME = "time_s"
 FREQUENCY = "frequency_hz"
 # What else files call them, and what they call times whose unit is known.
 TIME_NAME = re.compile(
-    r"^(t|time)([_ .].*)?$|^sec(ond)?s?$|^time_?stamp$|^date_?time$|^時[刻間]", re.IGNORECASE
+    r"^(t|time)([_ .].*)?$|^sec(ond)?s?$|^time_?stamp$|^date_?time$|^時[刻間]|^时间"
+    r"|^(zeit|temps|tiempo|tempo|tijd|zaman)\b",
+    re.IGNORECASE,
 )
 # How columns that are named by other people end where they say a direction.
 DIRECTION_END = re.compile(
@@ -21,7 +23,8 @@ DIRECTION_END = re.compile(
 SECONDS_NAME = re.compile(
     r"^(t|time)([_ .]s(ec(ond)?s?)?)?$|^sec(ond)?s?$|^time_?stamp$", re.IGNORECASE
 )
-FREQUENCY_NAME = re.compile(r"^(f|freq|frequency)([_ ]?hz)?$|^周波数", re.IGNORECASE)
+FREQUENCY_WORD = r"fr[eé]q(s|uenc(y|ies|es?)|uenz(a|e|en)?|u[eê]ncias?)?|fre[kc]uencias?|frekans"
+FREQUENCY_NAME = re.compile(rf"^(f|{FREQUENCY_WORD})([_ ]?hz)?$|^周波数|^频率", re.IGNORECASE)
 
 _FLOOR = r"RF|(?:[2-9]|[1-9]\d+)F"
 _CHANNEL = re.compile(
@@ -127,6 +130,12 @@ def parse_frf_column(name: str) -> FrfColumn | None:
     return FrfColumn(_floor_name(match["floor"]), (match["part"] or "abs").lower(), force)
 
 
+def is_ours(name: str) -> bool:
+    """Whether a name is one of ours for a column."""
+    axis = name.lower() in (TIME, FREQUENCY)
+    return axis or bool(parse_history(name) or parse_frf_column(name))
+
+
 def floor_height(floor: str) -> float:
     """Return a key that sorts floors from bottom to top: base, 2F, 3F, ..., RF."""
     if floor == BASE:
@@ -139,22 +148,30 @@ def _floor_name(text: str) -> str:
 
 
 _ROOF = re.compile(
-    r"\b(roof\w*|RF|top|dach|DG|toit|techo|azotea|tetto)\b|屋[上根顶]|顶层", re.IGNORECASE
+    r"\b(roof\w*|RF|top|dach\w*|DG|toit\w*|terrasse|techo|azotea|cubierta|tetto|copertura"
+    r"|cobertura|telhado|[cç]at[iı]|dak)\b|屋[上根顶]|顶层",
+    re.IGNORECASE,
 )
-_STORY = r"floor|flr?|level|lvl|stor(?:e?y|ies)|stockwerk|etage|étage|piso|piano|OG"
+_STORY = (
+    r"floor|flr?|level|lvl|stor(?:e?y|ies)|stockwerk|(?:ober)?geschoss|etage|étage|niveau|piso"
+    r"|planta|piano|andar|kat|verdieping|OG"
+)
+_ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
+_ORDINAL = re.compile(rf"\b({'|'.join(_ORDINALS)})\b", re.IGNORECASE)
 _NUMBERED = re.compile(
     rf"\b(\d+)(?:st|nd|rd|th|\.)?[ -]*(?:{_STORY})\b|\b(?:{_STORY})[ -]*(\d+)\b"
-    r"|(?<![A-Za-z0-9])(?:x|a|acc)?(\d+)F\b|^[LF][ -]?(\d+)$|(\d+)[階层楼]",
+    r"|(?<![A-Za-z0-9])(?:x|a|acc)?(\d+)F\b|^[LF][ -]?(\d+)$|(\d+)[階层楼]|^(\d+)(?:st|nd|rd|th)$",
     re.IGNORECASE,
 )
 _BELOW = re.compile(
     r"\b(basement\w*|foundation\w*|ground floor|lobby|base(?!line)\w*|B\d?F?|GF|EG|UG"
-    r"|erdgescho\w+|keller\w*|fundament\w*|rez|RDC|cimentaci[oó]n|fondazione|(shak\w+ )?table)\b"
+    r"|erdgescho\w+|keller\w*|fundament\w*|rez|RDC|cimentaci[oó]n|fondazion[ei]|planta baja|PB"
+    r"|t[eé]rreo|funda[cç][aã]o|piano terra|zemin|temel|bodrum|(shak\w+ )?table)\b"
     r"|基[礎础]|地下",
     re.IGNORECASE,
 )
 _BESIDE = re.compile(
-    r"\bgr(?:oun|n)d\w*|free[ -]?field|\b(pit|boden\w*|soil|sol|suelo|terreno|input)\b"
+    r"\bgr(?:oun|n)d\w*|free[ -]?field|\b(pit|boden\w*|soil|sol|solo|suelo|terreno|input)\b"
     r"|地[表盤面]|^地$",
     re.IGNORECASE,
 )
@@ -210,5 +227,7 @@ def _floor(text: str, number: int | None) -> str | None:
 def _number(text: str) -> int | None:
     if parse_channel(text) is not None or _ROOF.search(text.replace("_", " ")):
         return None
-    match = _NUMBERED.search(text.replace("_", " "))
+    plain = text.replace("_", " ")
+    plain = _ORDINAL.sub(lambda word: f"{_ORDINALS.index(word[1].lower()) + 1}.", plain)
+    match = _NUMBERED.search(plain)
     return int(next(group for group in match.groups() if group)) if match else None

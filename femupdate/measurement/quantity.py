@@ -64,6 +64,7 @@ def force_unit(text: str) -> tuple[int, float] | None:
 
 
 _EXPLAINED = re.compile(r"^([A-Za-z]+)\s*\(.*\)$")  # gal(cm/s/s), as JMA writes
+RAW = re.compile(r"[mµμu]?V(olts?)?|counts?|cts|LSB", re.IGNORECASE)  # of a digitiser
 _MEASURED = ("acceleration", "time", "frequency", "length")
 
 
@@ -75,13 +76,13 @@ def plain_unit(unit: str) -> str:
     explained = _EXPLAINED.match(name)
     if explained:
         name = explained.group(1)
-    return re.sub(r"\bsec\b|(?<=/)sec(?=\d|\^|\*)", "s", name, flags=re.IGNORECASE)
+    return re.sub(r"(?<![^\W\d])sec(?=\b|\d|\^|\*|²|-|⁻)", "s", name, flags=re.IGNORECASE)
 
 
 def is_unit(text: str) -> bool:
     """Return whether a text names a unit of motion, time, frequency, force, or per force."""
     known = any(_known(plain_unit(text), kind) for kind in _MEASURED)
-    return known or text in FORCES or force_unit(text) is not None
+    return known or text in FORCES or bool(force_unit(text) or RAW.fullmatch(text))
 
 
 def is_acceleration(unit: str) -> bool:

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError
-from femupdate.measurement.clock import counted_unit, even_step, interpolated, rate_ratio, resampled
+from femupdate.measurement.clock import (
+    BRIDGED,
+    counted_unit,
+    even_step,
+    interpolated,
+    rate_ratio,
+    resampled,
+)
 from femupdate.measurement.names import (
     DIRECTION_END,
     TIME,
@@ -20,7 +27,7 @@ from femupdate.measurement.names import (
     parse_channel,
     parse_history,
 )
-from femupdate.measurement.quantity import FORCES, is_acceleration, plain_unit, si_factor
+from femupdate.measurement.quantity import FORCES, RAW, is_acceleration, plain_unit, si_factor
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile
 from femupdate.units import UNITS
@@ -108,8 +115,8 @@ def acceleration_unit(file: TextFile, channel: RecordedChannel, asked: str | Non
             f" row (one of {', '.join(UNITS['acceleration'])})",
             column=column,
         )
-    if stated is None or asked is None:
-        return stated or asked or ""
+    if stated is None or asked is None or RAW.fullmatch(stated):
+        return asked or stated or ""
     if si_factor(file, stated, "acceleration") != si_factor(file, asked, "acceleration"):
         raise file.error(
             f"the file says {plain_unit(stated)} but the unit option says {asked}; leave the"
@@ -252,7 +259,7 @@ class Recording:
             except MeasurementError:
                 if not names and (np.diff(values[:, 0]) > 0.0).all():
                     raise
-                rate = 'give the rate: --columns "time_s=200 Hz,base=1,2F=2"'
+                rate = "give the rate: --rate 200"
                 raise table.file.error(
                     f"no column of times among {', '.join(names)}; call it time_s, or {rate}"
                     if names
@@ -276,12 +283,21 @@ def channels_of(
             f"{count} rows are too short for a {what}; give at least {fewest}", int(table.lines[-1])
         )
     table.require_filled([at])
+    twice = np.flatnonzero((np.diff(table.values, axis=0) == 0.0).all(axis=1)) + 1
+    repeated: tuple[str, ...] = ()
+    if 0 < twice.size < 0.01 * count:
+        line = table.lines[twice[0]]
+        repeated = (f"Rows that are there twice are left out, first line {line}.",)
+        kept = np.delete(np.arange(count), twice)
+        table = replace(table, values=table.values[kept], lines=table.lines[kept])
     time, counted = _seconds(table, at)
+    counted = (*counted, *repeated)
     step, even, words = even_step(table.file, time, table.lines, table.title(at))
     values, begin = table.values, float(time[0])
     if even is not None:
         table.require_filled(range(width))
         values, begin = interpolated(values, time, even), float(even[0])
+    lost = bool(np.isnan(values[:, at]).any())
     clocks = _other_clocks(table, at, time)
     channels: dict[int, RecordedChannel] = {}
     for column in range(width):
@@ -306,7 +322,7 @@ def channels_of(
             direction=direction,
             azimuth_deg=azimuth_of(direction),
             start=start + first * of_column,
-            done=(*done, *blank),
+            done=(*done, *(() if lost else blank)),
         )
     return channels
 
@@ -315,8 +331,7 @@ def _seconds(table: ColumnTable, at: int) -> tuple[Floats, tuple[str, ...]]:
     """A column of times in s, and a sentence where its numbers alone tell their unit."""
     values = table.values[:, at]
     unit, counted = counted_unit(table.names[at] if table.names else "", table.units[at], values)
-    small = {"us": 1e-6, "ns": 1e-9}.get(unit)
-    return values * (small or si_factor(table.file, unit, "time")), counted
+    return values * si_factor(table.file, unit, "time"), counted
 
 
 def _other_clocks(table: ColumnTable, at: int, time: Floats) -> dict[int, int]:
@@ -366,6 +381,11 @@ def _filled(
         every = int(apart[0])
         words = f"{title} has a value in every {every}. row only: {1.0 / (step * every):g} Hz."
         return int(where[0]), every, values[where], (words,)
+    within = where.size > 1024 and where[0] == 0 and where[-1] == values.size - 1
+    if within and apart.max() <= BRIDGED + 1 and where.size > 0.99 * values.size:
+        words = f"{title}: blank cells, {values.size - where.size} in all, are interpolated."
+        rows = np.arange(float(values.size))
+        return 0, 1, interpolated(values[where, None], rows[where], rows)[:, 0], (words,)
     runs = np.split(where, np.flatnonzero(apart > 1) + 1)
     longest = max(runs, key=len)
     # Of a gap within, the longer side is worth its while; one blank cell in a short table is not.

@@ -55,6 +55,7 @@ def positions(
     columns: Mapping[str, str],
     listing: str = "",
     turned: bool = False,
+    numbered: bool = False,
 ) -> dict[str, int]:
     """Positions in a file of what the user gives our names to, each once.
 
@@ -63,10 +64,13 @@ def positions(
         names: (c,) the file's, which are taken whole, before a comma, or by their first word.
         listing: all of them by numbers from 1, where they may be taken by number.
         turned: whether a minus may stand before a name or number.
+        numbered: whether they may be taken by number without a listing.
     """
     at_name: dict[str, int] = {}
     for ours, theirs in columns.items():
-        at = _matching(names, theirs.removeprefix("-") if turned else theirs, bool(listing))
+        at = _matching(
+            names, theirs.removeprefix("-") if turned else theirs, numbered or bool(listing)
+        )
         if len(at) != 1:
             problem = f"{len(at)} {what}s are called {theirs!r}"
             if not at:
@@ -172,7 +176,7 @@ def resolved(table: ColumnTable, columns: Mapping[str, str] | None) -> ColumnTab
     if names is None:
         raise file.error(
             f"the first row must name the columns ({HISTORY_COLUMNS}); or say them by --columns,"
-            ' such as "time_s=1,base=2,RF=3", or "time_s=200 Hz,base=1,RF=2" without times',
+            " such as time_s=1,base=2,RF=3, or base=1,RF=2 with --rate 200 where times are missing",
             1,
         )
     given = renamed_columns(table, columns)
@@ -239,7 +243,7 @@ def renamed_columns(table: ColumnTable, columns: Mapping[str, str]) -> dict[int,
     parts = in_parts({name: k for k, name in enumerate(names)})
     options = (*names, *(name for name in parts if name not in names))
     renamed: dict[int, str] = {}
-    for ours, at in positions(table.file, "column", options, columns).items():
+    for ours, at in positions(table.file, "column", options, columns, numbered=True).items():
         real, imaginary = (at, None) if at < len(names) else parts[options[at]]
         renamed[real] = ours if imaginary is None else f"{ours}_re"
         if imaginary is not None:

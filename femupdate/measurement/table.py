@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Floats, Integers
-from femupdate.measurement.clock import DATE_ALONE, is_moment, seconds_of
-from femupdate.measurement.names import TIME, FloorChannel, FrfColumn
+from femupdate.measurement.clock import is_moment, seconds_of
+from femupdate.measurement.names import FREQUENCY, TIME, FloorChannel, FrfColumn
 from femupdate.measurement.quantity import force_unit, si_factor, split_unit
 from femupdate.measurement.text import TextFile
 
@@ -20,7 +20,7 @@ Row = tuple[int, str]  # line number, text
 def find_delimiter(line: str) -> str | None:
     """Return the delimiter of a row; None stands for blanks."""
     # The semicolon comes first: beside it a comma can only be the decimal sign.
-    return next((mark for mark in ";\t," if mark in line), None)
+    return next((mark for mark in ";\t,|" if mark in line), None)
 
 
 def cells_of(line: str, delimiter: str | None) -> list[str]:
@@ -28,10 +28,17 @@ def cells_of(line: str, delimiter: str | None) -> list[str]:
     return [cell.strip().strip('"').strip() for cell in line.split(delimiter)]
 
 
+# Cells without a value, as people and programs write them; what only Fortran writes, and marks of
+# thousands that are no commas or points.
+BLANKS = ("", "-", "--", "–", "nan", "n/a", "#n/a", "na", "null", "none")
+_FORTRAN, _THOUSANDS_MARK = r"(?<=[\d.])[dD](?=[-+]?\d)", r"(?<=\d)['’\u00a0\u202f](?=\d{3}(?!\d))"
+_COUNTER = re.compile(r"#|no|nr|num(ber)?|idx|index|samples?|row|point|pt|scan|count(er)?|", re.I)
+
+
 def is_number(cell: str) -> bool:
     """Return whether a cell reads as a number (nan and inf included)."""
     try:
-        float(cell.replace(",", "."))
+        float(re.sub(_FORTRAN, "e", cell).replace(",", "."))
     except ValueError:
         return False
     return True
@@ -70,26 +77,27 @@ _COMPLEX = re.compile(
 )
 
 
-def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
+def split_complex(rows: Sequence[Row]) -> list[Row]:
     """Rows with every column of complex numbers as two, `name_re` and `name_im`.
 
-    The first row names the columns; without complex cells the rows come back as they are.
-
-    Args:
-        blanks: cells that stand for a missing value.
+    The first row names the columns, else they are named by numbers, and the first is the
+    frequency; without complex cells the rows come back as they are.
     """
     delimiter = find_delimiter(rows[0][1])
     titles = cells_of(rows[0][1], delimiter)
     complex_columns = {
         k
-        for _, text in rows[1:40]
+        for _, text in rows[-40:]
         for k, cell in enumerate(cells_of(text, delimiter))
         if _complex(cell)
     }
     complex_columns -= {k for k in complex_columns if k >= len(titles)}
-    if not complex_columns or is_number(titles[0]):
+    if not complex_columns:
         return list(rows)
     mark = delimiter or " "
+    if is_number(titles[0]):
+        titles = [FREQUENCY, *(str(k + 2) for k in range(len(titles) - 1))]
+        rows = [(rows[0][0], mark.join(titles)), *rows]
 
     split = []
     for row, (line, text) in enumerate(rows):
@@ -105,7 +113,7 @@ def split_complex(rows: Sequence[Row], blanks: Sequence[str] = ()) -> list[Row]:
             elif match is not None:
                 cells += [match["re"] or "0", re.sub(r"\s", "", match["im"])]
             else:
-                cells += [cell, cell if cell.lower() in blanks else "0"]
+                cells += [cell, cell if cell.lower() in BLANKS else "0"]
         split.append((line, mark.join(cells)))
     return split
 
@@ -115,19 +123,23 @@ def _complex(cell: str) -> re.Match[str] | None:
     return _COMPLEX.fullmatch(cell) if len(cell) <= 80 else None
 
 
-def in_seconds(rows: list[Row], delimiter: str | None) -> list[Row]:
-    """Rows whose first cells are seconds since the first, where all are moments, as `time_s`.
+MOMENT_CELLS = ((0, 1), (0, 2), (1, 2), (1, 3))  # first, and behind the last
 
-    A date and a time of day may stand in two cells.
+
+def in_seconds(rows: list[Row], delimiter: str | None) -> list[Row]:
+    """Rows with seconds since the first in a column whose cells are moments, as `time_s`.
+
+    A date and a time of day may stand in two cells, and one cell before them, such as a number.
     """
     last = cells_of(rows[-1][1], delimiter)
-    apart = len(last) > 1 and DATE_ALONE.fullmatch(last[0]) is not None and is_moment(last[1])
+    at = next(((a, b) for a, b in MOMENT_CELLS if is_moment(" ".join(last[a:b]))), None)
+    if at is None:
+        return rows  # as nearly all tables: not a row more need be looked at
+    first, behind = at
 
     def moment(cells: Sequence[str]) -> str:
-        return " ".join(cells[: 1 + apart])
+        return " ".join(cells[first:behind])
 
-    if not is_moment(moment(last)):
-        return rows  # as nearly all tables: not a row more need be looked at
     table = [cells_of(text, delimiter) for _, text in rows]
     start = next(k for k, cells in enumerate(table) if is_moment(moment(cells)))
     seconds = seconds_of([moment(cells) for cells in table[start:]])
@@ -136,7 +148,16 @@ def in_seconds(rows: list[Row], delimiter: str | None) -> list[Row]:
     leads = [TIME, *["s"] * (start - 1)][:start] + [f"{value:.9f}" for value in seconds]
     mark = delimiter or " "
     return [
-        (line, mark.join([lead, *cells[1 + (apart and len(cells) == len(last)) :]]))
+        (
+            line,
+            mark.join(
+                [
+                    *cells[:first],
+                    lead,
+                    *cells[behind - (behind > first + 1 and len(cells) < len(last)) :],
+                ]
+            ),
+        )
         for (line, _), lead, cells in zip(rows, leads, table, strict=True)
     ]
 
@@ -220,9 +241,9 @@ class ColumnTable:
         times = np.arange(len(self.values)) / float(rate[1])
         timed = replace(
             self,
-            names=(TIME, *names),
-            units=("s", *self.units),
-            values=np.column_stack([times, self.values]),
+            names=(*names, TIME),
+            units=(*self.units, "s"),
+            values=np.column_stack([self.values, times]),
         )
         return timed, {ours: theirs for ours, theirs in columns.items() if ours != TIME}
 
@@ -232,7 +253,7 @@ class ColumnTable:
         if blank.size:
             row, column = blank[0]
             raise self.file.error(
-                "the cell is blank; fill in the measured value or remove the row or column",
+                "the cell is blank or nan; fill in the measured value, or remove row or column",
                 int(self.lines[row]),
                 self.title(columns[column]),
             )
@@ -261,13 +282,14 @@ def read_table(file: TextFile) -> ColumnTable:
     rows = in_seconds(rows, delimiter)
     rows = drop_trailing_blanks(rows, delimiter)
     names, units, data = read_head_rows(file, rows, delimiter)
-    for position, name in enumerate(names or ()):
-        if not name:
-            raise file.error(
-                f"column {position + 1} has no name; give every column one or remove it", rows[0][0]
-            )
     values, lines = parse_rows(file, data, delimiter, names, blanks=True)
-    return ColumnTable(file, names, units or (None,) * values.shape[1], values, lines)
+    units = units or (None,) * values.shape[1]
+    if names and _COUNTER.fullmatch(names[0]) and (np.diff(values[:, 0]) == 1.0).all():
+        names, units, values = names[1:], units[1:], values[:, 1:]  # numbers of the rows
+    if names and "" in names:
+        nameless = f"column {names.index('') + 1} has no name"
+        raise file.error(f"{nameless}; give every column one or remove it", rows[0][0])
+    return ColumnTable(file, names, units, values, lines)
 
 
 def rows_of_table(file: TextFile) -> list[Row]:
@@ -319,18 +341,20 @@ def parse_rows(
     rows: list[Row],
     delimiter: str | None,
     names: tuple[str, ...] | None,
-    missing: bool = False,
     blanks: bool = False,
 ) -> tuple[Floats, Integers]:
     """Return the values (r, c) of numeric rows and their line numbers (r,).
 
     Args:
-        missing: a cell may be `nan`.
-        blanks: a cell may be blank, which gives NaN.
+        blanks: a cell may be blank or say so, which gives NaN.
     """
     if not rows:
         raise file.error("the file has a header but no data; write it again from its source")
     texts = [text for _, text in rows]
+    if re.search(_FORTRAN, texts[-1]):
+        texts = [re.sub(_FORTRAN, "e", text) for text in texts]
+    if re.search(_THOUSANDS_MARK, texts[-1]):
+        texts = [re.sub(_THOUSANDS_MARK, "", text) for text in texts]
     if delimiter != ",":
         if any(re.search(r"\d,\d{3}\.", text) for text in texts):  # 1,234.5
             texts = [text.replace(",", "") for text in texts]
@@ -343,7 +367,7 @@ def parse_rows(
         values = np.loadtxt(texts, delimiter=delimiter, comments=None, ndmin=2, quotechar='"')
     except ValueError:
         values = None
-    refused = np.isinf if missing else lambda found: ~np.isfinite(found)
+    refused = np.isinf if blanks else lambda found: ~np.isfinite(found)
     if values is not None and values.shape[1] == width and not refused(values).any():
         return values, lines
     for line, text in zip(lines.tolist(), texts, strict=True):
@@ -356,7 +380,7 @@ def parse_rows(
             )
         for position, cell in enumerate(cells):
             number = is_number(cell)
-            if (number and not refused(float(cell))) or (blanks and not cell):
+            if (number and not refused(float(cell))) or (blanks and cell.lower() in BLANKS):
                 continue
             what = f"{cell!r} is not a number" if cell else "the cell is blank"
             raise file.error(
@@ -367,7 +391,8 @@ def parse_rows(
             )
     if not blanks:
         raise file.error("the table cannot be read as numbers; write plain decimal numbers")
-    filled = [[cell or "nan" for cell in cells_of(text, delimiter)] for text in texts]
+    table = [cells_of(text, delimiter) for text in texts]
+    filled = [["nan" if cell.lower() in BLANKS else cell for cell in row] for row in table]
     return np.array(filled, dtype=np.float64), lines
 
 

@@ -1,6 +1,8 @@
 """Files as loggers and people write them: what is done is said, and what it gives is right."""
 
 import datetime
+import itertools
+import re
 
 import numpy as np
 import pytest
@@ -86,6 +88,9 @@ _LEAP = [
     for t in _LEAP
 ]
 
+_M_S2 = "\nus|m/s2|m/s2|m/s2|m/s2"
+_SWISS = "Zeit (ms);base (m/s2);2F (m/s2);3F (m/s2);RF (m/s2)"
+_COMMON = "".join(f",{name} (m/s2)" for name in NAMES)
 # Text of a file; words that inspect says; rate of what is read, Hz; its samples.
 TABLES = {
     "times in ms": (
@@ -179,6 +184,96 @@ TABLES = {
     "colons": (table(dated("%H:%M:%S:%L", "2024-01-02 23:59:50")), "", 100, 4000),
     "leap second": (table(_LEAP), "", 100, 4000),
     "month in letters": (table(dated("%d-%b-%Y %H:%M:%S.%L")), "", 100, 4000),
+    "date behind a number": (
+        "\n".join(
+            [
+                "No,Date,base (m/s2),2F (m/s2),3F (m/s2),RF (m/s2)",
+                *(
+                    ",".join([str(k), t, *(f"{v:.6f}" for v in row)])
+                    for k, (t, row) in enumerate(
+                        zip(dated("%b %d %Y %H:%M:%S.%L"), ROWS.T, strict=True)
+                    )
+                ),
+            ]
+        ),
+        "",
+        100,
+        4000,
+    ),
+    "words for no value": (
+        table(printed("{:.2f}"), blanked(1, slice(1000, 1040))).replace(",,", ",N/A,"),
+        "blank cells: it is used from 10.4",
+        100,
+        2960,
+    ),
+    "one blank cell": (
+        table(printed("{:.2f}"), blanked(2, slice(1500, 1501))),
+        "'3F': blank cells, 1 in all, are interpolated",
+        100,
+        4000,
+    ),
+    "a row lost": (
+        table(np.delete(printed("{:.2f}"), 1500), np.delete(ROWS, 1500, 1)),
+        "1 row is missing after 14.99 s: interpolated",
+        100,
+        4000,
+    ),
+    "rows lost": (
+        table(np.delete(printed("{:.2f}"), slice(90, 99)), np.delete(ROWS, slice(90, 99), 1)),
+        "9 rows are missing after 0.89 s: the longer part is used",
+        100,
+        3901,
+    ),
+    "a row twice": (
+        table(np.insert(printed("{:.2f}"), 90, "0.89"), np.insert(ROWS, 90, ROWS[:, 89], 1)),
+        "Rows that are there twice are left out, first line 93",
+        100,
+        4000,
+    ),
+    "days of a spreadsheet": (
+        table(printed("{:.11f}", 45000.5 + TIME / 86400), head="time_s" + _COMMON),
+        "read as days",
+        100,
+        4000,
+    ),
+    "bars, D and microseconds": (
+        re.sub(
+            r"(?<=\d)\|(?=[-\d])",
+            "D+00|",
+            table(printed("{:.0f}", 1e6 * TIME), head="time_s|base|2F|3F|RF" + _M_S2, mark="|"),
+        ),
+        "",
+        100,
+        4000,
+    ),
+    "points of Swiss thousands": (
+        table([f"{1e3 * t:,.1f}".replace(",", "'") for t in TIME], mark=";", head=_SWISS),
+        "",
+        100,
+        4000,
+    ),
+    "marks of units": (
+        table(
+            printed("{:.2f}"),
+            scaled(base=1e6 / 9.80665, f2=1.0, f3=100 / 9.80665, rf=100.0),
+            "time_s,base (µg),2F [m·s⁻²],3F (%g),RF (cm s^-2)",
+        ).replace("\n", "\r"),
+        "",
+        100,
+        4000,
+    ),
+    **{
+        form: (table(dated(form, "2024-03-05 23:59:50"), head="Date" + _COMMON), "", 100, 4000)
+        for form in (
+            "%Y%m%dT%H%M%S.%L",
+            "%Y-%jT%H:%M:%S.%L",
+            "%Y年%m月%d日 %H:%M:%S.%L",
+            "%d %B %Y %H:%M:%S.%L",
+            "%a %b %d %H:%M:%S.%L %Y",
+            "%Y-%m-%d_%H-%M-%S.%L",
+            "%M:%S.%L",
+        )
+    },
     "date and time apart": (
         table(
             dated("%Y/%m/%d,%H:%M:%S.%L"),
@@ -196,6 +291,7 @@ def test_tables_are_read_as_they_come(write, text, words, rate, samples):
     path = write(text, "any.csv")
     columns = {"time_s": "timestamp"} if "timestamp" in text[:20] else None
     columns = {"time_s": "time_ms"} if "time_ms" in text[:20] else columns
+    columns = {"time_s": "Zeit"} if text.startswith("Zeit") else columns
     seen = inspect_file(path)
     assert words in " ".join((*seen.rotation, *seen.all_findings))
     assert words or seen.all_findings == ()
@@ -221,6 +317,17 @@ WRONG = {
 }
 
 
+@pytest.mark.parametrize("order", [*itertools.permutations(range(4))][1:])
+def test_channels_under_each_other_s_names_are_told(write, order):
+    path = write(table(printed("{:.2f}"), ROWS[list(order)]), "x.csv")
+    (finding,) = inspect_file(path).all_findings
+    if order[0] == 0:
+        assert "are they swapped?" in finding
+    else:
+        assert f"channel {order.index(0) + 1} (" in finding
+        assert finding.endswith("is it the base?")
+
+
 @pytest.mark.parametrize(("row", "number", "words"), WRONG.values(), ids=WRONG)
 def test_what_is_wrong_with_a_channel_is_said_and_nothing_else(write, row, number, words):
     rows = ROWS.copy()
@@ -229,13 +336,14 @@ def test_what_is_wrong_with_a_channel_is_said_and_nothing_else(write, row, numbe
     assert words in finding
 
 
+_LOST = np.arange(9, 1500, 10)
 REFUSED = {
     "one blank cell": (
         table(printed("{:.2f}", TIME[:90]), blanked(2, slice(50, 51))[:, :90]),
         "line 53, column '3F': the cell is blank",
     ),
-    "rows missing": (
-        table(np.delete(printed("{:.2f}"), slice(90, 99)), np.delete(ROWS, slice(90, 99), 1)),
+    "rows missing again and again": (
+        table(np.delete(printed("{:.2f}"), _LOST), np.delete(ROWS, _LOST, 1)),
         "the sampling is not uniform",
     ),
     "commas twice": (
@@ -330,6 +438,48 @@ def test_universal_files_of_other_programs(write, name, start, even, form):
     assert ("3 s later" in " ".join(read.notes)) == (start > 0.0)
 
 
+def test_sheets_of_workbooks_are_tables(tmp_path):
+    xlsxwriter = pytest.importorskip("xlsxwriter")
+    head = ["Date", "Ground (g)", "Floor 1 (g)", "Floor 2 (g)", "Roof (g)"]
+    moments = [
+        datetime.datetime(2024, 3, 5, 23, 59) + datetime.timedelta(milliseconds=10 * k)
+        for k in range(400)
+    ]
+    sheets = {
+        "Info": [["A frame"]],
+        "Data": [head, *([t, *v] for t, v in zip(moments, ROWS.T / 9.80665, strict=False))],
+    }
+    for name in ("one.xlsx", "two.xlsx"):
+        with xlsxwriter.Workbook(tmp_path / name, {"default_date_format": "hh:mm:ss.000"}) as book:
+            for title, rows in sheets.items():
+                sheet = book.add_worksheet(title)
+                for k, row in enumerate(rows):
+                    sheet.write_row(k, 0, row)
+        sheets["Again"] = sheets["Data"]
+    step = inspect_file(tmp_path / "one.xlsx").step
+    assert "base=Ground,2F=Floor 1,3F=Floor 2,RF=Roof" in step.command
+    read = read_observation_file(tmp_path / "one.xlsx", columns=step.columns)
+    assert read.time_step == 0.01
+    np.testing.assert_allclose(read.acceleration, ROWS[:, :400], atol=1e-12)
+    with pytest.raises(MeasurementError, match=r"tables on 2 sheets \(Data, Again\)"):
+        read_observation_file(tmp_path / "two.xlsx")
+
+
+def test_frfs_without_header_are_mapped_by_number(write):
+    values = np.array(
+        [[1.0 + 0.5j, -2.0 - 0.1j], [1.5 + 0.1j, 0.2 - 3.0j], [2.5 + 0.2j, 0.3 - 1.0j]]
+    )
+    rows = [[f"{f:g}", *row] for f, row in zip((1.0, 1.5, 2.0), values, strict=True)]
+    complex_text = "\n".join(f"{f},{a:.2f},{b:.2f}".replace("j", "i") for f, a, b in rows)
+    parts = "\n".join(f"{f},{a.real},{a.imag},{b.real},{b.imag}" for f, a, b in rows)
+    both = {"2F_re": "2", "2F_im": "3", "RF_re": "4", "RF_im": "5"}
+    for text, columns in ((complex_text, {"2F": "2", "RF": "3"}), (parts, both)):
+        path = write(text, "frf.csv")
+        seen = read_observation_file(path, columns={"frequency_hz": "1", **columns})
+        np.testing.assert_allclose(np.exp(seen.log_frf + 1j * seen.phase), values.T)
+    assert "of frequencies say it by --columns" in inspect_file(path).step.advice
+
+
 def read_channels(path):
     return [each.channel for each in inspect_file(path).channels]
 
@@ -345,6 +495,13 @@ def read_channels(path):
         ("acc_base acc_2F x3F acc_roof", "base 2F 3F RF"),
         ("basement 2nd_floor 3rd_floor top", "base 2F 3F RF"),
         ("Kellerdecke_x Floor1_x Floor2_x Roof_x", "base 2F 3F RF"),
+        ("Sol Étage_1 Étage_2 Toiture", "base 2F 3F RF"),
+        ("Base Piano_1 Piano_2 Copertura", "base 2F 3F RF"),
+        ("Solo Andar_1 Andar_2 Cobertura", "base 2F 3F RF"),
+        ("Zemin 1._Kat 2._Kat Çatı", "base 2F 3F RF"),
+        ("ground first_floor second_floor third_floor", "base 2F 3F RF"),
+        ("1st 2nd 3rd Roof", "base 2F 3F RF"),
+        ("Dach 1.OG Boden 2.OG", "RF 2F base 3F"),
     ],
 )
 def test_the_next_command_runs_with_the_names_that_people_give(write, names, floors):
@@ -354,6 +511,7 @@ def test_the_next_command_runs_with_the_names_that_people_give(write, names, flo
     path = write(table(printed("{:.2f}"), head=head), "named.csv")
     columns = inspect_file(path).step.columns
     assert columns == dict(zip(floors, names, strict=True))
+    assert set(columns) == {"base", "2F", "3F", "RF"}
     assert read_observation_file(path, columns=columns).floors == ("2F", "3F", "RF")
 
 

@@ -113,6 +113,13 @@ def test_complex_response_functions(tmp_path):
     np.testing.assert_allclose(table.frequency_hz[[0, -1]], [0.1, 9.0])
 
 
+def test_a_rate_that_arrays_lack_is_said(tmp_path):
+    path = save(tmp_path / "bare.npz", {"data": ROWS})
+    columns = {"time_s": "200 Hz", "base": "data_1", "2F": "data_2", "RF": "3"}
+    read = read_observation_file(path, "m/s2", columns)
+    np.testing.assert_array_equal(read.acceleration, ROWS)
+
+
 def spoiled(values, at):
     values = values.copy()
     values[at] = np.nan
@@ -120,10 +127,10 @@ def spoiled(values, at):
 
 
 BAD = {
-    "no rate": ({"acc": ROWS}, "neither times nor a sampling rate is among acc_1, acc_2, acc_3"),
-    "rate of zero": ({"acc": ROWS, "fs": 0.0}, "neither times nor a sampling rate"),
+    "no rate": ({"acc": ROWS}, "no column of times among acc_1, acc_2, acc_3; call it time_s, or"),
+    "rate of zero": ({"acc": ROWS, "fs": 0.0}, "or give the rate: --rate 200"),
     "text alone": ({"note": "none"}, "holds no array of numbers"),
-    "nan": ({"fs": RATE, "acc": spoiled(ROWS[0], 41)}, "row 42, column 'acc': the value is nan"),
+    "nan": ({"fs": RATE, "acc": spoiled(ROWS[0], 41)}, "row 42, column 'acc': the cell is blank"),
     "gap": ({"time": np.delete(TIME, 30), "acc": ROWS[0, 1:]}, "row 31, column 'time_s': the sam"),
     "818 g": ({"fs": RATE, "acc": ROWS[0] * 1e4}, "is the unit wrong?"),
 }

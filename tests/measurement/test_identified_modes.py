@@ -40,6 +40,32 @@ def test_foreign_names_semicolons_and_units_in_a_row(write):
     np.testing.assert_array_equal(modes.shape[0], [0.1, 1.0])
 
 
+F = np.array([[3.80, 10.1, 16.0], [3.84, 10.0, np.nan], [3.82, 10.3, 16.4]])
+TESTS = {
+    "test,f1,f2,f3": (("run 1", "run 2", "run 3"), ","),
+    "Date;Mode 1 [Hz];Mode 2 [Hz];Mode 3 [Hz]": (("2024-01-01", "2024-01-02", "2024-02-01"), ";"),
+    "freq_1 (Hz)|1st damping (%)|freq_2 (Hz)|freq_3 (Hz)": ((), "|"),
+}
+
+
+@pytest.mark.parametrize("head", TESTS)
+def test_many_tests_of_modes_with_a_row_each(write, head):
+    names, mark = TESTS[head]
+    damped = "damping" in head
+    rows = [
+        [*([name] if names else []), *map(str, f)]
+        for name, f in zip(names or "abc", F, strict=True)
+    ]
+    rows = [row[:1] + ["2.0"] * damped + row[1:] for row in rows]
+    text = "\n".join([head, *(mark.join(row) for row in rows)])
+    modes = read(write(text.replace(".", "," if mark == ";" else ".").replace("nan", ""), "m.csv"))
+    np.testing.assert_allclose(modes.frequency_hz, np.nanmean(F, axis=0))
+    error = np.nanstd(F, axis=0, ddof=1) / np.sqrt([3, 3, 2])
+    np.testing.assert_allclose(modes.frequency_sd_hz, error, rtol=1e-5)
+    np.testing.assert_allclose(modes.damping[0], 0.02 if damped else np.nan)
+    assert "3 tests, a row each" in read_measured(write(text, "m.csv")).notes[-1]
+
+
 @pytest.mark.parametrize("cell", ["3+4j", "(3+4j)", "3 + 4 i", "3.0+4.0*I"])
 def test_complex_shapes_are_turned_to_be_real(write, cell):
     text = f"mode,frequency_hz,2F,RF\n1,2.0,{cell},6+8j\n2,3.0,1j,-2j\n"

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement import identified_modes, read_measured
@@ -187,6 +188,21 @@ def test_modes_of_pyoma2_as_arrays(tmp_path):
     np.savez(path, Fn=[1.5, 4.4], Phi=shape, Xi=[0.01])
     with pytest.raises(MeasurementError, match="2 frequencies but 1 values of damping"):
         read_measured(path)
+
+
+def test_modes_of_matlab_as_an_array_of_structures_and_as_columns(tmp_path):
+    shape = np.array([[0.4, 1.0], [-1.0, 0.5]])
+    modes = np.zeros(2, dtype=[("freq", "f8"), ("zeta", "f8"), ("phi", "O")])
+    for k in range(2):
+        modes[k] = (1.5 + 3.0 * k, 0.01, shape[k])
+    scipy.io.savemat(tmp_path / "of.mat", {"mode": modes})
+    table = {"Frequency": [1.5, 4.5], "Damping": [0.01, 0.01], "F2": shape[:, 0], "RF": shape[:, 1]}
+    scipy.io.savemat(tmp_path / "table.mat", table)
+    for name, columns in {"of.mat": {"2F": "1", "RF": "2"}, "table.mat": {"2F": "F2"}}.items():
+        found = identified_modes(read_measured(tmp_path / name), columns)
+        assert found.floors == ("2F", "RF")
+        np.testing.assert_array_equal(found.shape, shape)
+        np.testing.assert_array_equal(found.damping, [0.01, 0.01])
 
 
 def test_a_pickle_is_never_opened(tmp_path):

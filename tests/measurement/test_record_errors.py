@@ -41,7 +41,7 @@ PLAIN = {
     "unknown unit": (plain(rows(), "time_s,a\ns,furlong\n"), "unknown unit 'furlong'"),
     "unknown time unit": (plain(rows(), "time_s,a\nh,gal\n"), "unknown unit 'h' for time"),
     "short units row": (plain(rows(), "time_s,a\ns\n"), "line 2: the units row has 1 cells"),
-    "nan": (plain(changed(7, "0.04,nan")), "line 7, column 'a': the value is nan"),
+    "nan": (plain(changed(7, "0.04,nan")), "line 7, column 'a': the cell is blank or nan"),
     "blank cell": (plain(changed(9, "0.06,")), "line 9, column 'a': the cell is blank"),
     "text": (plain(changed(12, "0.09,n/a")), "line 12, column 'a': 'n/a' is not a number"),
     "hexadecimal": (plain(changed(5, "0.02,0x1F")), "'0x1F' is not a number"),

@@ -66,6 +66,18 @@ TEXTS = {
     "a frequency below zero": (MODES + "1,-3.8,2,0.4,0.7,1\n", ()),
     "a mode given twice": (MODES + "1,3.8,2,0.4,0.7,1\n" * 2, ()),
     "a shape of nothing": (MODES + "1,3.8,2,0,0,0\n", ()),
+    "tests without a row": ("test,f1,f2,f3\n", ()),
+    "tests with a word": ("test,f1,f2\n1,3.8,ten\n", ()),
+    "tests below zero": ("test,f1,f2\n1,3.8,-10\n2,3.9,-11\n", ()),
+    "a rate beside times": (table(), ("--rate", "100")),
+    "a column by a number too high": (table(), ("--columns", "base=2,2F=3,RF=9")),
+    "volts without a factor": (table(units="s,V,V,V,V"), ()),
+    "a row of half the cells": (table() + "4.0,1,2\n", ()),
+    "a month that is none": (
+        table(change=[(k, 0, f"5 Foo 2024 10:00:{k / 10:.1f}") for k in range(400)]),
+        (),
+    ),
+    "complex numbers as histories": (table(change=[(k, 2, "1+2j") for k in range(400)]), ()),
     "modes without frequencies": ("mode,damping (%),2F,3F,RF\n1,2,0.4,0.7,1\n", ()),
 }
 

@@ -27,7 +27,7 @@ _PADDING = 1_000_000  # bytes of headers and blocks that are filled up, which pa
 
 def recognises(head: str, suffix: str) -> bool:
     if head.startswith(_ZIP):
-        return suffix != ".npz"
+        return suffix not in (".npz", ".xlsx", ".xlsm")
     return head.startswith(_GZIP) or head[_TAR_AT:].startswith(_TAR)
 
 

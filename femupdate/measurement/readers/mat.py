@@ -48,6 +48,15 @@ def read(path: Path) -> Recording:
 def _flat(name: str, value: Any) -> dict[str, Any]:
     """A variable, or the fields of a structure by `name.field`."""
     fields = getattr(value, "_fieldnames", None)
+    objects = isinstance(value, np.ndarray) and value.dtype.kind == "O"
+    several = list(value.ravel()) if objects else []
+    fields = getattr(several[0], "_fieldnames", None) if several else fields
+    if several and fields:  # an array of structures: one field of all together
+        try:
+            stacked = {f: np.stack([getattr(e, f) for e in several], axis=-1) for f in fields}
+        except (AttributeError, ValueError):  # of unlike shapes
+            return {}
+        return {f"{name}.{field}": array for field, array in stacked.items()}
     if fields is None:
         return {name: value}
     parts = [_flat(f"{name}.{field}", getattr(value, field)) for field in fields]

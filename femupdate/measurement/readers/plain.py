@@ -6,6 +6,7 @@ from femupdate.measurement.clock import is_moment
 from femupdate.measurement.names import TIME_NAME
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import (
+    MOMENT_CELLS,
     cells_of,
     find_delimiter,
     is_number,
@@ -25,12 +26,16 @@ def recognises(head: str, suffix: str) -> bool:
     rows = split_complex(rows) if rows else rows
     cells = [cells_of(text, find_delimiter(text)) for _, text in rows]
     named = bool(cells) and TIME_NAME.match(cells[0][0]) is not None
-    dated = any(is_moment(" ".join(row[:count])) for row in cells for count in (1, 2))
+    dated = any(is_moment(" ".join(row[a:b])) for row in cells for a, b in MOMENT_CELLS)
     return named or dated or any(all(map(is_number, row)) for row in cells)
 
 
 def read(path: Path) -> Recording:
-    file = read_text(path)
+    return table_in(read_text(path))
+
+
+def table_in(file: TextFile) -> Recording:
+    """The table in a text."""
     above = len(file.rows()) - len(rows_of_table(file))
     notes = (f"Lines above the table that are passed over: {above}.",)
     return Recording(file, table=read_table(file), notes=notes if above else ())

@@ -113,10 +113,7 @@ _AXES = ("abscissa", "ordinate", "orddenom")
 
 
 def _text_58(lines: Sequence[str]) -> dict[str, Any]:
-    """A function in text, whatever widths its program gives names and numbers.
-
-    Numbers may have a D for their exponent, touch, and stand in any number on a line.
-    """
+    """A function in text, whatever widths its program gives names and numbers."""
     found: dict[str, Any] = {"type": 58}
     found |= {f"id{k}": lines[k].strip() for k in range(1, 6)}
     row = lines[6]
