@@ -13,7 +13,9 @@ import torch
 from femupdate.discrepancy.diagnose import with_pair
 from femupdate.discrepancy.findings import (
     NAMED,
+    NONE,
     PARTLY,
+    UNKNOWN,
     Diagnosis,
     Finding,
     grouped,
@@ -340,6 +342,14 @@ def _notes(given: Measured, data: Sequence[Data], found: Diagnosis) -> Iterator[
         leading, run = found.leading, given.run
         if leading is not None and found.verdict in (NAMED, PARTLY) and run and run.histories:
             yield peaks_with(base, leading.fitted, run, direction_of(base.likelihood.building))
+    first = found.leading if found.verdict not in (NONE, UNKNOWN) else None
+    if first is not None and first.placed.effect.name == "added_mass" and not given.forced:
+        others = 1.0 / (1.0 + first.size) - 1.0
+        yield (
+            "Without a force only ratios of masses show: all other floors "
+            f"{percent(abs(others), 1)} {'lighter' if others < 0.0 else 'heavier'} than in the "
+            "file, and their stiffness likewise, would look the same."
+        )
     yield from _of_tolerances(found)
     yield from _of_gravity(found.base)
     if found.verdict == PARTLY and not found.pair:

@@ -125,6 +125,15 @@ def test_a_hidden_effect_is_named_with_its_place_and_size(diagnosed, heavier, la
     assert report.as_dict()["where"]
 
 
+def test_a_mass_comes_with_what_looks_the_same(heavier):
+    (told,) = (note for note in heavier.notes if "ratios of masses" in note)
+    percents = re.search(r"all other floors ([\d.]+) % lighter", told)
+    assert float(percents[1]) == pytest.approx(100.0 * (1.0 - 1.0 / 1.15), abs=1.0)
+    light = 1.0 / 1.15
+    alike = CHAIN.but(masses=np.array([light, 1.0, light]), springs=light * 1000.0 * THETA)
+    np.testing.assert_allclose(alike.frf(GRID), with_mass(0.15).frf(GRID), rtol=1e-9)
+
+
 def test_the_damping_law_is_named_where_the_model_has_another(diagnosed, tmp_path):
     """Constant in the model, Rayleigh in truth, anchored at f1 and 6 f1 of the nominal chain."""
     constant = '[prior.zeta]\nlower = 0.005\nupper = 0.1\n\n[damping]\nlaw = "constant"\n'
