@@ -177,7 +177,11 @@ def _beyond_tolerances(
     for finding in findings[: VERDICT.compared + 1]:
         if not finding.names(base, settings):
             continue
-        both = with_more(allowed, finding.placed, finding.fitted.known_of(-1))
+        # From where the effect alone lies best: the tolerances may have led far from there.
+        placed, alone = (*together, finding.placed), finding.fitted
+        known = np.split(alone.known, [len(base.known)])
+        values = np.concatenate([known[0], np.zeros(len(varying)), known[1]])
+        both = settle(problem, fit(problem, placed, extended(problem, alone, placed, values)))
         if laplace(problem, both) - without >= finding.needed(settings):
             return (finding, *(other for other in findings if other is not finding)), None
     return findings, allowed

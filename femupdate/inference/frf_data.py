@@ -1,6 +1,6 @@
 """FRFs as a model is judged by them: residuals of ln|H| and of the phase."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -72,8 +72,6 @@ class FrfData:
         table: what the model may err by.
         logs: how ln|H| of one record is made, of the observed floors alone and far faster than
             complex FRFs; None where FRFs are compared.
-        stand_in: gives these in place of the model, of its parameters and damping ratios, as a
-            surrogate does.
     """
 
     floors: tuple[str, ...]
@@ -88,7 +86,6 @@ class FrfData:
     halves: "tuple[FrfData, ...]" = ()
     table: ErrorTable = MODEL_ERROR
     logs: Responses | None = None
-    stand_in: Callable[[Tensor, Tensor], Tensor] | None = None
 
     @property
     def at_once(self) -> int:
@@ -202,8 +199,6 @@ class FrfData:
         """
         if self.logs is not None:
             seen, both = self.blocks[0].estimator, torch.cat([theta, sizes], dim=1).double()
-            if self.stand_in is not None:
-                return self.stand_in(both, zeta.double())
             asked = self.frequency_hz if seen is None else torch.from_numpy(seen.frequency_hz)
             return _as_run(system, seen).log_frf(both, zeta.double(), asked, self.logs)
         parts, first = [], 0
@@ -342,16 +337,6 @@ class FrfData:
                 errs independently, does not go below.
         """
         return replace(self, sd=torch.maximum(self.sd, least * self.independent**0.5))
-
-    def decoded(self, stand_in: Callable[[Tensor, Tensor], Tensor], missed: Tensor) -> "FrfData":
-        """The same with ln|H| by a surrogate.
-
-        Args:
-            missed: (f, k) variance of what that misses, which counts beside the noise of a point
-                that errs independently.
-        """
-        sd = (self.sd**2 + self.independent * missed.to(self.sd)).sqrt()
-        return replace(self, stand_in=stand_in, sd=sd)
 
     def coarse(self, noise: float) -> "FrfData":
         """The same with so much more noise in ln|H|."""

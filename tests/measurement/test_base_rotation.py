@@ -100,17 +100,12 @@ def nothing(table):
     table[:, -1] = 0.25
 
 
-def hole(table):
-    table[700, -1] = np.nan
-
-
 @pytest.mark.parametrize(
     ("names", "change", "unit", "message"),
     [
         (("base@2.z", "base@2.004.z"), None, "m/s2", "stand at one place"),
         (("base@-2.z", "base@2.z"), spike, "m/s2", "is the unit wrong"),
         (("base@-2.z", "base@2.z"), nothing, "m/s2", "the channel was dead; leave it out"),
-        (("base@-2.z", "base@2.z"), hole, "m/s2", "line 703, column 'base@2.z': the cell is blank"),
         (("base@-2.z", "base@2.z"), None, "mm", "unknown unit 'mm'"),
         (("base@-2.z", "base@2.0.z", "base@2.z"), None, "m/s2", "is there twice"),
     ],

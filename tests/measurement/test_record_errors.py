@@ -43,7 +43,7 @@ PLAIN = {
     "short units row": (plain(rows(), "time_s,a\ns\n"), "line 2: the units row has 1 cells"),
     "nan": (plain(changed(7, "0.04,nan")), "line 7, column 'a': the cell is blank or nan"),
     "blank cell": (plain(changed(9, "0.06,")), "line 9, column 'a': the cell is blank"),
-    "text": (plain(changed(12, "0.09,n/a")), "line 12, column 'a': 'n/a' is not a number"),
+    "text": (plain(changed(12, "0.09,x")), "line 12, column 'a': 'x' is not a number"),
     "hexadecimal": (plain(changed(5, "0.02,0x1F")), "'0x1F' is not a number"),
     "cut line": (plain([*rows()[:-1], "0.3"]), "line 42: the row has 1 cells where 2"),
     "gap": (plain(rows()[:20] + rows()[21:]), "line 23, column 'time_s': the sampling is not unif"),

@@ -125,6 +125,16 @@ def test_a_hidden_effect_is_named_with_its_place_and_size(diagnosed, heavier, la
     assert report.as_dict()["where"]
 
 
+def test_a_large_mass_is_named_where_usual_tolerances_lead_far_from_it(study, tmp_path):
+    """Masses and gains that are known to a per cent or so move a fit without it far away."""
+    soft = NOMINAL.but(springs=1000.0 * np.array([1.12, 1.1, 0.91]), masses=np.array([1.7, 1, 1]))
+    source = ObservationSource(write(tmp_path / "frf.csv", soft.frf(GRID), 5, sd=0.02))
+    found = diagnose_study(study, open_study(study), source).diagnosis
+    assert found.verdict == "named"
+    assert found.leading.placed.label == "added_mass@2F"
+    assert abs(found.leading.size - 0.7) < 3.0 * found.leading.size_sd
+
+
 def test_a_mass_comes_with_what_looks_the_same(heavier):
     (told,) = (note for note in heavier.notes if "ratios of masses" in note)
     percents = re.search(r"all other floors ([\d.]+) % lighter", told)

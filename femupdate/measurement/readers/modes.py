@@ -33,7 +33,8 @@ READS = "tables of identified modes"
 _LEAST_TOLD, _MOST_ABOVE = 2, 10
 # f1, zeta_2, Mode 3, 2nd mode: a figure of one mode in a table with a row for each test.
 _NUMBERED = re.compile(
-    r"(?P<what>[^\W\d][^\d]*?)[ _.]*(?P<mode>[1-9]\d?)|(?P<first>[1-9])(st|nd|rd|th) (?P<behind>.+)"
+    r"(?P<what>[^\W\d](?:\D*[^\d _.])?)[ _.]*(?P<mode>[1-9]\d?)"
+    r"|(?P<first>[1-9])(st|nd|rd|th) (?P<behind>.+)"
 )
 
 
