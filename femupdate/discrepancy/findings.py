@@ -59,6 +59,15 @@ class Finding:
             for first in self.placed.effect.parameters[:1]
         )
 
+    @property
+    def at_limit(self) -> bool:
+        """Whether its size ends where the effect's sizes end: it may stand for another."""
+        return any(
+            abs(limit - self.size) < 1e-3 * abs(limit - first.neutral)
+            for first in self.placed.effect.parameters[:1]
+            for limit in (first.lower, first.upper)
+        )
+
     def needed(self, settings: DiagnosisSettings) -> float:
         """Log evidence that a name needs.
 

@@ -224,7 +224,8 @@ def sought(
     chosen = settings or DiagnosisSettings()
     first = diagnose(problem, chosen, base, progress)
     near, found = _run_off(model, problem, base, first, chosen, progress)
-    if found.verdict not in (UNKNOWN, AMBIGUOUS, PARTLY) or too_few(found.base):
+    open_ = found.verdict in (UNKNOWN, AMBIGUOUS, PARTLY)
+    if not (open_ or (found.leading and found.leading.at_limit)) or too_few(found.base):
         return near, found
     progress.advance(note="searching far from the model as it is")
     leading = [finding.placed for finding in first.findings]

@@ -125,14 +125,25 @@ def test_a_hidden_effect_is_named_with_its_place_and_size(diagnosed, heavier, la
     assert report.as_dict()["where"]
 
 
-def test_a_large_mass_is_named_where_usual_tolerances_lead_far_from_it(study, tmp_path):
-    """Masses and gains that are known to a per cent or so move a fit without it far away."""
-    soft = NOMINAL.but(springs=1000.0 * np.array([1.12, 1.1, 0.91]), masses=np.array([1.7, 1, 1]))
-    source = ObservationSource(write(tmp_path / "frf.csv", soft.frf(GRID), 5, sd=0.02))
+@pytest.mark.parametrize(
+    ("theta", "place", "size", "seed"),
+    [
+        # Masses and gains that are known to a per cent or so move a fit without it far away.
+        ((1.12, 1.1, 0.91), "2F", 0.7, 5),
+        # An appendage as heavy as any may be stands for it from where the search begins.
+        ((0.877, 0.756, 0.961), "RF", 0.39, 12),
+    ],
+)
+def test_a_large_mass_is_named_though_the_search_begins_far_from_it(
+    study, tmp_path, theta, place, size, seed
+):
+    masses = 1.0 + size * (np.array(FLOORS) == place)
+    chain = NOMINAL.but(springs=1000.0 * np.array(theta), masses=masses)
+    source = ObservationSource(write(tmp_path / "frf.csv", chain.frf(GRID), seed, sd=0.02))
     found = diagnose_study(study, open_study(study), source).diagnosis
     assert found.verdict == "named"
-    assert found.leading.placed.label == "added_mass@2F"
-    assert abs(found.leading.size - 0.7) < 3.0 * found.leading.size_sd
+    assert found.leading.placed.label == f"added_mass@{place}"
+    assert abs(found.leading.size - size) < 3.0 * found.leading.size_sd
 
 
 def test_a_mass_comes_with_what_looks_the_same(heavier):
