@@ -211,10 +211,13 @@ def beyond_linear(
     inputs, floors = (resample_poly(motion, 1, every, axis=1) for motion in (inputs, floors))
     count = floors.shape[1]
     order = min(_ORDER, count // (10 * (len(inputs) + len(floors))) - 1)
-    if order < 4 or len(floors) < 2:
+    # Stories that stand beside each other are no chain: masses would come out negative.
+    if order < 4 or len(floors) < 2 or (mass <= 0.0).any():
         return 0.0, np.zeros((len(floors), len(floors)))
-    scale = floors.std(axis=1, keepdims=True)
-    driven, moved = inputs / inputs.std(axis=1, keepdims=True), floors / scale
+    scale, drive = (
+        np.maximum(motion.std(axis=1, keepdims=True), 1e-300) for motion in (floors, inputs)
+    )
+    driven, moved = inputs / drive, floors / scale
     past = [driven[:, order - lag : count - lag] for lag in range(order + 1)]
     past += [moved[:, order - lag : count - lag] for lag in range(1, order + 1)]
     regressors, seen = np.concatenate(past).T, moved[:, order:]
@@ -244,7 +247,16 @@ def what_yields(
     if (histories := run.histories) is None:
         return nothing
     share, grown = beyond_linear(histories, direction, system, band[1])
-    if share < _BEYOND:
+    if not share >= _BEYOND:  # no number where nothing moves
+        return nothing
+    # Noise that grows with the motion shows on every floor by itself.
+    sums = np.triu(np.ones(grown.shape))
+    parts = np.linalg.inv(sums)
+    alone = np.diag(parts @ grown @ parts.T).clip(0.0)
+    alike = sums @ np.diag(alone) @ sums.T
+    mass = _of_measured(histories, direction, system)[0]
+    less, most = np.sort(alone / mass**2)[-2:]
+    if (alike * grown).sum() > _STRUCK * np.linalg.norm(alike) and less > 0.1 * most:
         return nothing
     names = histories.means(direction)[2]
     inside = np.diag(grown) * np.abs(np.diag(grown))
@@ -307,7 +319,9 @@ def secant_when_strong(
         for values in (force**2, -force * drift, drift**2)
     )
     # Noise of the drift does not bias force over drift by the force.
-    weak = (drifts <= np.quantile(drifts, 1.0 / 3.0)) & (works > 0.0)
+    weak = (drifts <= np.quantile([*drifts, 0.0], 1.0 / 3.0)) & (works > 0.0)
+    if not weak.any():  # no whole cycle, or none that does work
+        return 1.0, np.inf, 0.5
     strong, known = int(drifts.argmax()), forces[weak].sum() / works[weak].sum()
     each = forces[weak][::cycle] / works[weak][::cycle] / known
     kept = float(forces[strong] / max(works[strong], 1e-12 * forces[strong]) / known)

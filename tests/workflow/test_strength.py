@@ -12,7 +12,12 @@ from femupdate.discrepancy import Diagnosis, DiagnosisSettings
 from femupdate.discrepancy.findings import NONE
 from femupdate.discrepancy.fit import fit, fit_baseline
 from femupdate.discrepancy.search import problem_of
-from femupdate.discrepancy.strength import judged_by_strength, missed_in_run, peaks_with
+from femupdate.discrepancy.strength import (
+    beyond_linear,
+    judged_by_strength,
+    missed_in_run,
+    peaks_with,
+)
 from femupdate.dynamics import lumped
 from femupdate.effects import structure_of
 from femupdate.inference import COARSE_ERROR
@@ -131,6 +136,19 @@ def test_a_story_that_yields_is_told_with_its_place():
     found, *_ = found_in(base, seen, 2)
     assert found.verdict == "nonlinear"
     assert re.search("within (S1 and S3|S3 and S1) alone", found.sentence)
+
+
+def test_noise_that_grows_with_the_motion_is_no_story_that_yields():
+    base = motion(1)
+    linear = shaken(base, np.full((1, 3), np.inf))[0, 0]
+    step = FINE * 50
+    envelope = np.sqrt(np.convolve((linear**2).mean(axis=0), np.ones(step) / step, "same"))
+    rng = np.random.default_rng(3)
+    noisy = linear + 0.05 * envelope * rng.standard_normal(linear.shape)
+    found, _, run = found_in(base, noisy, 2)
+    share, _ = beyond_linear(run.histories, "x", found.base.system, 12.0)
+    assert share > 0.01
+    assert "changes while it shakes" not in found.sentence
 
 
 def test_a_floor_that_strikes_a_neighbour_is_told_as_such():
