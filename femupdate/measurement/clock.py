@@ -159,6 +159,9 @@ def even_step(
     the rate by the first and the last. A clock that is uneven throughout, or rows that are missing,
     give even times (k,), s, to which the values are to be interpolated.
     """
+    if (blank := np.flatnonzero(~np.isfinite(time))).size:
+        text = "the time is blank or nan; fill it in, or remove the row"
+        raise file.error(text, int(lines[blank[0]]), title)
     steps = np.diff(time)
     if (steps <= 0).mean() > 0.5 and (time[-1] <= time[0] or (steps < 0).any()):
         raise file.error("the times do not increase; sort the rows by time", None, title)
