@@ -19,7 +19,7 @@ from femupdate.measurement.text import TextFile
 
 _Column = NDArray[np.number]
 _RATE = re.compile(
-    r"^(fs|f_s|sr|srate|fsamp\w*|rate|f_?s?amp\w*|sampl(e|ing)_?(rate|freq(uency)?))(_?hz)?$", re.I
+    r"^(fs|f_s|sr|srate|f_?samp\w*|rate|sampl(e|ing)_?(rate|freq(uency)?))(_?hz)?$", re.I
 )
 _STEP = re.compile(r"^(dt|delta_?t|ts|time_?step)(_?s)?$", re.IGNORECASE)
 _UNIT = re.compile(r"^units?$", re.IGNORECASE)
