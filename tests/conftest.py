@@ -122,10 +122,7 @@ def write_record():
 
 
 def harmonic_displacement(operators, theta, frequency_hz, load, damping):
-    """(K + i w C - w^2 M)^-1 f of the whole model, (m, 6N), zero at the supports.
-
-    `damping` (n_free, n_free) is C, or a pair (a, b) that means C = a M + b K.
-    """
+    """(K + i w C - w^2 M)^-1 f of the whole model, (m, 6N), zero at the supports."""
     from scipy.sparse import csc_matrix
     from scipy.sparse.linalg import spsolve
 

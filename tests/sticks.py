@@ -38,10 +38,7 @@ def write_stick(path, *effects):
 
 
 def write_shaken(path, chain, seed, rms=0.5):
-    """Two minutes of band-limited noise at the base (rms, m/s2) with the chain's exact response.
-
-    Ten seconds of rest at the end let all motion die down: the circular convolution is exact.
-    """
+    """Two minutes of band-limited noise at the base (rms, m/s2) with the chain's exact response."""
     rng, count = np.random.default_rng(seed), 12_000
     frequency = np.fft.rfftfreq(count, STEP)
     white = np.fft.rfft(rng.standard_normal(count))

@@ -39,10 +39,7 @@ def tower():
 
 
 def spoiled():
-    """Work that cannot be sent once it was done.
-
-    Its class is of this function, so that it is sent whole: workers cannot import the tests.
-    """
+    """Work that cannot be sent once it was done."""
 
     class Spoiled:
         def __init__(self):

@@ -60,11 +60,7 @@ def in_plane(model):
 
 
 def strip(make_document, size, **beam):
-    """A cantilever floor strip: a slab 1 m wide on a beam along its middle line, held by a wall.
-
-    Returns the deflection of its tip under 10 kN, m. Both ends of the length of 6 m lie on walls
-    across, of which the far one is only a line of slab nodes.
-    """
+    """A cantilever floor strip: a slab 1 m wide on a beam along its middle line, held by a wall."""
     document = make_document([3.0], ([6.0], [0.5, 0.5]), size)
     document["columns"] = []
     document["beams"] = [{"section": "beam", "along": "Y1", **beam}]

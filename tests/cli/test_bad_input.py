@@ -1,8 +1,4 @@
-"""Input that cannot be used: exit code 1, one sentence, and nothing written.
-
-What each sentence says is tested where it is made. Every case runs on a study that is not there
-yet and on one that holds a posterior.
-"""
+"""Input that cannot be used: exit code 1, one sentence, and nothing written."""
 
 import os
 import resource

@@ -22,10 +22,7 @@ SD = 0.25
 
 
 def frf(theta, gain=0.0, damper=0.0):
-    """Floor over base of one story, by hand; `damper` as the catalogue counts it.
-
-    A damper of size s damps the oscillator at theta = 1 by the share s of critical.
-    """
+    """Floor over base of one story, by hand; `damper` as the catalogue counts it."""
     omega, own = 2 * np.pi * GRID, np.sqrt(theta * SPRING / MASS)
     rate = 2.0 * ZETA * own + 2.0 * damper * np.sqrt(SPRING / MASS)
     # Modal damping and the dashpot both act on the motion relative to the base.

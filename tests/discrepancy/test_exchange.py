@@ -1,8 +1,4 @@
-"""Channels under wrong names, which draw theta far off: found from the whole prior, and cheaply.
-
-The data are FRFs of a five-story chain, solved frequency by frequency, with an error of 5 % on |H|
-and the phase.
-"""
+"""Channels under wrong names, which draw theta far off: found from the whole prior, and cheaply."""
 
 from dataclasses import replace
 

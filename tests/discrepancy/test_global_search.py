@@ -1,8 +1,4 @@
-"""Effects so large that nothing near the model without them explains the data.
-
-The data are FRFs of a lightly damped five-story chain with another mass on one floor, solved
-frequency by frequency, with an error of 2 % on |H| and the phase.
-"""
+"""Effects so large that nothing near the model without them explains the data."""
 
 import numpy as np
 import pytest

@@ -47,13 +47,7 @@ class Equations:
         )
 
     def frf(self, frequency_hz, zeta=None, proportional=None):
-        """Absolute acceleration of the floors over that of the ground, (f, k).
-
-        Args:
-            zeta: damping ratio of every mode (Clough and Penzien, 1993, section 12-5), or a
-                function of the circular frequencies.
-            proportional: (a, b) of C = a M + b K instead.
-        """
+        """Absolute acceleration of the floors over that of the ground, (f, k)."""
         K, M, load, rows, direct = self._on_ground()
         if proportional is None:
             C = _modal_damping(K, M, zeta)

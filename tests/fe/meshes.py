@@ -30,11 +30,7 @@ def random_rotation(seed):
 
 
 def frame_with_wall(fine=1):
-    """A wall, a slab and a column that touch, nowhere symmetric: (model parts, points).
-
-    The wall stands in the plane y = 0, the slab lies on it at z = 3, the column carries the slab's
-    far corner. The wall belongs to parameter 0, the column to parameter 1, the slab to none.
-    """
+    """A wall, a slab and a column that touch, nowhere symmetric: (model parts, points)."""
     s, t, quads = grid(3 * fine, 4 * fine)
     wall = stack(4.5 * s, 0 * s, 3.0 * t)
     u, v, floor = grid(3 * fine, 2 * fine)

@@ -31,11 +31,7 @@ GIRDER = {
 
 
 def wall_with_beam(meshes, nx, nz, level=None, turn=None):
-    """The 6 m x 3.5 m wall of the anchors, t = .3 m, with a beam at an edge node near mid-height.
-
-    Half the rows lie below the beam and half above, so that the ends of its face are nodes where
-    0.3 m is a multiple of 1.75 m over half of nz.
-    """
+    """The 6 m x 3.5 m wall of the anchors, .3 m thick, with a beam at an edge near mid-height."""
     s, t, quads = meshes.grid(nx, nz)
     wall = meshes.stack(6 * s, 0 * s, 3.5 * t)
     edge = np.flatnonzero(s == 1.0)

@@ -1,9 +1,4 @@
-"""The shell against published static tests: value / target on coarse and fine meshes.
-
-Expected ratios in the plane are those of a QM6 membrane, measured with independent programs.
-Across it they are bounds, nearer to one than MITC4 comes on most of these meshes; targets stand
-beside the tests in `tests/benchmarks/solver`.
-"""
+"""The shell against published static tests: value / target on coarse and fine meshes."""
 
 import pytest
 from femupdate.benchmarks.solver import membranes, surfaces, walls

@@ -1,8 +1,4 @@
-"""Beams and plates against the free vibration tests of NAFEMS.
-
-Tolerances leave out the two or three highest modes of a coarse mesh, whose half waves span little
-more than two elements; those are in the benchmark's table.
-"""
+"""Beams and plates against the free vibration tests of NAFEMS."""
 
 import numpy as np
 import pytest

@@ -14,10 +14,7 @@ TRUTH = (-0.9, 0.8)
 
 
 class TwoSprings(torch.nn.Module):
-    """Stands for a decoder: two modes whose frequencies are z, both floors alike in either order.
-
-    What the roof says is the same for (a, b) and (b, a).
-    """
+    """Stands for a decoder: modes whose frequencies are z, floors alike in either order."""
 
     def __init__(self, scale):
         super().__init__()

@@ -148,10 +148,7 @@ SD = 0.08  # of ln f
 
 
 def brute_force(lumped, modes):
-    """Points of the prior and log likelihood of frequencies and shapes, by numpy alone.
-
-    Four frequencies of four modes are paired in their order.
-    """
+    """Points of the prior and log likelihood of frequencies and shapes, by numpy alone."""
     unit = qmc.Sobol(4, seed=11).random_base2(18)
     theta = 0.33 + 2.67 * unit
     value = np.zeros(len(theta))

@@ -1,7 +1,4 @@
-"""Artefacts that are not what they should be although the study's record has their hash.
-
-They may come from a disk that lost bits before the hash was taken, or from a stranger.
-"""
+"""Artefacts that are not what they should be although the study's record has their hash."""
 
 import json
 from dataclasses import replace

@@ -1,9 +1,4 @@
-"""Effects hidden in data that a hand-written chain made: which one is named, where, how large.
-
-The data are FRFs of three stories of the benchmark, solved frequency by frequency with the effect
-in its matrices, with an error of 5 % on |H| and the phase: nothing of them comes from the program.
-The grid has a tenth of the benchmark's points.
-"""
+"""Effects hidden in data that a hand-written chain made: which one is named, where, how large."""
 
 import json
 import re

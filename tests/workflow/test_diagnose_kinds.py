@@ -1,7 +1,4 @@
-"""Effects hidden in identified modes and in responses to forces of a chain solved by hand.
-
-Three stories of unit masses and 3000 N/m: nothing of the data comes from the program.
-"""
+"""Effects hidden in identified modes and in responses to forces of a chain solved by hand."""
 
 import json
 
@@ -28,12 +25,7 @@ def heavy(size, floor=1):
 
 
 def write_modes(path, chain, seed=1, signs=(1, 1, 1), extra=0):
-    """A table of modes with errors of .2 % of frequencies and .01 of shapes.
-
-    Args:
-        signs: of the sensors.
-        extra: rows that are no mode.
-    """
+    """A table of modes with errors of .2 % of frequencies and .01 of shapes."""
     (omega, shapes), rng = chain.modes, np.random.default_rng(seed)
     rows = []
     for number, (own, shape) in enumerate(

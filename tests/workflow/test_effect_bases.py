@@ -1,7 +1,4 @@
-"""The basis of a frame in which effects act, about where theta ended.
-
-It is held against the cabin with all its degrees of freedom.
-"""
+"""The basis of a frame in which effects act, about where theta ended."""
 
 from types import SimpleNamespace
 

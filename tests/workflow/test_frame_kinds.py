@@ -1,7 +1,4 @@
-"""What is hidden in modes and in a hammer test of a frame, the two-story cabin.
-
-What is measured comes from all modes of the full matrices, by scipy.
-"""
+"""What is hidden in modes and in a hammer test of a frame, the two-story cabin."""
 
 from types import SimpleNamespace
 

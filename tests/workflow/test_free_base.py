@@ -31,10 +31,7 @@ stiffness = "2.5 MN/m"
 
 
 def modes(more=0.0):
-    """Circular frequencies (3,) and shapes (3, 3) of unit mass: base, 2F, RF.
-
-    The roof has that share more of its mass.
-    """
+    """Circular frequencies (3,) and shapes (3, 3) of unit mass: base, 2F, RF."""
     k1, k2 = THETA * [4e6, 2.5e6]
     mass = MASS * [1.0, 1.0, 1.0 + more]
     squared, shapes = eigh([[k1, -k1, 0], [-k1, k1 + k2, -k2], [0, -k2, k2]], mass)

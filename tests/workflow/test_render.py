@@ -111,10 +111,7 @@ def test_a_mode_is_followed_through_a_crossing():
 
 
 def test_the_same_modes_are_shown_whatever_the_data_see(tower, tower_model):
-    """Over all frequencies the second has more influence; in a narrow band about the first, that.
-
-    The order is that of the model, and influence a column beside it.
-    """
+    """Over all frequencies the second has more influence; in a narrow band, the first."""
     posterior = load_posterior(tower.path("posterior.nc"))
     first, second = render_study(tower, tower_model, samples=5).modes
     assert (first["mode"], second["mode"]) == (1, 2)

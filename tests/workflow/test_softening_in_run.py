@@ -60,10 +60,7 @@ def calibrated(tower_file, tmp_path_factory):
 
 
 def test_the_law_is_found_from_one_run(calibrated):
-    """The model takes the run for a few linear parts, a third of a doubling apart.
-
-    Where among them the mean level lies is less sure than the intervals say: 3 % of stiffness.
-    """
+    """The model takes the run for a few linear parts, a third of a doubling apart."""
     posterior = load_posterior(calibrated[0].path("posterior.nc"))
     draws = posterior.samples
     mean, sd = draws.mean(axis=0), draws.std(axis=0)

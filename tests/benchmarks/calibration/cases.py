@@ -71,15 +71,20 @@ class CalibrationCase:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CaseSettings:
-    """What is made of every simulated building."""
+class CalibrationPlan:
+    """What is simulated."""
 
-    floors: tuple[str, ...]  # observed; `ANY_FLOORS` alone for a set drawn at random in every case
+    building: str = "shear_4dof"  # shipped name
+    floors: tuple[str, ...] = ()  # observed; the roof where empty, `ANY_FLOORS` for random sets
+    cases: int = 200  # simulated buildings
     particles: int = 1000  # of each posterior
-    beside: int = 0  # the first so many cases also get the data-space posterior
-    power: float | None = None  # of the latent likelihood; default the surrogate's own
-    seed: int = 0  # of everything random; every case has its own stream
+    beside: int | None = None  # the first so many also get the data-space posterior; None: all
     noise_sd: float | None = None  # of ln|H|; default that of the surrogate's training
+
+    @property
+    def compared(self) -> int:
+        """How many cases also get the data-space posterior."""
+        return self.cases if self.beside is None else self.beside
 
 
 def simulate(
@@ -110,27 +115,23 @@ def _response(model: StudyModel, theta: torch.Tensor, zeta: torch.Tensor) -> tor
 
 
 def calibration_case(
-    model: StudyModel, surrogate: Surrogate, settings: CaseSettings, number: int
+    model: StudyModel, surrogate: Surrogate, plan: CalibrationPlan, seed: int, number: int
 ) -> CalibrationCase:
-    """Simulate one building and sample its posteriors.
-
-    The damping ratio, where it is unknown, is drawn from its prior with theta and integrated over
-    in the data-space posterior.
-    """
-    rng = np.random.default_rng([settings.seed, number])
-    noise_sd = settings.noise_sd or surrogate.info.noise_sd
-    floors = settings.floors
-    if floors == (ANY_FLOORS,):
-        floors = _random_floors(model.building.floors, rng)
+    """Simulate one building and sample its posteriors; the data-space one knows no damping."""
+    rng = np.random.default_rng([seed, number])
+    noise_sd = plan.noise_sd or surrogate.info.noise_sd
+    floors = plan.floors or (model.building.floors[-1],)
+    if floors == (ANY_FLOORS,):  # one at least, each as likely as not
+        chosen = rng.random(len(model.building.floors)) < 0.5
+        chosen[rng.integers(len(chosen))] = True
+        floors = tuple(np.array(model.building.floors)[chosen].tolist())
     building = simulate(model, floors, noise_sd, rng)
-    reference, seed = rng.random(model.prior.size), 1009 * settings.seed + number
-    latent = LatentLikelihood(
-        surrogate, model.system, building.observation, power=settings.power, least_noise=noise_sd
-    )
-    start = TemperedSmc(model.prior, latent).run(settings.particles, seed)
+    reference, seed = rng.random(model.prior.size), 1009 * seed + number
+    latent = LatentLikelihood(surrogate, model.system, building.observation, least_noise=noise_sd)
+    start = TemperedSmc(model.prior, latent).run(plan.particles, seed)
     judge = _Judge(model, building, reference, seed)
     exact, widths, share = None, None, float("nan")
-    if number < settings.beside:
+    if number < plan.compared:
         draws, likelihoods, share = _exact(model, building, start, seed)
         theta, zeta = draws[:, : model.prior.size], draws[:, model.prior.size :]
         exact = judge(theta, zeta, likelihoods)
@@ -145,13 +146,6 @@ def calibration_case(
         effective_share=share,
         widths=widths,
     )
-
-
-def _random_floors(floors: tuple[str, ...], rng: np.random.Generator) -> tuple[str, ...]:
-    """One floor at least, each as likely as not."""
-    chosen = rng.random(len(floors)) < 0.5
-    chosen[rng.integers(len(floors))] = True
-    return tuple(name for name, there in zip(floors, chosen, strict=True) if there)
 
 
 def _exact(

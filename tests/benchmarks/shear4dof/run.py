@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
 
 import numpy as np
 
@@ -12,8 +11,7 @@ from ..result import Job, Report
 from ..shipped import benchmark_model, shipped_surrogate, surrogate_mark
 from .case import Shear4dof, authors_case, exact_posterior, random_case
 from .observations import ObservationResult, observation_result
-from .samplers import SAMPLERS, SamplerRow, floor_rows, sampler_row, sampler_targets
-from .tables import exact_table, observation_table, sampler_table, solutions_table
+from .tables import exact_table, observation_table, solutions_table
 
 NAME = "shear4dof"
 
@@ -22,22 +20,16 @@ NAME = "shear4dof"
 class Shear4dofPlan:
     """How much of the benchmark is run."""
 
-    sizes: tuple[int, ...] = (500, 1000, 2000, 4000)  # particles of the sampler table
-    runs: int = 10  # of each sampler at each size
     reference_draws: int = 50_000  # of the posteriors that others are compared with
     observations: int = 20  # that latent posterior and bridge are judged on
     particles: int = 2000  # of the posteriors that judge an observation
 
 
-QUICK = Shear4dofPlan((200,), 2, 3000, 2)
+QUICK = Shear4dofPlan(3000, 2)
 
 
 def run_shear4dof(job: Job, plan: Shear4dofPlan) -> Report:
-    """Run the benchmark and write its results.
-
-    Rows of the sampler table and observations are written when they are done, beside the results: a
-    run of the same plan that was cut off goes on from them.
-    """
+    """Run the benchmark and write its results; one that was cut off goes on from its parts."""
     model = benchmark_model()
     surrogate, case = shipped_surrogate(model.building), authors_case(model)
     header = [model.hash, surrogate_mark(surrogate), job.seed, plan]
@@ -46,7 +38,6 @@ def run_shear4dof(job: Job, plan: Shear4dofPlan) -> Report:
     exact = exact_posterior(model, case, plan.reference_draws, job.seed)
     job.progress.advance()
     problem = Shear4dof(model, surrogate, case, exact)
-    samplers = _samplers(problem, plan, job, log)
     observations = _observations(problem, plan, job, log)
     found = {
         "solutions": case.solutions,
@@ -56,30 +47,15 @@ def run_shear4dof(job: Job, plan: Shear4dofPlan) -> Report:
     more = {
         "exact_sd": exact.modes.sd,
         "log_evidence_error": exact.weighted.log_evidence_error,
-        "samplers": samplers,
         "observations": observations,
     }
     return job.write(
         NAME,
         {**found, **more},
-        _text(problem, samplers, observations),
+        _text(problem, observations),
         packages=("scikit-learn",),
         answer=found,
     )
-
-
-def _samplers(
-    problem: Shear4dof, plan: Shear4dofPlan, job: Job, log: ResumableLog
-) -> list[SamplerRow]:
-    rows = []
-    targets = sampler_targets(problem, plan.reference_draws, job.seed)
-    for target in targets:
-        job.progress.start(f"Samplers, {target.label} likelihood", 2 * len(plan.sizes))
-        for name, size in product(SAMPLERS, plan.sizes):
-            make = partial(sampler_row, problem, target, name, size, plan.runs)
-            rows.append(log.get_or_make(f"{target.label}, {name}, {size}", SamplerRow, make))
-            job.progress.advance()
-    return rows + floor_rows(problem, targets[1], plan.sizes, plan.runs, job.seed + 17)
 
 
 def _observations(
@@ -98,9 +74,7 @@ def _observations(
     return results
 
 
-def _text(
-    problem: Shear4dof, samplers: Sequence[SamplerRow], observations: Sequence[ObservationResult]
-) -> str:
+def _text(problem: Shear4dof, observations: Sequence[ObservationResult]) -> str:
     weighted = problem.exact.weighted
     return "\n\n".join(
         (
@@ -109,8 +83,6 @@ def _text(
             "## Exact posterior",
             exact_table(problem.exact),
             f"Log evidence {weighted.log_evidence:.3f} ± {weighted.log_evidence_error:.3f}.",
-            "## Samplers (Table 2)",
-            sampler_table(samplers),
             f"## Latent posterior and bridge over {len(observations)} observations",
             observation_table(observations),
         )

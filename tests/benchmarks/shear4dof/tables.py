@@ -9,7 +9,6 @@ from ..result import markdown_table
 from .case import PUBLISHED_SOLUTIONS, Case, ExactPosterior
 from .comparison import Comparison
 from .observations import ObservationResult
-from .samplers import PUBLISHED, SamplerRow, Spread
 
 
 def solutions_table(case: Case) -> str:
@@ -31,45 +30,6 @@ def exact_table(exact: ExactPosterior) -> str:
         for k in range(len(modes.weight))
     ]
     return markdown_table(("", "weight", *(f"sd theta_{k + 1}" for k in range(4))), rows)
-
-
-_DISTANCES = ("MMD to its own posterior", "MMD to the exact one", "weights, total variation")
-SAMPLER_HEAD = ("sampler", "N", "evaluations", *_DISTANCES, "log evidence", "unique", "s")
-
-
-def sampler_text(rows: Sequence[SamplerRow]) -> list[tuple[str, ...]]:
-    """Cells of the sampler table."""
-    return [
-        (
-            f"{row.likelihood}, {row.sampler}",
-            str(row.particles),
-            f"{row.evaluations:.0f}",
-            _pm(row.mmd_own, 4),
-            _pm(row.mmd_exact, 4),
-            _pm(row.weight_distance, 3),
-            _pm(row.log_evidence, 2),
-            f"{row.unique:.2f}",
-            "-" if np.isnan(row.seconds) else f"{row.seconds:.2f}",
-        )
-        for row in rows
-    ]
-
-
-def sampler_table(rows: Sequence[SamplerRow]) -> str:
-    """Table 2: the published rows and ours, each a mean ± sd over the runs."""
-    published = [
-        (f"published, {name}", str(n or "-"), str(calls), f"{mmd:.3f} ± {sd:.3f}", *"----", f"{s}")
-        for name, n, calls, mmd, sd, s in PUBLISHED
-    ]
-    return markdown_table(SAMPLER_HEAD, [*published, *sampler_text(rows)])
-
-
-def _pm(spread: Spread, digits: int) -> str:
-    if np.isnan(spread.mean):
-        return "-"
-    if np.isnan(spread.sd):
-        return f"{spread.mean:.{digits}f}"
-    return f"{spread.mean:.{digits}f} ± {spread.sd:.{digits}f}"
 
 
 def observation_table(results: Sequence[ObservationResult]) -> str:
