@@ -204,7 +204,7 @@ def calibrate(
 
     opened, (reading, rest) = Study(_study(study).folder, name), _parted(settings, Sampling)
     chosen = CalibrationSettings(**rest)
-    source = readable(reading, *_files(opened, files))
+    source = readable(opened, reading, *_files(opened, files))
     check_calibration(opened, source, chosen, _name(building))
     model = reduce(opened, building, progress=progress)
     return calibrate_study(opened, model, source, chosen, progress)
@@ -243,6 +243,8 @@ def predict(
 
     opened, (_, rest) = _study(study), _parted(settings, Predicting)
     (path,) = _files(opened, [record])
+    before = opened.reading_of(path)
+    unit, columns = unit or before.get("unit"), columns or before.get("columns")
     return predict_study(
         opened,
         open_calibrated(opened, progress),
@@ -281,8 +283,8 @@ def diagnose(
     from femupdate.workflow.observed import readable
 
     opened, (how, rest) = _study(study), _parted(settings, Judging)
-    source = readable(how, *_files(opened, files))
-    other = None if second is None else readable(how, Path(second))
+    source = readable(opened, how, *_files(opened, files))
+    other = None if second is None else readable(opened, how, Path(second))
     require_named(opened, _name(building))
     model = reduce(opened, building, progress=progress)
     chosen = DiagnosisSettings(**rest)
@@ -315,9 +317,9 @@ def repair(
     from femupdate.workflow.repair import repair_study
 
     opened, (how, rest) = _study(study), _parted(settings, Judging)
-    source = readable(how, *_files(opened, files))
-    kept_out = None if holdout is None else readable(how, Path(holdout))
-    other = None if second is None else readable(how, Path(second))
+    source = readable(opened, how, *_files(opened, files))
+    kept_out = None if holdout is None else readable(opened, how, Path(holdout))
+    other = None if second is None else readable(opened, how, Path(second))
     require_named(opened, _name(building))
     model = reduce(opened, building, progress=progress)
     chosen = DiagnosisSettings(**rest)

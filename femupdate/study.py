@@ -240,6 +240,16 @@ class Study:
         """
         return self.artefacts().get(self.key(name))
 
+    def reading_of(self, path: Path) -> dict[str, Any]:
+        """Unit and columns by which the study has read a file before."""
+        content = file_hash(path) if path.is_file() else ""
+        read: dict[str, Any] = {}
+        for artefact in self.artefacts().values():
+            if content in artefact.made_from.values():
+                known = artefact.settings
+                read |= {name: known[name] for name in ("unit", "columns") if name in known}
+        return read
+
     def posteriors(self) -> tuple[str, ...]:
         """Names of all posteriors, in the order of their names but the one without first.
 

@@ -20,7 +20,7 @@ from femupdate.measurement.names import (
     parse_channel,
 )
 from femupdate.measurement.quantity import si_factor
-from femupdate.measurement.recording import RecordedMode, Recording
+from femupdate.measurement.recording import RecordedMode, Recording, mean_of_tests
 from femupdate.measurement.resolve import positions, renamed_columns, whole_or_parts
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile, closest
@@ -29,16 +29,18 @@ from femupdate.measurement.text import TextFile, closest
 _IN_PHASE = 0.9  # collinearity of the parts of a shape, below which they do not move in phase
 
 MODE, FREQUENCY_SD, DAMPING, DAMPING_SD = "mode", "frequency_sd_hz", "damping", "damping_sd"
+PERIOD, PERIOD_SD, TEST = "period_s", "period_sd_s", "test"
 MODE_COLUMNS = (
     f"{MODE}, {FREQUENCY}, {FREQUENCY_SD}, {DAMPING}, {DAMPING_SD}, and shapes 2F ... RF with"
     " 2F_sd ..., or 2F_re and 2F_im"
 )
-_NAMED = (MODE, FREQUENCY, FREQUENCY_SD, DAMPING, DAMPING_SD)
+_NAMED = (MODE, FREQUENCY, FREQUENCY_SD, DAMPING, DAMPING_SD, PERIOD, PERIOD_SD, TEST)
 TELLING = (MODE, FREQUENCY_SD, DAMPING, DAMPING_SD)
 """Columns that no table of histories or of response functions has."""
 _DEVIATION = r"(std|sd|standarddeviation)"
 _FREQUENCY = rf"(f|fn|fid|(natural|modal|eigen)?({FREQUENCY_WORD}))"
 _DAMPING = r"(xi|zeta|ξ|ζ|(modal)?damp(ing)?(ratios?)?|dämpfung\w*|amort\w+|smorz\w+|sönüm\w*)"
+_PERIOD = r"(t|tn|(natural|modal)?p[eé]r[ií]od[eos]?|周期|固有周期)"
 # Titles without blanks, points and underscores.
 _TITLES = {
     MODE: r"mod[eo](no|nr|number|name)?",
@@ -46,6 +48,9 @@ _TITLES = {
     FREQUENCY_SD: rf"{_DEVIATION}{_FREQUENCY}(hz)?|{_FREQUENCY}{_DEVIATION}(hz)?",
     DAMPING: _DAMPING,
     DAMPING_SD: rf"{_DEVIATION}{_DAMPING}|{_DAMPING}{_DEVIATION}",
+    PERIOD: rf"{_PERIOD}s?",
+    PERIOD_SD: rf"{_DEVIATION}{_PERIOD}s?|{_PERIOD}{_DEVIATION}s?",
+    TEST: r"(test|run|record(ing)?|measurement|event|setup|session|date|day|file)(no|nr|id|name)?",
 }
 # What programs say of a mode besides.
 _BESIDE = re.compile(r"(std\.?\s*)?complexity|mpc|mpd|mcf|comments?|remarks?|method", re.IGNORECASE)
@@ -55,7 +60,7 @@ _PART = re.compile(r"(?P<sensor>.+?)(?:_(?P<part>re|im|sd))?", re.IGNORECASE)
 def modes_in_table(
     table: ColumnTable, columns: Mapping[str, str], named: bool = True
 ) -> tuple[RecordedMode, ...]:
-    """The modes in the rows of a table, NaN and None where a cell is blank.
+    """The modes in the rows of a table, NaN and None where a cell is blank; of tests their means.
 
     Args:
         table: NaN where a cell is blank; of the column `mode` its numbers.
@@ -76,10 +81,12 @@ def modes_in_table(
         )
     sensors, shape, sd = _shapes(table, values)
     numbers = values.get(MODE, np.arange(1.0, len(frequency) + 1.0))
-    for row, number in enumerate(numbers):
-        if number in numbers[:row]:
+    given = list(zip(values.get(TEST, np.zeros(len(numbers))), numbers, strict=True))
+    for row, (_, number) in enumerate(given):
+        if given[row] in given[:row]:
             raise table.file.error(
-                f"mode {number:g} is given twice; give each mode once, or number them apart",
+                f"mode {number:g} is given twice; give each mode once, number them apart, or say"
+                f" by a column {TEST} which test each row is of",
                 int(table.lines[row]),
                 MODE,
             )
@@ -88,7 +95,7 @@ def modes_in_table(
         value = float(values[name][row]) if name in values else np.nan
         return None if np.isnan(value) else value
 
-    return tuple(
+    modes = [
         RecordedMode(
             frequency_hz=float(frequency[row]),
             frequency_sd_hz=cell(FREQUENCY_SD, row),
@@ -100,6 +107,10 @@ def modes_in_table(
             name=f"{numbers[row]:g}",
         )
         for row in range(len(frequency))
+    ]
+    return tuple(
+        mean_of_tests([mode for mode in modes if mode.name == name])
+        for name in dict.fromkeys(mode.name for mode in modes)
     )
 
 
@@ -126,15 +137,22 @@ def _columns(table: ColumnTable, columns: Mapping[str, str], named: bool) -> dic
         unit, factor = table.units[position], 1.0
         if unit and known in (FREQUENCY, FREQUENCY_SD):
             factor = si_factor(table.file, unit, "frequency")
+        elif unit and known in (PERIOD, PERIOD_SD):
+            factor = si_factor(table.file, unit, "time")
         elif known in (DAMPING, DAMPING_SD) and unit == "%":
             factor = 0.01
-        elif unit and known != MODE and unit not in ("-", "1"):
+        elif unit and known not in (MODE, TEST) and unit not in ("-", "1"):
             raise table.file.error(
                 f"the column cannot be in {unit!r}; damping is a ratio or in %, a shape has no"
                 " unit",
                 column=table.title(position),
             )
         values[known] = table.values[:, position] * factor
+    if FREQUENCY not in values and PERIOD in values:
+        with np.errstate(divide="ignore"):
+            values[FREQUENCY] = 1.0 / values[PERIOD]
+        if PERIOD_SD in values:
+            values[FREQUENCY_SD] = values[PERIOD_SD] * values[FREQUENCY] ** 2
     return values
 
 

@@ -22,7 +22,7 @@ from femupdate.measurement.recording import (
     channel_listing,
     in_m_s2,
 )
-from femupdate.measurement.resolve import given_channels, positions
+from femupdate.measurement.resolve import given_channels, positions, require_horizontal
 from femupdate.measurement.text import TextFile
 from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY
@@ -165,8 +165,8 @@ def read_record(
 
     Args:
         unit: of the accelerations, where the file does not say it.
-        channel: its name in the file, or its number from 1; needed where there are several and
-            none, or more than one, is called base.
+        channel: its name in the file or in `columns`, or its number from 1; needed where there
+            are several and none, or more than one, is called base.
         columns: our name, such as base or base@2.5.z, to the file's name or number of a channel.
 
     Raises:
@@ -177,14 +177,18 @@ def read_record(
     file, channels = recording.file, recording.histories(columns)
     if not channels:
         raise file.error("there are no histories in the file; give the record of the ground")
-    told = {k: v for k, v in (columns or {}).items() if k.lower().startswith(BASE)}
+    asked = str(channel)
+    told = {k: v for k, v in (columns or {}).items() if k.lower().startswith(BASE) or k == asked}
     named = {parse_channel(channel.name): channel for channel in channels}
+    given = named | given_channels(file, channels, told, unit)
     base = {
         ours: channel
-        for ours, channel in (named | given_channels(file, channels, told, unit)).items()
+        for ours, channel in given.items()
         if isinstance(ours, FloorChannel) and ours.floor == BASE
     }
-    chosen = _choose(file, channels, channel, unit, base)
+    mapped = given.get(parse_channel(asked)) if asked in told else None
+    chosen = mapped or _choose(file, channels, channel, unit, base)
+    require_horizontal(file, chosen)
     for words in chosen.done:
         logger.warning("%s: %s", file.path, words)
     motion = GroundMotion(

@@ -186,6 +186,43 @@ class RecordedMode:
     name: str = ""
 
 
+def mean_of_tests(modes: Sequence[RecordedMode]) -> RecordedMode:
+    """Means of a mode over tests, their standard errors, shapes in the scale of the first."""
+    if len(modes) == 1:
+        return modes[0]
+
+    def mean(name: str, of_sd: str) -> tuple[float | None, float | None]:
+        pairs = [(getattr(mode, name), getattr(mode, of_sd)) for mode in modes]
+        seen = np.array([value for value, _ in pairs if value is not None])
+        stated = [sd for value, sd in pairs if None not in (value, sd)]
+        if not seen.size:
+            return None, None
+        error = seen.std(ddof=1) / np.sqrt(seen.size) if seen.size > 1 else 0.0
+        error = max(error, float(np.linalg.norm(stated)) / seen.size)
+        return float(seen.mean()), float(error) or None
+
+    frequency_hz, frequency_sd_hz = mean("frequency_hz", "frequency_sd_hz")
+    damping, damping_sd = mean("damping", "damping_sd")
+    shapes = np.array([mode.shape for mode in modes])
+    known = ~np.isnan(shapes) & ~np.isnan(shapes[0])
+    filled = np.where(known, shapes, 0.0)
+    scale = (filled.conj() @ filled[0]) / np.maximum((np.abs(filled) ** 2).sum(axis=1), 1e-300)
+    shapes = shapes * scale[:, None]
+    count = (~np.isnan(shapes)).sum(axis=0)
+    mean_shape = np.nansum(shapes, axis=0) / np.where(count, count, np.nan)
+    scatter = np.nansum(np.abs(shapes - mean_shape) ** 2, axis=0)
+    error = np.sqrt(scatter / np.where(count > 1, (count - 1) * count, np.nan))
+    return replace(
+        modes[0],
+        frequency_hz=frequency_hz or np.nan,
+        frequency_sd_hz=frequency_sd_hz,
+        damping=damping,
+        damping_sd=damping_sd,
+        shape=mean_shape,
+        shape_sd=np.where(error > 0.0, error, np.nan),
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """What a measured file holds.

@@ -8,6 +8,7 @@ import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -22,6 +23,8 @@ from femupdate.measurement.names import (
     TIME,
     FloorChannel,
     FrfColumn,
+    floor_height,
+    floors_of,
     parse_frf_column,
     parse_history,
 )
@@ -97,6 +100,7 @@ def _matching(names: Sequence[str], asked: str, numbered: bool) -> list[int]:
         [name == plain for name in folded],
         [name.split(",")[0] == wanted for name in folded],
         [name.split()[:1] == [wanted] for name in folded],
+        [name.partition(", ")[2] == wanted for name in folded],  # where the sensor stands
     )
     best = next((match for match in tries if any(match)), ())
     return [k for k, fits in enumerate(best) if fits]
@@ -123,17 +127,45 @@ def given_channels(
     Args:
         columns: our column name to the file's channel or its number; a minus before it turns the
             channel round, and `*4.7e-6` behind it multiplies its values.
+
+    Raises:
+        MeasurementError: there is none, it is vertical, or floors are upside down by the file.
     """
     columns, factors = without_factors(columns)
     known = _known(file, tuple(columns), {}, TIME)
     names, listing = [channel.name for channel in channels], channel_listing(file, channels, unit)
     at = positions(file, "channel", names, columns, listing, turned=True)
+    horizontal = {
+        at[ours]: motion.floor
+        for ours, motion in zip(columns, known.values(), strict=True)
+        if isinstance(motion, FloorChannel) and motion.direction != "z"
+    }
+    for k in horizontal:
+        require_horizontal(file, channels[k])
+    told = floors_of([channel.location or channel.name for channel in channels])
+    rising = sorted((k for k in horizontal if told[k]), key=lambda k: floor_height(horizontal[k]))
+    for lower, upper in pairwise(rising):
+        low, high = (floor_height(told[k] or BASE) for k in (lower, upper))
+        if horizontal[lower] != horizontal[upper] and low > high:
+            raise file.error(
+                f"channel {names[lower]!r} is taken for {horizontal[lower]} and {names[upper]!r}"
+                f" for {horizontal[upper]}, which stands above it: numbers of channels differ from"
+                " file to file; map them by their names or places"
+            )
     chosen: dict[FloorChannel, RecordedChannel] = {}
     for (ours, theirs), motion in zip(columns.items(), known.values(), strict=True):
         if isinstance(motion, FloorChannel):
             sign = -1.0 if theirs.startswith("-") else 1.0
             chosen[motion] = channels[at[ours]].times(sign * factors.get(ours, 1.0))
     return chosen
+
+
+def require_horizontal(file: TextFile, channel: RecordedChannel) -> None:
+    """Refuse a channel that its file calls vertical."""
+    if channel.vertical:
+        raise file.error(
+            f"channel {channel.name!r} is vertical, as the file says; choose a horizontal one"
+        )
 
 
 def placed_channels(

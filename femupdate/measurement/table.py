@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from femupdate.arrays import Floats, Integers
 from femupdate.measurement.clock import is_moment, seconds_of
-from femupdate.measurement.names import FREQUENCY, TIME, FloorChannel, FrfColumn
-from femupdate.measurement.quantity import force_unit, si_factor, split_unit
+from femupdate.measurement.names import FREQUENCY, FREQUENCY_NAME, TIME, FloorChannel, FrfColumn
+from femupdate.measurement.quantity import bracketed, force_unit, si_factor, split_unit
 from femupdate.measurement.text import TextFile
 
 Row = tuple[int, str]  # line number, text
@@ -290,6 +290,60 @@ def read_table(file: TextFile) -> ColumnTable:
         nameless = f"column {names.index('') + 1} has no name"
         raise file.error(f"{nameless}; give every column one or remove it", rows[0][0])
     return ColumnTable(file, names, units, values, lines)
+
+
+_DECIBEL = re.compile(r"dB\b\s*(?:ref?\.?:?\s*)?(?:1\s+)?(?P<unit>.*)", re.IGNORECASE)
+_PHASE = re.compile(r"(?<![^\W_])(phase|phase angle|angle|arg)(?![^\W_])|[φ∠]", re.IGNORECASE)
+_SIZE = re.compile(
+    r"(?<![^\W_])(mag(nitude)?|amp(l(itude)?)?|abs|modulus|db)(?![^\W_])|\|", re.IGNORECASE
+)
+_DEGREES = ("deg", "degrees", "°")
+
+
+def without_decibels(table: ColumnTable) -> ColumnTable:
+    """Functions of frequency whose levels in dB are ratios, and those with a phase complex.
+
+    Raises:
+        MeasurementError: a phase has no unit, or no magnitude beside it.
+    """
+    if not (table.names and FREQUENCY_NAME.match(table.names[0])):
+        return table
+    values, names, units = table.values.copy(), list(table.names), list(table.units)
+    sizes, phases = {}, {}
+    for k, title in enumerate(names):
+        name, inside = bracketed(title)
+        unit = units[k] or inside or ""
+        decibel, phase = _DECIBEL.fullmatch(unit), _PHASE.search(name)
+        key = " ".join(re.sub(r"[_\s]+", " ", (_PHASE if phase else _SIZE).sub(" ", name)).split())
+        if phase:
+            if unit.lower() not in (*_DEGREES, "rad"):
+                raise table.file.error(
+                    f"the phase is in {unit or 'no unit'}; write (deg) or (rad) behind its name",
+                    column=table.title(k),
+                )
+            phases[key] = k, np.pi / 180.0 if unit.lower() in _DEGREES else 1.0
+        elif decibel or re.search(r"(?<![^\W_])db$", name, re.IGNORECASE):
+            # A standard deviation in dB is one of ln|H|.
+            spread = key.lower().endswith(" sd")
+            ratio = np.log(10.0) / 20.0
+            values[:, k] = values[:, k] * ratio if spread else np.exp(values[:, k] * ratio)
+            names[k] = f"{key[:-3]}_sd" if spread else key
+            units[k] = (decibel and decibel["unit"].strip("() ")) or None
+            sizes[key] = k
+        elif k:
+            sizes[key] = k
+    for key, (at, factor) in phases.items():
+        if key not in sizes:
+            raise table.file.error(
+                f"there is no magnitude of {key!r} beside its phase; name both alike, such as"
+                " 2F_mag and 2F_phase (deg)",
+                column=table.title(at),
+            )
+        size, angle = values[:, sizes[key]], values[:, at] * factor
+        values[:, sizes[key]], values[:, at] = size * np.cos(angle), size * np.sin(angle)
+        names[sizes[key]], names[at] = f"{key}_re", f"{key}_im"
+        units[at] = units[sizes[key]]
+    return replace(table, names=tuple(names), units=tuple(units), values=values)
 
 
 def rows_of_table(file: TextFile) -> list[Row]:

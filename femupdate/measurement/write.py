@@ -121,7 +121,7 @@ _KEYS = ("columns", "unit")
 _HEAD = """\
 # Which channel of {file} is which floor. Correct it, and hand it back by --mapping.
 # Floors are base, 2F, ..., RF; "RF:1" and "RF:2" are two sensors of a floor, and "RF.y" is one in
-# the other direction. A channel goes by its number or name; a minus turns it round: RF = "-3".
+# the other direction. A channel goes by its place, name or number; a minus turns it: RF = "-3".
 # "base@-2.5.z" = 4 is a vertical sensor of the base, 2.5 m behind its middle along the motion; two
 # at different places measure how the base turns.
 """
@@ -198,6 +198,9 @@ def write_mapping(
             number = int(plain) - 1
         used.add(number)
         value = theirs if theirs.isdecimal() else quoted(theirs)
+        place = "" if number is None else channels[number].location
+        if plain.isdecimal() and sum(channel.location == place for channel in channels) == 1:
+            value = quoted(theirs.removesuffix(plain) + place)  # which other files have as well
         words = "" if number is None else f"  # {told(channels[number])}"
         lines.append(f"{ours if ours.isalnum() else quoted(ours)} = {value}{words}")
     rest = [k for k in range(len(channels)) if k not in used]

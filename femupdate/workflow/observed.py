@@ -19,7 +19,7 @@ from femupdate.measurement.recording import Recording
 from femupdate.measurement.runs import agreement, pooled
 from femupdate.measurement.text import read_head
 from femupdate.measurement.thresholds import SPECTRUM
-from femupdate.study import file_hash
+from femupdate.study import Study, file_hash
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,10 @@ class ObservationSource:
         return dict(zip(names, hashes, strict=True))
 
     def files_as_settings(self) -> dict[str, Any]:
-        """The files as the study's record of settings names them."""
-        if not self.further:
-            return {"file": str(self.path)}
-        return {"file": str(self.path), "further": [str(path) for path in self.further]}
+        """The files, and how they are read, as the study's record of settings names them."""
+        further = [str(path) for path in self.further] or None
+        read = {"further": further, "unit": self.unit, "columns": self.columns and {**self.columns}}
+        return {"file": str(self.path), **{k: v for k, v in read.items() if v is not None}}
 
 
 def as_one(building: Building, runs: Sequence[Observation]) -> Observation:
@@ -213,16 +213,20 @@ def check_readable(source: ObservationSource) -> None:
         source.read(path, "x")
 
 
-def readable(reading: Mapping[str, Any], path: Path, *further: Path) -> ObservationSource:
+def readable(
+    study: Study, reading: Mapping[str, Any], path: Path, *further: Path
+) -> ObservationSource:
     """Observation files as a source, read once; a bad one is told before anything is built.
 
     Args:
+        study: which keeps unit and columns of files that it has read before.
         reading: fields of `ObservationSource` that say how to read the files.
 
     Raises:
         MeasurementError: a file cannot be used.
     """
-    source = ObservationSource(path, further=further, **reading).opened()
+    asked = {name: value for name, value in reading.items() if value is not None}
+    source = ObservationSource(path, further=further, **study.reading_of(path) | asked).opened()
     check_readable(source)
     return source
 

@@ -56,11 +56,12 @@ def test_a_mapping_file_is_written_edited_and_handed_back(femupdate, archive, to
     mapping = tmp_path / "mapping.toml"
     done = femupdate("inspect", archive, "--write-mapping", mapping)
     assert done.out.rstrip().endswith(str(mapping))
-    assert "\n2F = 2  # 2nd floor, north wall, E, azimuth 90\n" in mapping.read_text()
+    line = '2F = "2nd floor, north wall"  # 2nd floor, north wall, E, azimuth 90'
+    assert line in mapping.read_text().splitlines()
     again = femupdate("inspect", archive, "--write-mapping", mapping)
     assert "is there already" in again.complaint
     # The roof's sensor was turned round, and the second floor is left out.
-    text = mapping.read_text().replace("RF = 3", 'RF = "-3"').replace("2F = 2", "# 2F = 2")
+    text = mapping.read_text().replace('"Roof"', '"-Roof"').replace("2F =", "# 2F =")
     mapping.write_text(text)
     (one,) = femupdate("inspect", archive, "--mapping", mapping, "--json").answer["files"]
     assert [each["floor"] for each in one["channels"]] == ["base", None, "RF"]

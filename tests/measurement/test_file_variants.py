@@ -1,5 +1,7 @@
 """Variants of the formats that stations, programs and loggers write, each after a genuine file."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -267,3 +269,35 @@ def test_tables_of_loggers(tmp_path, head, mark):
     name = next(key for key, value in LOGGERS.items() if value[0] is head)
     expected = factor[name] * np.stack([many / 1e3, many / 500])
     np.testing.assert_allclose(data.acceleration, expected, rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "of_floor",
+    [
+        ("{} (dB)", "phase {} (°)"),
+        ("{} Magnitude [dB re 1]", "{} Angle [deg]"),
+        ("|{}|", "{}_phase (rad)"),
+        ("{}_mag", "{}_phase (deg)"),
+        ("{}_db",),
+    ],
+)
+def test_levels_and_phases_of_response_functions(tmp_path, of_floor):
+    h = {"2F": np.array([1.0, 1.2 - 0.5j, -2.0j, -0.3]), "RF": np.array([1.0, 2j, -5.0 - 1j, 0.1])}
+    head, rows = ["Freq (Hz)"], [np.arange(1.0, 5.0)]
+    for floor, values in h.items():
+        size, angle = np.abs(values), np.angle(values, deg="rad" not in of_floor[-1])
+        head += [title.format(floor) for title in of_floor]
+        rows += [20 * np.log10(size) if "db" in of_floor[0].lower() else size, angle][
+            : len(of_floor)
+        ]
+    path = tmp_path / "frf.csv"
+    np.savetxt(path, np.array(rows).T, delimiter=";", header=";".join(head), comments="")
+    seen = read_observation_file(path)
+    np.testing.assert_allclose(np.exp(seen.log_frf), np.abs([*h.values()]), rtol=1e-12)
+    if len(of_floor) == 2:
+        turned = np.exp(1j * (seen.phase - np.angle([*h.values()])))
+        np.testing.assert_allclose(turned, 1.0, atol=1e-12)
+        text = path.read_text("utf-8")
+        path.write_text(re.sub(r" [(\[](°|deg|rad)[)\]]", "", text), "utf-8")
+        with pytest.raises(MeasurementError, match=r"write \(deg\) or \(rad\) behind"):
+            read_measured(path)

@@ -63,7 +63,26 @@ def test_many_tests_of_modes_with_a_row_each(write, head):
     error = np.nanstd(F, axis=0, ddof=1) / np.sqrt([3, 3, 2])
     np.testing.assert_allclose(modes.frequency_sd_hz, error, rtol=1e-5)
     np.testing.assert_allclose(modes.damping[0], 0.02 if damped else np.nan)
-    assert "3 tests, a row each" in read_measured(write(text, "m.csv")).notes[-1]
+    assert "3 tests: of every mode" in read_measured(write(text, "m.csv")).notes[-1]
+
+
+@pytest.mark.parametrize("name", ["Test", "date", "run no."])
+def test_many_tests_of_modes_in_a_long_table(write, name):
+    """Periods of 1/2 and 1/6 s; shapes in any scale, and one mode that one test has not found."""
+    rows = [
+        ("A-1", 1, 0.5, 3, 0.5, 1),
+        ("A-1", 2, 1 / 6, 5, -1, 1),
+        ("7 May", 1, 1 / 2.2, "", -1, -2),
+    ]
+    head = f"{name},Mode,Period (s),damping (%),2F,RF\n"
+    text = head + "".join(",".join(map(str, row)) + "\n" for row in rows)
+    modes = kind_in(read_measured(write(text, "m.csv")))
+    np.testing.assert_allclose(modes.frequency_hz, [2.1, 6.0])
+    np.testing.assert_allclose(modes.frequency_sd_hz, [0.1, np.nan])
+    np.testing.assert_allclose(modes.damping, [0.03, 0.05])
+    np.testing.assert_allclose(modes.shape, [[0.5, 1.0], [-1.0, 1.0]])
+    with pytest.raises(MeasurementError, match=r"line 5.*mode 1 is given twice"):
+        kind_in(read_measured(write(text + "A-1,1,0.4,,,\n", "m.csv")))
 
 
 @pytest.mark.parametrize("cell", ["3+4j", "(3+4j)", "3 + 4 i", "3.0+4.0*I"])

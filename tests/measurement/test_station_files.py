@@ -81,8 +81,8 @@ def test_cosmos_passes_over_velocity(write, texts, wave):
     assert (first.azimuth_deg, second.azimuth_deg, second.vertical) == (90.0, None, True)
     assert first.time_step == second.time_step == 0.005
     assert first.stated_peak == pytest.approx(np.abs(wave).max())
-    motion = read_record(path, channel="Up")
-    np.testing.assert_allclose(motion.acceleration, -wave / 300, atol=5e-8)
+    motion = read_record(path, channel="90 deg")
+    np.testing.assert_allclose(motion.acceleration, wave * 0.01, atol=5e-8)
 
 
 def test_smc_written(write, texts, wave):
@@ -92,7 +92,7 @@ def test_smc_written(write, texts, wave):
 
 
 BAD = {
-    "smc velocity": ("smc", "2 CORRECTED ACCELEROGRAM", "3 VELOCITY", "not an acceleration rec"),
+    "smc velocity": ("smc", "2 CORRECTED ACCELEROGRAM", "3 VELOCITY", "holds velocity, not accel"),
     "smc too many": ("smc", "      1480 ", "      1479 ", "announces 1479 values but 1480 fo"),
     "smc header cut": ("smc", "    -32768\n", "\n", "lines of numbers are not whole"),
     "esm velocity": ("esm", "TYPE: ACCELERATION", "TYPE: VELOCITY", "take the .ACC file"),
@@ -101,14 +101,14 @@ BAD = {
     "esm no unit": ("esm", "UNITS:", "UNIT:", "does not give UNITS"),
     "cosmos counts": ("cosmos", "units=cm/sec2", "units=counts", "do not give what a count is"),
     "cosmos rate": ("cosmos", " 5.0", "50.0", "no sampling interval with which 1480 values last 7"),
-    "cosmos count": ("cosmos", "1480 acc", "1481 acc", "announces 1481 values in channel Up but"),
+    "cosmos count": ("cosmos", "1480 acc", "1481 acc", "announces 1481 values in channel Tran but"),
 }
 
 
 @pytest.mark.parametrize(("kind", "old", "new", "message"), BAD.values(), ids=BAD)
 def test_spoiled_station_file(write, texts, wave, kind, old, new, message):
     values = np.tile(wave, 40)
-    good = texts[kind]({"Up": values} if kind == "cosmos" else values)
+    good = texts[kind]({"Tran": values} if kind == "cosmos" else values)
     read_record(write(good, "good.txt"))
     assert old in good
     path = write(good.replace(old, new, 1), "bad.txt")
@@ -133,6 +133,37 @@ def tarred(path, members, mode="w:gz"):
             info.size = len(data)
             archive.addfile(info, io.BytesIO(data))
     return path
+
+
+def test_two_archives_of_a_building_by_the_places_of_their_sensors(tmp_path, texts, wave):
+    """Velocities beside accelerations are passed over; numbers that changed hands are refused."""
+    kinds = {"a": "2 CORRECTED ACCELEROGRAM", "v": "3 VELOCITY", "d": "4 DISPLACEMENT"}
+
+    def archive(name, order):
+        text = {key: texts["smc"](np.tile(wave, 2), title) for key, title in kinds.items()}
+        names = [(place, f"CH{k}_{key}.smc", key) for k, place in enumerate(order) for key in kinds]
+        members = {
+            file: text[key].replace("4th floor, east core", place) for place, file, key in names
+        }
+        up = {"CH9_a.smc": text["a"].replace(f"{90:10d}{171:10d}", f"{0:10d}{171:10d}")}
+        return packed(tmp_path / name, members | up)
+
+    first = archive("first.zip", ["Basement", "2nd floor", "Roof"])
+    other = archive("other.zip", ["Roof", "Basement", "2nd floor"])
+    channels = read_measured(first).channels
+    assert [channel.quantity for channel in channels] == ["acceleration"] * 4
+    by_place = {"base": "Basement", "RF": "-Roof"}
+    for path in (first, other):
+        assert read_observation_file(path, columns=by_place).floors == ("RF",)
+    assert read_record(other, channel="RF", columns=by_place).channel.endswith("Roof")
+    by_number = {"base": "1", "RF": "3"}
+    read_observation_file(first, columns=by_number)
+    with pytest.raises(MeasurementError, match=r"Roof' is taken for base and .*2nd floor' for RF"):
+        read_observation_file(other, columns=by_number)
+    with pytest.raises(MeasurementError, match=r"is vertical, as the file says"):
+        read_observation_file(first, columns={"base": "1", "RF": "4"})
+    with pytest.raises(MeasurementError, match=r"is vertical, as the file says"):
+        read_record(first, channel=4)
 
 
 @pytest.fixture(params=["zip", "tar.gz", "tar"])

@@ -43,9 +43,23 @@ def test_a_file_that_changes_on_the_way_changes_nothing(path, tower_model):
 
 def test_a_posterior_of_a_file_that_has_changed_meanwhile_is_stale(path, tower_file, tmp_path):
     """Its hash is of what was read, not of what lay there at the end."""
-    study, source = Study(tmp_path / "study"), readable({}, path)
+    study, source = Study(tmp_path / "study"), readable(Study(tmp_path), {}, path)
     path.write_text("another\n", encoding="utf-8")
     settings = CalibrationSettings(particles=200, exact=True)
     calibrate_study(study, open_study(study, str(tower_file)), source, settings)
     (posterior,) = (one for one in study_status(study).holds if one.name == "posterior")
     assert (posterior.state, posterior.reason) == ("stale", "the file run.csv changed since")
+
+
+def test_unit_and_columns_are_kept_with_a_file(path, tmp_path):
+    study, how = (
+        Study(tmp_path / "study"),
+        {"unit": "m/s2", "columns": {"base": "RF", "RF": "base"}},
+    )
+    source = ObservationSource(path, **how)
+    study.folder.mkdir()
+    study.path("p.nc").touch()
+    study.record("posterior", "p.nc", "calibrate", source.made_from(), source.files_as_settings())
+    again = readable(study, {"unit": None, "columns": None}, path)
+    assert {"unit": again.unit, "columns": again.columns} == how
+    assert readable(study, {"columns": {}}, path).columns == {}

@@ -19,6 +19,7 @@ from femupdate.storage import LARGEST_BYTES
 
 READS = "zip, tar and gzip archives of records"
 
+_INTEGRATED = {"velocity", "displacement"}
 _NOT_LOOKED_INTO = ("archive", "unsupported")
 _ZIP, _GZIP = ("PK\x03\x04", "PK\x05\x06"), "\x1f\x8b"
 _TAR, _TAR_AT = "ustar", 257  # its mark, and where that stands in the first header
@@ -123,6 +124,10 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
     members = {name: _member(file, name, path, len(unpacked)) for name, path in unpacked.items()}
     readable = {name: recording for name, recording in members.items() if recording is not None}
     records = {name: recording for name, recording in readable.items() if recording.table is None}
+    # Velocities and displacements that were integrated from the accelerations beside them.
+    kinds = {name: {c.quantity for c in record.channels} for name, record in records.items()}
+    if any("acceleration" in kind for kind in kinds.values()):
+        records = {n: r for n, r in records.items() if not kinds[n] <= _INTEGRATED}
     left_out = [name for name in unpacked if name not in (records or readable)]
     some = ", ".join(left_out[:3]) + (" ..." if len(left_out) > 3 else "")
     other = f"Other files of the archive that hold no histories: {len(left_out)} ({some})."

@@ -7,10 +7,10 @@ import numpy as np
 
 from femupdate.measurement.modes import (
     DAMPING,
-    DAMPING_SD,
-    FREQUENCY_SD,
     MODE,
+    PERIOD,
     TELLING,
+    TEST,
     figure_of,
 )
 from femupdate.measurement.names import FREQUENCY, TIME_NAME
@@ -67,14 +67,18 @@ def table_in(file: TextFile) -> Recording:
     delimiter = find_delimiter(rows[0][1])
     of_tests = _of_tests(rows[0][1])
     if of_tests:
-        return _means(file, rows, of_tests)
+        return _in_rows(file, rows, of_tests)
     names, units, rows = read_head_rows(file, rows, delimiter, bracketed)
     if names is None or units is None:
         raise file.error("the first cell of the header is a number; name its column", rows[0][0])
-    numbered = [(line, _numbered(text, delimiter, names)) for line, text in rows]
+    tests: dict[str, int] = {}
+    numbered = [(line, _numbered(text, delimiter, names, tests)) for line, text in rows]
     values, lines = parse_rows(file, numbered, delimiter, names, blanks=True)
-    notes = (f"Lines above the table that are passed over: {above}.",) if above else ()
-    return Recording(file, mode_table=ColumnTable(file, names, units, values, lines), notes=notes)
+    notes = [f"Lines above the table that are passed over: {above}."] if above else []
+    if len(tests) > 1 and len(tests) < len(rows):
+        notes.append(_MEANS.format(len(tests)))
+    table = ColumnTable(file, names, units, values, lines)
+    return Recording(file, mode_table=table, notes=tuple(notes))
 
 
 def _of_tests(head: str) -> dict[int, tuple[str, int, float]]:
@@ -85,47 +89,49 @@ def _of_tests(head: str) -> dict[int, tuple[str, int, float]]:
         of = _NUMBERED.fullmatch(title)
         figure = figure_of(of["what"] or of["behind"]) if of else None
         figure = FREQUENCY if figure == MODE and unit == "Hz" else figure
-        if of and figure in (FREQUENCY, DAMPING):
+        if of and (figure in (FREQUENCY, DAMPING) or (figure == PERIOD and unit in (None, "s"))):
             found[k] = figure, int(of["mode"] or of["first"]), 0.01 if unit == "%" else 1.0
     hertz = any(titles[k][1] == "Hz" for k in found)
     timed = any(TIME_NAME.match(title) for title, _ in titles) and not hertz
-    several = sum(figure == FREQUENCY for figure, _, _ in found.values()) > 1
-    return found if several and not timed else {}
+    several = [figure for figure, _, _ in found.values() if figure != DAMPING]
+    return found if len(several) > 1 and len(set(several)) == 1 and not timed else {}
 
 
-def _means(
+_MEANS = "{} tests: of every mode the mean with its standard error."
+
+
+def _in_rows(
     file: TextFile, rows: list[Row], columns: dict[int, tuple[str, int, float]]
 ) -> Recording:
-    """Modes with their means over all tests and the standard errors of these."""
+    """A table with a row for each test as one with a row for each of its modes."""
     delimiter = find_delimiter(rows[0][1])
     table = [(line, cells_of(text, delimiter) + [""] * len(columns)) for line, text in rows[1:]]
     mark = delimiter or " "
     picked = [(line, mark.join(cells[k] for k in columns)) for line, cells in table]
     titles = tuple(cells_of(rows[0][1], delimiter)[k] for k in columns)
-    values, _ = parse_rows(file, picked, delimiter, titles, blanks=True)
+    values, lines = parse_rows(file, picked, delimiter, titles, blanks=True)
     modes = sorted({mode for _, mode, _ in columns.values()})
-    means = np.full((len(modes), 5), np.nan)
-    means[:, 0] = modes
+    names = tuple(dict.fromkeys((TEST, MODE, *(figure for figure, _, _ in columns.values()))))
+    long = np.full((len(values), len(modes), len(names)), np.nan)
+    long[:, :, 0], long[:, :, 1] = np.arange(len(values))[:, None], modes
     for (figure, mode, factor), column in zip(columns.values(), values.T, strict=True):
-        seen = factor * column[np.isfinite(column)]
-        row, at = modes.index(mode), 1 if figure == FREQUENCY else 3
-        if seen.size:
-            means[row, at] = seen.mean()
-        if np.ptp(seen) if seen.size else 0.0:
-            means[row, at + 1] = seen.std(ddof=1) / np.sqrt(seen.size)
-    names = (MODE, FREQUENCY, FREQUENCY_SD, DAMPING, DAMPING_SD)
-    lines = np.full(len(modes), rows[0][0])
-    said = f"{len(rows) - 1} tests, a row each: of every mode the mean with its standard error."
-    return Recording(
-        file, mode_table=ColumnTable(file, names, (None,) * 5, means, lines), notes=(said,)
-    )
+        long[:, modes.index(mode), names.index(figure)] = factor * column
+    rate = PERIOD if PERIOD in names else FREQUENCY
+    seen = np.isfinite(long[:, :, names.index(rate)])
+    units, lines = (None,) * len(names), lines[np.nonzero(seen)[0]]
+    found = ColumnTable(file, names, units, long[seen], lines)
+    return Recording(file, mode_table=found, notes=(_MEANS.format(len(values)),))
 
 
-def _numbered(text: str, delimiter: str | None, names: tuple[str, ...]) -> str:
-    """A row with the number in the name of a mode: `EFDD Mode 3`."""
+def _numbered(
+    text: str, delimiter: str | None, names: tuple[str, ...], tests: dict[str, int]
+) -> str:
+    """A row with numbers in place of a mode's name, `EFDD Mode 3`, and of a test's."""
     cells = cells_of(text, delimiter)
     for k, (cell, name) in enumerate(zip(cells, names, strict=False)):
-        numbers = re.findall(r"\d+", cell)
-        if numbers and not is_number(cell) and figure_of(name) == MODE:
+        numbers, figure = re.findall(r"\d+", cell), figure_of(name)
+        if numbers and not is_number(cell) and figure == MODE:
             cells[k] = numbers[-1]
+        elif figure == TEST:
+            cells[k] = str(tests.setdefault(cell, len(tests) + 1))
     return (delimiter or " ").join(cells)

@@ -13,6 +13,7 @@ from femupdate.measurement.table import (
     read_table,
     rows_of_table,
     split_complex,
+    without_decibels,
 )
 from femupdate.measurement.text import TextFile, read_text
 
@@ -38,4 +39,4 @@ def table_in(file: TextFile) -> Recording:
     """The table in a text."""
     above = len(file.rows()) - len(rows_of_table(file))
     notes = (f"Lines above the table that are passed over: {above}.",)
-    return Recording(file, table=read_table(file), notes=notes if above else ())
+    return Recording(file, table=without_decibels(read_table(file)), notes=notes if above else ())

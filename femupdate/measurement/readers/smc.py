@@ -1,7 +1,7 @@
 """SMC files of the USGS: eleven lines of text, six of integers, ten of numbers, then comments.
 
-After the description in USGS Open-File Report 98-206: accelerations in cm/s2, eight numbers of ten
-characters to a line; the volume stands in the first line.
+After the description in USGS Open-File Report 98-206: cm and s, eight numbers of ten characters to
+a line; the first line says whether they are accelerations, velocities or displacements.
 """
 
 import re
@@ -15,6 +15,11 @@ READS = "SMC files of the USGS"
 _FIRST = re.compile(
     r"^\s*\d?\s*(UN)?CORRECTED ACCELEROGRAM\s*$|^\s*\d\s*(VELOCITY|DISPLACEMENT|RESPONSE|FOURIER)"
 )
+_QUANTITIES = {
+    "ACCELEROGRAM": ("acceleration", "cm/s2"),
+    "VELOCITY": ("velocity", "cm/s"),
+    "DISPLACEMENT": ("displacement", "cm"),
+}
 _TEXT_LINES, _INTEGER_LINES, _REAL_LINES = 11, 6, 10
 _INTEGER_WIDTH, _REAL_WIDTH = 10, 15
 _COUNT, _COMMENTS, _AZIMUTH, _TILT, _SAMPLING = 16, 15, 13, 12, 1  # positions in the headers
@@ -29,8 +34,11 @@ def recognises(head: str, suffix: str) -> bool:
 def read(path: Path) -> Recording:
     """The one channel, with its place from the comment `<loclbl=>`."""
     file = read_text(path)
-    if "ACCELEROGRAM" not in file.lines[0].upper():
-        raise file.error("this is not an acceleration record; take the accelerogram beside it", 1)
+    quantity, unit = next(
+        (each for word, each in _QUANTITIES.items() if word in file.lines[0].upper()), ("", "")
+    )
+    if not unit:
+        raise file.error("this is a spectrum, not a record; take the accelerogram beside it", 1)
     integers = _numbers(file, _TEXT_LINES, _INTEGER_LINES, _INTEGER_WIDTH)
     reals = _numbers(file, _TEXT_LINES + _INTEGER_LINES, _REAL_LINES, _REAL_WIDTH)
     count = positive(file, integers[_COUNT], "the number of values", _TEXT_LINES + 2)
@@ -51,12 +59,13 @@ def read(path: Path) -> Recording:
     location = _found(r"<loclbl=>\s*(.*?)\s*(?:<end>|$)", head)
     location = location or _found(r"^station =\s*(.*?)\s*(?:component=|$)", head)
     name = _found(r"component=\s*(\S+)", head) or direction or path.stem
-    peak = finite(_found(r"pk acc\s*=\s*(\S+)", head))
+    peak = finite(_found(r"pk acc\s*=\s*(\S+)", head)) if quantity == "acceleration" else None
     channel = RecordedChannel(
         name=f"{name}, {location}" if location else name,
         values=values,
         time_step=1.0 / rate,
-        unit="cm/s2",
+        unit=unit,
+        quantity=quantity,
         location=location,
         direction=direction,
         azimuth_deg=None if vertical or azimuth is None else azimuth % 360.0,
