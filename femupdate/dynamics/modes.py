@@ -140,18 +140,23 @@ def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, columns: Tensor) -> 
     """Displacement (N, o, c, k) of all rows under loads whose modal forces are (N, c, m)."""
     count, outputs, size = modes.rows.shape
     pairs = (modes.rows[:, :, None, :] * columns[:, None, :, :]).reshape(count, -1, size)
-    terms = modes.inverse, ratio, pairs
-    if len(omega) <= _POINTS or size <= _POINTS:
-        total = torch.complex(*modal_sum(*terms, omega))
-    else:
-        bands = _bands(omega.numpy().tobytes())
-        # First and one after the last of the modes that are summed at all of each band.
-        ends = modes.inverse.new_tensor([band.ends for band in bands])  # (b, 2)
-        before = (modes.inverse[:, :, None, None] * ends.square() > 1.0).sum(dim=1)  # (N, b, 2)
-        near = before[..., 0].amin(dim=0).tolist(), before[..., 1].amax(dim=0).tolist()
-        parts = [_in_band(terms, *pair) for pair in zip(bands, *near, strict=True)]
-        total = torch.cat(parts, dim=-1)
+    total = torch.complex(*_summed(modes.inverse, ratio, pairs, omega))
     return total.reshape(count, outputs, columns.shape[1], len(omega))
+
+
+def _summed(inverse: Tensor, ratio: Tensor, pairs: Tensor, omega: Tensor) -> tuple[Tensor, Tensor]:
+    """`modal_sum` of modes in the order of their frequencies, lowest first."""
+    terms = inverse, ratio, pairs
+    if len(omega) <= _POINTS or inverse.shape[1] <= _POINTS:
+        return modal_sum(*terms, omega)
+    bands = _bands(omega.numpy().tobytes())
+    # First and one after the last of the modes that are summed at all of each band.
+    ends = inverse.new_tensor([band.ends for band in bands])  # (b, 2)
+    before = (inverse[:, :, None, None] * ends.square() > 1.0).sum(dim=1)  # (N, b, 2)
+    near = before[..., 0].amin(dim=0).tolist(), before[..., 1].amax(dim=0).tolist()
+    parts = [_in_band(terms, *pair) for pair in zip(bands, *near, strict=True)]
+    real, imaginary = zip(*parts, strict=True)
+    return torch.cat(real, dim=-1), torch.cat(imaginary, dim=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +186,10 @@ def _bands(grid: bytes) -> tuple[_Band, ...]:
     return tuple(bands)
 
 
-def _in_band(terms: tuple[Tensor, Tensor, Tensor], band: _Band, first: int, last: int) -> Tensor:
-    """Complex sums (N, p, k) of the terms of `modal_sum` in a band; some modes lie near it."""
+def _in_band(
+    terms: tuple[Tensor, Tensor, Tensor], band: _Band, first: int, last: int
+) -> tuple[Tensor, Tensor]:
+    """Sums (N, p, k) of the terms of `modal_sum` in a band; some modes lie near it."""
     far = [
         torch.cat([part[..., :first], part[..., last:]], dim=-1) if first else part[..., last:]
         for part in terms
@@ -190,7 +197,7 @@ def _in_band(terms: tuple[Tensor, Tensor, Tensor], band: _Band, first: int, last
     near = [part[..., first:last] for part in terms]
     rest = modal_sum(far[0], far[1], far[2], band.points)
     inside = modal_sum(near[0], near[1], near[2], band.omega)
-    return torch.complex(inside[0] + rest[0] @ band.weights, inside[1] + rest[1] @ band.weights)
+    return inside[0] + rest[0] @ band.weights, inside[1] + rest[1] @ band.weights
 
 
 @dataclass(frozen=True)
@@ -230,7 +237,11 @@ class ModalData:
         """
         # An unstable structure would divide by zero.
         inverse = self.omega.clamp_min(1e-6) ** -2
-        real, imaginary = modal_sum(inverse, ratio, self.effect * inverse[:, None, :], omega)
+        # Those that a network gives are in single precision, with gradients, or in no order.
+        of_solver = inverse.dtype == torch.float64 and inverse.device.type == "cpu"
+        ordered = of_solver and not inverse.requires_grad and bool((inverse.diff() <= 0.0).all())
+        add = _summed if ordered else modal_sum
+        real, imaginary = add(inverse, ratio, self.effect * inverse[:, None, :], omega)
         squared = omega**2
         powers = torch.stack([squared ** (k + 1) for k in range(self.residual.shape[-1])])
         return 1.0 + squared * real + self.residual @ powers, squared * imaginary
