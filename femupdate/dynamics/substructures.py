@@ -133,6 +133,17 @@ class Substructures:
             coordinates.append(inside)
         return replace(self, parts=tuple(parts)), np.vstack(coordinates)
 
+    @cached_property
+    def _triangles(self) -> tuple[tuple[int, int], list[tuple[Integers, Floats]]]:
+        """Shape of the lower band of the joints, and of each part where its stiffness stands."""
+        width = max(int(np.ptp(part.border)) for part in self.parts if len(part.border))
+        shape, triangles = (width + 1, len(self.joints)), []
+        for part in self.parts:
+            rows, columns = np.tril_indices(len(part.border))
+            first, last = part.border[columns], part.border[rows]
+            triangles.append(((last - first) * shape[1] + first, part.held[rows, columns]))
+        return shape, triangles
+
     def at(self, theta: Floats) -> "Joined":
         """The stiffness at theta (p,), factorised.
 
@@ -140,12 +151,10 @@ class Substructures:
             StructureError: the structure is a mechanism.
         """
         factors = np.append(theta, 1.0)
-        width = max(int(np.ptp(part.border)) for part in self.parts if len(part.border))
-        band = np.zeros((width + 1, len(self.joints)))
-        for factor, part in zip(factors, self.parts, strict=True):
-            rows, columns = np.tril_indices(len(part.border))
-            first, last = part.border[columns], part.border[rows]
-            band[last - first, first] += factor * part.held[rows, columns]
+        shape, triangles = self._triangles
+        band = np.zeros(shape)
+        for factor, (places, held) in zip(factors, triangles, strict=True):
+            band.ravel()[places] += factor * held
         try:
             return Joined(self, factors, cholesky_banded(band, lower=True, overwrite_ab=True))
         except np.linalg.LinAlgError:

@@ -210,13 +210,26 @@ ADVICE = (
     "to render with PyVista install libegl1 and libgl1-mesa-dri, or libosmesa6 "
     "(Debian and Ubuntu packages)"
 )
+# By VTK alone: PyVista takes a second to be imported.
 _PROBE = """
-import pyvista
-plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
-plotter.add_mesh(pyvista.Sphere())
-picture = plotter.screenshot(return_img=True)
-plotter.close()
-raise SystemExit(0 if picture.std() > 1.0 else 3)
+from vtkmodules.vtkFiltersSources import vtkSphereSource
+from vtkmodules.vtkRenderingCore import (
+    vtkActor, vtkPolyDataMapper, vtkRenderer, vtkRenderWindow, vtkWindowToImageFilter
+)
+import vtkmodules.vtkRenderingOpenGL2
+sphere, mapper, actor = vtkSphereSource(), vtkPolyDataMapper(), vtkActor()
+renderer, window, image = vtkRenderer(), vtkRenderWindow(), vtkWindowToImageFilter()
+mapper.SetInputConnection(sphere.GetOutputPort())
+actor.SetMapper(mapper)
+renderer.AddActor(actor)
+window.SetOffScreenRendering(1)
+window.SetSize(64, 64)
+window.AddRenderer(renderer)
+window.Render()
+image.SetInput(window)
+image.Update()
+low, high = image.GetOutput().GetScalarRange()
+raise SystemExit(0 if high > low else 3)
 """
 
 

@@ -1,7 +1,7 @@
 """render: mode shapes off screen, of the model as built and of the posterior."""
 
 from collections.abc import Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -137,6 +137,7 @@ def mode_pictures(
             title="Mode shapes of the posterior" if several else "Mode shapes, all factors 1",
         )
         return [Picture(f"{name}s", draw)]
+    geometry = cache(partial(_geometry, model))  # one mesh for all pictures
 
     def drawn(mode: StudyMode) -> Figure:
         levels = levels_with_base(model.building)
@@ -144,7 +145,7 @@ def mode_pictures(
         mean, spread = mean_shape(node_displacements(model.reduced, mode.tracked.recognised))
         sd = spread if several else None
         shown: dict[str, Any] = {"shape_sd": sd, "floors": floors, "title": _title(mode)}
-        return mode_shape_figure(_geometry(model), mean, **shown)
+        return mode_shape_figure(geometry(), mean, **shown)
 
     return [Picture(f"{name}_{_file_label(mode)}", partial(drawn, mode)) for mode in modes]
 
