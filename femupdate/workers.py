@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor, as_completed
 from contextvars import ContextVar
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any, TypeVar
 
 from femupdate import __version__
@@ -122,16 +122,23 @@ def _submitted(
             future.cancel()
 
 
+@cache
+def _libraries() -> Any:
+    """What sets the threads of numerical libraries; to find these takes ten milliseconds."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
 def _by_threads(task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[tuple[int, T]]:
     """On the processors of this machine."""
     import torch
-    from threadpoolctl import threadpool_limits
 
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         with (
-            threadpool_limits(1),
+            _libraries().limit(limits=1),
             ThreadPoolExecutor(
                 processor_count(), initializer=_CHOSEN.set, initargs=(_NONE,)
             ) as pool,

@@ -26,7 +26,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 
 # What takes longest goes first, so that no process ends long after the others. The walk through all
 # commands that tests/cli shares is made by its first file.
-FIRST = ("cli/test_commands", "test_tutorial", "workflow", "discrepancy", "benchmarks", "cli")
+FIRST = ("cli/test_commands", "test_pages", "workflow", "discrepancy", "benchmarks", "cli")
 
 
 @pytest.hookimpl(optionalhook=True)
