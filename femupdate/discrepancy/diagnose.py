@@ -214,7 +214,17 @@ def _fitted(
         if sure := _surely_exchanged(base, exchanges, settings.seed):
             return sure
     progress.advance(note="fitting the leading effects")
-    leading = _leading(scores, settings.fitted, distant)
+    # The strongest candidates, and the strongest place of every other effect that is near.
+    strong = [test for test in scores if abs(test.statistic) > 2.0]
+    leading, count = strong[: settings.fitted], settings.fitted
+    names = {test.placed.effect.name for test in leading}
+    for test in strong[count:]:
+        if test.placed.effect.name not in names and len(leading) < count + 4:
+            names.add(test.placed.effect.name)
+            leading.append(test)
+    if distant is not None:
+        label = distant.placed[-1].label
+        leading += [t for t in scores if t.placed.label == label and t not in leading]
     if among is not None:
         leading = [test for test in scores if test.placed.label in among]
     fits = _fit_candidates(base, leading, distant, settings.over_none, progress)
@@ -342,21 +352,6 @@ def _at_large_sizes(base: Fit, fits: list[Fit], scores: list[Score]) -> list[Fit
     ]
 
 
-def _leading(scores: list[Score], count: int, distant: Fit | None) -> list[Score]:
-    """The strongest candidates, and the strongest place of every other effect that is near."""
-    strong = [test for test in scores if abs(test.statistic) > 2.0]
-    leading = strong[:count]
-    known = {test.placed.effect.name for test in leading}
-    for test in strong[count:]:
-        if test.placed.effect.name not in known and len(leading) < count + 4:
-            known.add(test.placed.effect.name)
-            leading.append(test)
-    if distant is not None:
-        label = distant.placed[-1].label
-        leading += [t for t in scores if t.placed.label == label and t not in leading]
-    return leading
-
-
 def _fit_candidates(
     base: Fit, tests: list[Score], distant: Fit | None, least: float, progress: Progress
 ) -> list[Fit]:
@@ -438,43 +433,28 @@ def _froms(problem: Likelihood, without: Fit, distant: Fit | None) -> list[Fit]:
 
 
 def _glanced(froms: list[Fit], steps: int, distant: Fit | None, test: Score) -> Fit:
-    """The best of some steps with an effect, from fits without it.
-
-    The distant fit tells the size of its own effect.
-    """
-    starts = [_start(froms[0], test)] * len(froms)
+    """The best of some steps with an effect, from fits without it."""
+    base, tested, large = froms[0], np.array(test.start), list[Floats]()
+    start = tested
+    if tested.size and test.size != tested[0]:
+        # What grows as the square of a size, as smeared peaks do, is taken for far too large by
+        # the straight line from the test.
+        told = np.concatenate([[test.size], tested[1:]])
+        start = nearest(base.likelihood, base, test.placed, (told, tested))
+    if tested.size and test.statistic == 0.0:
+        # The test points to an impossible size. Where the factors have made up for most of a large
+        # effect, a little of it makes things worse: with beams of one story of a six-story frame
+        # at .45, the first steps lead there from 1.5 alone.
+        size = test.placed.effect.parameters[0]
+        step = np.sign(tested[0] - size.neutral) * size.scale
+        sizes = np.clip(size.neutral + step * np.array([1.0, 1.5, 2.0]), size.lower, size.upper)
+        large = [np.array([value, *tested[1:]]) for value in np.unique(sizes)]
+    starts = [start] * len(froms)
     if distant is not None and distant.placed[-1].label == test.placed.label:
         starts[-1] = distant.known_of(-1)
-    pairs = [*zip(froms, starts, strict=True), *((froms[0], large) for large in _large(test))]
-    tried = (glance(without, test.placed, start, steps) for without, start in pairs)
+    pairs = [*zip(froms, starts, strict=True), *((base, value) for value in large)]
+    tried = (glance(without, test.placed, begun, steps) for without, begun in pairs)
     return min(tried, key=lambda fitted: fitted.misfit)
-
-
-def _large(test: Score) -> list[Floats]:
-    """Parameters of an effect, not small, whose test points to an impossible size.
-
-    Where the factors have made up for most of a large effect, a little of it makes things worse.
-    With beams of one story of a six-story frame at .45, the first steps lead there from 1.5 alone.
-    """
-    if test.statistic != 0.0 or not test.start:
-        return []
-    size = test.placed.effect.parameters[0]
-    step = np.sign(test.start[0] - size.neutral) * size.scale
-    sizes = np.clip(size.neutral + step * np.array([1.0, 1.5, 2.0]), size.lower, size.upper)
-    return [np.array([large, *test.start[1:]]) for large in np.unique(sizes)]
-
-
-def _start(base: Fit, test: Score) -> Floats:
-    """An effect's parameters where a fit begins: of its test, or with the size that this tells.
-
-    What grows as the square of a size, as smeared peaks do, is taken for far too large by the
-    straight line from the test.
-    """
-    tested = np.array(test.start)
-    if not tested.size or test.size == tested[0]:
-        return tested
-    told = np.concatenate([[test.size], tested[1:]])
-    return nearest(base.likelihood, base, test.placed, (told, tested))
 
 
 def _weighed(
@@ -560,12 +540,23 @@ def with_pair(
     best = _best_pair(found, settings, progress)
     if best is None or denied(found, best[0], settings):
         return told
-    pair = _together(found, best, settings)
-    both = pair[1].fitted
+    # Both with the sizes that they have together, the second as it is found beside the first.
+    leads, second = best
+    both = _both(leads, second)
+    gain = laplace(both.likelihood, both) - laplace(both.likelihood, leads.fitted)
+    beside = as_finding(leads.fitted, both, second.score, gain)
+    if gain >= settings.over_none:
+        tried, share = len(found.scores), settings.false_share
+        tests = certify(leads.fitted.likelihood, leads.fitted, [both], tried, share)
+        beside = replace(beside, tested=tests.get(second.placed.label))
     together = removed(found.base, both)
     enough = together > alone and together >= VERDICT.least
-    if not (pair[1].carried(settings) and pair[1].matters(settings) and enough):
+    if not (beside.carried(settings) and beside.matters(settings) and enough):
         return told
+    if leads.placed.effect.parameters:
+        at, (values, sd) = len(found.base.known), both.sizes()
+        leads = replace(leads, size=float(values[at]), size_sd=float(sd[at]))
+    pair = leads, beside
     left = both.remains()
     text = (
         f"Two effects together: {pair[0].in_words}. {pair[1].in_words}. They remove "
@@ -623,23 +614,6 @@ def _best_pair(found: Diagnosis, settings: DiagnosisSettings, progress: Progress
 
 def _both(first: Finding, second: Finding) -> Fit:
     return with_more(first.fitted, second.placed, second.fitted.known_of(-1))
-
-
-def _together(found: Diagnosis, pair: Pair, settings: DiagnosisSettings) -> Pair:
-    """Both with the sizes that they have together, the second as it is found beside the first."""
-    first, second = pair
-    both = _both(first, second)
-    at, (values, sd) = len(found.base.known), both.sizes()
-    told = first
-    if first.placed.effect.parameters:
-        told = replace(first, size=float(values[at]), size_sd=float(sd[at]))
-    gain = laplace(both.likelihood, both) - laplace(both.likelihood, first.fitted)
-    beside = as_finding(first.fitted, both, second.score, gain)
-    if gain < settings.over_none:
-        return told, beside
-    tried, share = len(found.scores), settings.false_share
-    tests = certify(first.fitted.likelihood, first.fitted, [both], tried, share)
-    return told, replace(beside, tested=tests.get(second.placed.label))
 
 
 __all__ = ["as_finding", "denied", "diagnose", "too_few", "with_pair"]

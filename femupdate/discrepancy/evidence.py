@@ -262,20 +262,16 @@ def consequence(problem: Likelihood, base: Fit, fitted: Fit) -> Consequence:
     )
     if instrument:
         return Consequence(0.0, response)
-    moved = max(_moved(problem, fitted, both, level) for level in problem.levels)
+    moved = 0.0
+    for level in problem.levels:
+        found = []
+        for theta, zeta, size in both:
+            stiffness = fitted.system.at_level(theta, zeta, size, level)[0]
+            frequency = fitted.system.modes(stiffness, size).frequency_hz[0]
+            found.append(frequency[torch.isfinite(frequency)].sort().values)
+        count = min(map(len, found))
+        first, second = (values[:count] for values in found)
+        seen = (second > 0.0) & (second <= problem.top_hz)
+        if seen.any():
+            moved = max(moved, float((first[seen] / second[seen] - 1.0).abs().max()))
     return Consequence(moved, response)
-
-
-def _moved(
-    problem: Likelihood, fitted: Fit, both: list[tuple[Tensor, Tensor, Tensor]], level: float
-) -> float:
-    """Largest change of a natural frequency up to the top of the band, at one level of motion."""
-    found = []
-    for theta, zeta, sizes in both:
-        stiffness = fitted.system.at_level(theta, zeta, sizes, level)[0]
-        frequency = fitted.system.modes(stiffness, sizes).frequency_hz[0]
-        found.append(frequency[torch.isfinite(frequency)])
-    count = min(len(found[0]), len(found[1]))
-    first, second = (values.sort().values[:count] for values in found)
-    seen = (second > 0.0) & (second <= problem.top_hz)
-    return float((first[seen] / second[seen] - 1.0).abs().max()) if seen.any() else 0.0

@@ -353,13 +353,23 @@ def fit_baseline(
         starts: how many of them are fitted.
     """
     of = likelihood.with_effects(placed)
-    known = of.prior.steps.sizes(sizes)
+    known, rough = of.prior.steps.sizes(sizes), coarse(of).with_effects(placed)
+    wide = of.at_row(of.error.start)  # no few points decide while the model may err much
 
     def best_first(fits: list[Fit]) -> list[Fit]:
         return sorted(fits, key=lambda fitted: -log_posterior(likelihood, fitted))
 
+    def settled(near: Fit) -> Fit:
+        return settle(of, fit(wide, placed, near.z, FAR_STEPS))
+
     def searched(stream: Seed) -> list[Fit]:
-        return best_first(_fitted_draws(of, prior_draws(of, known, samples, stream), starts))
+        # Far from the data every point is many times the noise off, whichever way is better: first
+        # they are compared as if they were coarse.
+        z = prior_draws(of, known, samples, stream)
+        best = z[misfits(rough, z).argsort()[:starts]]
+        near = _searched(rough, placed, best, replace(_SEARCH, iterations=10))
+        near.sort(key=lambda fitted: fitted.misfit)
+        return best_first(in_threads(settled, near[: max(2, starts // 3)]))
 
     fits = searched(seed)
     for stream in spawn(seed, 3):
@@ -370,24 +380,6 @@ def fit_baseline(
         if abs(log_posterior(likelihood, further[0]) - best) < 1.0:  # nat: the same maximum
             break
     return fits
-
-
-def _fitted_draws(likelihood: Likelihood, z: Tensor, starts: int) -> list[Fit]:
-    """Fits from the best of unknowns z (N, d)."""
-    # Far from the data every point is many times the noise off, whichever way is better: first
-    # they are compared as if they were coarse.
-    placed = likelihood.system.placed
-    rough = coarse(likelihood).with_effects(placed)
-    best = z[misfits(rough, z).argsort()[:starts]]
-    near = _searched(rough, placed, best, replace(_SEARCH, iterations=10))
-    near.sort(key=lambda fitted: fitted.misfit)
-    # No few points decide while the model may err much.
-    wide = likelihood.at_row(likelihood.error.start)
-
-    def settled(rough: Fit) -> Fit:
-        return settle(likelihood, fit(wide, placed, rough.z, FAR_STEPS))
-
-    return in_threads(settled, near[: max(2, starts // 3)])
 
 
 def log_posterior(likelihood: Likelihood, fitted: Fit) -> float:

@@ -36,41 +36,33 @@ def measurement_values(
     A floor's noise is taken to be that of the floors measured.
     """
     seen = next((kind for kind in problem.data if isinstance(kind, FrfData)), None)
-    options = {} if seen is None else _options(seen)
-    if seen is None or not options or not others:
+    if seen is None or not others:
         return ()
-    data = (_everywhere(seen), *(kind for kind in problem.data if kind is not seen))
+    # What (amplitude and phase, by floor) is there with each further measurement.
+    count, rows = len(seen.floors), list(seen.rows)
+    has = np.zeros((2, count), dtype=bool)
+    has[0, rows] = True
+    has[1] = has[0] & (seen.phase is not None)
+    options = {}
+    for row, floor in enumerate(seen.floors):
+        if row not in rows:
+            options[floor] = has.copy()
+            options[floor][:, row] = has.any(axis=1)
+    if seen.phase is None:
+        options[PHASE] = np.stack([has[0], has[0]])
+    if not options:
+        return ()
+    # As if every floor had been measured, with its phase.
+    precision = torch.where(torch.isfinite(seen.sd), seen.sd**-2, 0.0)
+    valid = (precision > 0.0).sum(dim=0)
+    typical = (precision.sum(dim=0) / valid.clamp_min(1)) ** -0.5  # infinite where nothing is
+    sd = typical.expand(count, -1).clone()
+    sd[rows] = seen.sd
+    zero = torch.zeros_like(sd)
+    whole = replace(seen, rows=tuple(range(count)), sd=sd, log_frf=zero, phase=zero)
+    data = (whole, *(kind for kind in problem.data if kind is not seen))
     worth = np.array([_expected(data, first, other, options) for other in others]).min(axis=0)
     return tuple(sorted(zip(options, worth.tolist(), strict=True), key=lambda value: -value[1]))
-
-
-def _everywhere(problem: FrfData) -> FrfData:
-    """The FRFs as if every floor had been measured, with its phase."""
-    count = len(problem.floors)
-    precision = torch.where(torch.isfinite(problem.sd), problem.sd**-2, 0.0)
-    seen = (precision > 0.0).sum(dim=0)
-    typical = (precision.sum(dim=0) / seen.clamp_min(1)) ** -0.5  # infinite where nothing is valid
-    sd = typical.expand(count, -1).clone()
-    sd[list(problem.rows)] = problem.sd
-    zero = torch.zeros_like(sd)
-    return replace(problem, rows=tuple(range(count)), sd=sd, log_frf=zero, phase=zero)
-
-
-def _options(problem: FrfData) -> dict[str, Flags]:
-    """What (amplitude and phase, by floor) is there with each further measurement."""
-    floors = problem.floors
-    has = np.zeros((2, len(floors)), dtype=bool)
-    has[0, list(problem.rows)] = True
-    has[1] = has[0] & (problem.phase is not None)
-    found = {}
-    for row, floor in enumerate(floors):
-        if row not in problem.rows:
-            more = has.copy()
-            more[:, row] = has.any(axis=1)
-            found[floor] = more
-    if problem.phase is None:
-        found[PHASE] = np.stack([has[0], has[0]])
-    return found
 
 
 def _expected(

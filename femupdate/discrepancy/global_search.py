@@ -32,7 +32,6 @@ from femupdate.workers import in_threads
 _STARTS = 2  # draws from which every effect that is followed is fitted
 _SEARCHED = 6  # effects that are fitted
 _ROUGH_STEPS = 10
-_BETTER = 0.5  # of the coarse sum of squares, that an effect must stay below
 
 
 def global_fit(
@@ -59,8 +58,7 @@ def global_fit(
 
     def screened(placed: Placed) -> tuple[float, tuple[Placed, ...], Tensor]:
         together = (*base.placed, placed)
-        drawn = _draws if cheap or placed.label in most else _few_draws
-        z = drawn(rough, alone, together, seed)
+        z = _draws(rough, alone, together, seed, cheap or placed.label in most)
         nearest = misfits(rough.with_effects(together), z).sort()
         return float(nearest.values[0]), together, z[nearest.indices[:_STARTS]]
 
@@ -69,10 +67,25 @@ def global_fit(
     begun = [(together, start) for _, together, starts in first for start in starts]
     fits = in_threads(lambda begin: fit(rough, *begin), begun)
     best = min(fits, key=lambda fitted: fitted.misfit, default=alone)
-    if best.chi2 > _BETTER * alone.chi2:
-        usual = _of_usual_size(rough, alone, scores)
+    if best.chi2 > 0.5 * alone.chi2:
+        # From theta as it is with every effect by itself, a deviation of its prior large to either
+        # side: where damping is low a draw of the prior seldom meets the peaks, and steps do.
+        starts = list[tuple[tuple[Placed, ...], Tensor]]()
+        for placed in (test.placed for test in scores if test.placed.effect.parameters):
+            together, count = (*alone.placed, placed), len(placed.effect.parameters)
+            for size in (-1.0, 1.0):
+                start = torch.cat([alone.z, alone.z.new_zeros(count)])
+                start[-count] = size
+                start = rough.with_effects(together).prior.steps.inside(start)
+                if float(start[-count]) * size > 0.0:
+                    starts.append((together, start))
+        usual = in_threads(lambda start: fit(rough, *start, FIRST_STEPS), starts)
+        usual.sort(key=lambda fitted: fitted.misfit)
+        leaders = {fitted.placed[-1].label: fitted for fitted in reversed(usual)}
+        chosen = sorted(leaders.values(), key=lambda fitted: fitted.misfit)[:_SEARCHED]
+        usual = in_threads(lambda near: fit(rough, near.placed, near.z), chosen)
         best = min([best, *usual], key=lambda fitted: fitted.misfit)
-    if best.chi2 > _BETTER * alone.chi2:
+    if best.chi2 > 0.5 * alone.chi2:
         return None
     # From the best of many draws of theta with the effect that was found.
     of, sizes = best.likelihood, best.z[best.steps.first_size :]
@@ -81,48 +94,27 @@ def global_fit(
     return min([best, *everywhere], key=lambda fitted: fitted.misfit)
 
 
-def _of_usual_size(problem: Likelihood, alone: Fit, scores: Sequence[Score]) -> list[Fit]:
-    """Fits from theta as it is with every effect by itself, a deviation of its prior large.
+def _draws(
+    problem: Likelihood, alone: Fit, together: tuple[Placed, ...], seed: int, many: bool
+) -> Tensor:
+    """Unknowns (n, d) with the last effect, its parameters drawn from their prior.
 
-    Where damping is low a draw of the prior seldom meets the peaks; steps lead there.
+    Of many, half have theta from the prior too, half theta as it is but for one story after the
+    other. Of few, theta is as it is but for the story in which the effect sits; for a place in
+    none, such as "all", every story in turn.
     """
-    starts = list[tuple[tuple[Placed, ...], Tensor]]()
-    for placed in (test.placed for test in scores if test.placed.effect.parameters):
-        together, count = (*alone.placed, placed), len(placed.effect.parameters)
-        steps = problem.with_effects(together).prior.steps
-        for size in (-1.0, 1.0):  # to either side, if it can be
-            start = torch.cat([alone.z, alone.z.new_zeros(count)])
-            start[-count] = size
-            start = steps.inside(start)
-            if float(start[-count]) * size > 0.0:
-                starts.append((together, start))
-    begun = in_threads(lambda start: fit(problem, *start, FIRST_STEPS), starts)
-    begun.sort(key=lambda fitted: fitted.misfit)
-    leading = {fitted.placed[-1].label: fitted for fitted in reversed(begun)}
-    chosen = sorted(leading.values(), key=lambda fitted: fitted.misfit)[:_SEARCHED]
-    return in_threads(lambda near: fit(problem, near.placed, near.z), chosen)
-
-
-def _draws(problem: Likelihood, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
-    """Unknowns (n, d) with the last effect: half from the prior, half of theta as it is but for one
-    story, the effect's parameters from their prior."""
-    drawn, half = _from_prior(problem, alone, together, 192, seed), 96
-    stories = torch.arange(half) % alone.steps.stories
-    return torch.cat([_one_story(alone, drawn[:half], stories), drawn[half:]])
-
-
-def _few_draws(problem: Likelihood, alone: Fit, together: tuple[Placed, ...], seed: int) -> Tensor:
-    """Unknowns (n, d) with theta as it is but for the story in which the last effect sits.
-
-    For a place in no story, such as "all", every story in turn.
-    """
-    drawn, structure = _from_prior(problem, alone, together, 32, seed), problem.reduced.structure
-    stories = torch.arange(len(drawn)) % alone.steps.stories
-    place = together[-1].place.split("/")[-1]
+    drawn = _from_prior(problem, alone, together, 192 if many else 32, seed)
+    stories = torch.arange(96 if many else 32) % alone.steps.stories
+    structure, place = problem.reduced.structure, together[-1].place.split("/")[-1]
     for names in (structure.floors, structure.building.story_names):
-        if place in names:
+        if place in names and not many:
             stories = torch.full_like(stories, names.index(place))
-    return _one_story(alone, drawn, stories)
+    half = len(stories)
+    rows, first = torch.arange(half), alone.steps.first_size
+    near = drawn[:half].clone()
+    near[:, :first] = alone.z[:first]
+    near[rows, stories] = drawn[rows, stories]
+    return torch.cat([near, drawn[half:]])
 
 
 def _from_prior(
@@ -137,15 +129,6 @@ def _from_prior(
     size = torch.randn(count, added, generator=generator, dtype=torch.float64)
     drawn[:, -added:] = 1.5 * size
     return of.prior.steps.inside(drawn)
-
-
-def _one_story(alone: Fit, drawn: Tensor, stories: Tensor) -> Tensor:
-    """Draws whose stiffness factors, but for one story each, and damping are those of a fit."""
-    rows, first = torch.arange(len(drawn)), alone.steps.first_size
-    near = drawn.clone()
-    near[:, :first] = alone.z[:first]
-    near[rows, stories] = drawn[rows, stories]
-    return near
 
 
 Promise = tuple[float, Placed, Tensor]
@@ -186,7 +169,19 @@ def promising(
     alone = fit(wide, tuple(kept), base.z[columns], _ROUGH_STEPS)
     known = alone.z[alone.steps.first_size :]
     z = torch.cat([alone.z[None], prior_draws(alone.likelihood, known, 384, seed)])
-    misfit = _misfits(wide, alone, exchanges, z)
+
+    def squared(batch: Tensor) -> Tensor:
+        """Sums of squared residuals (e, N) with each exchange at the unknowns (N, d) without it."""
+        values = alone.steps.split(batch)
+        squares = torch.zeros(len(exchanges), len(batch), dtype=torch.float64)
+        for data in wide.data:
+            predicted = data.predicted(alone.system, *values)
+            for number, placed in enumerate(exchanges):
+                seen = data.read_with(predicted, placed)
+                squares[number] += (data.compared(seen) ** 2).sum(dim=1)
+        return squares
+
+    misfit = torch.cat(in_threads(squared, z.split(16)), dim=1)
     promises = []
     for number in misfit.amin(dim=1).argsort()[:3].tolist():
         together = (*alone.placed, exchanges[number])
@@ -199,22 +194,6 @@ def promising(
         if share < 0.8:
             promises.append((share, exchanges[number], moved))
     return sorted(promises, key=lambda promise: promise[0])
-
-
-def _misfits(problem: Likelihood, alone: Fit, exchanges: list[Placed], z: Tensor) -> Tensor:
-    """Sums of squared residuals (e, N) with each exchange at the unknowns z (N, d) without it."""
-
-    def of_batch(batch: Tensor) -> Tensor:
-        values = alone.steps.split(batch)
-        squares = torch.zeros(len(exchanges), len(batch), dtype=torch.float64)
-        for data in problem.data:
-            predicted = data.predicted(alone.system, *values)
-            for number, placed in enumerate(exchanges):
-                seen = data.read_with(predicted, placed)
-                squares[number] += (data.compared(seen) ** 2).sum(dim=1)
-        return squares
-
-    return torch.cat(in_threads(of_batch, z.split(16)), dim=1)
 
 
 __all__ = ["exchange_fits", "global_fit", "promising"]

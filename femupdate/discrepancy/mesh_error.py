@@ -51,8 +51,6 @@ _SAME_FREQUENCY, _SAME_EFFECT, _SAME_SHAPE = 0.06, 0.4, 0.05
 _PART = 0.02  # of a step, along which responses are differentiated
 _STEP = 0.01  # of what the floors show of a mode, likewise
 _LEFT_FACTOR = 2.0  # on what the mean correction leaves where it was learned
-_BENDS = 0.7  # ln|H| by known errors, from which a point is no straight line: half of |H|
-_BENT = 10.0  # standard deviation of such a point by itself, of that
 
 
 @dataclass(frozen=True)
@@ -164,10 +162,20 @@ def learn_mesh_error(
     ours, theirs = (
         [modes_shown(model, theta, top_hz) for theta in thetas] for model in (coarse, fine.model)
     )
-    lessons = [
-        _lesson(coarse, other, fine, placed, theta)
-        for coarse, other, theta in zip(ours, theirs, thetas, strict=True)
-    ]
+    lessons = list[Lesson]()
+    for mine, other, theta in zip(ours, theirs, thetas, strict=True):
+        rows, columns = _matched(mine, other)
+        vectors, squared, shares = other.vectors[:, columns], other.squared[columns], []
+        for effect in placed:
+            energy = np.zeros(len(columns))
+            for story, matrix, _ in fine.terms(effect).stiffness:
+                factor = 1.0 if story == UNSCALED else theta[story]
+                energy = energy + factor * ((matrix.numpy() @ vectors) * vectors).sum(axis=0)
+            shares.append(energy / squared)
+        # What the floors show most of must be right above all.
+        size = np.linalg.norm(mine.effect[:, rows], axis=0)
+        weight = size / size.max(initial=1e-300)
+        lessons.append((np.stack(shares, axis=1), squared / mine.squared[rows] - 1.0, weight))
     if not any(len(sought) for _, sought, _ in lessons):
         raise StructureError(
             f"{structure.building.name}: no mode below {top_hz:g} Hz can be followed from the mesh "
@@ -178,10 +186,16 @@ def learn_mesh_error(
     learned = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0, 0.0)
     # The coarse model as the mean factors have it: what they leave is what it misses the true one.
     undone = corrected(fine, replace(learned, share=-1.0)).model
-    shown = [
-        _effect_errors(modes, modes_shown(undone, theta, top_hz))
-        for modes, theta in zip(ours, thetas, strict=True)
-    ]
+    shown = []
+    for mine, theta in zip(ours, thetas, strict=True):
+        other = modes_shown(undone, theta, top_hz)
+        rows, columns = _matched(mine, other)
+        effects, right = mine.effect[:, rows], other.effect[:, columns]
+        square = (effects**2).sum(axis=0)
+        ratio = (effects * right).sum(axis=0) / square
+        left_over = np.sqrt(((right - ratio * effects) ** 2).mean(axis=0) / square)
+        size = np.linalg.norm(right, axis=0)
+        shown.append((ratio - 1.0, left_over, size / size.max(initial=1e-300)))
     sizes, shapes, weights = (np.concatenate(parts) for parts in zip(*shown, strict=True))
     total = max(float(weights.sum()), 1e-300)
     return replace(
@@ -204,37 +218,6 @@ def corrected_model(model: ReducedModel, mesh: MeshError, terms: Sequence[Terms]
         for story, matrix, _ in added.stiffness:
             stiffness[story] += mesh.share * value * matrix.numpy()
     return replace(model, stiffness_terms=stiffness)
-
-
-def _effect_errors(ours: "MeshModes", theirs: "MeshModes") -> tuple[Floats, Floats, Floats]:
-    """How differently the floors show the modes, (m,) each.
-
-    Returns:
-        Relative errors of the size; rms over the floors of what is left then, as shares of the
-        size; and weights.
-    """
-    rows, columns = _matched(ours, theirs)
-    mine, right = ours.effect[:, rows], theirs.effect[:, columns]
-    square = (mine**2).sum(axis=0)
-    ratio = (mine * right).sum(axis=0) / square
-    left = np.sqrt(((right - ratio * mine) ** 2).mean(axis=0) / square)
-    size = np.linalg.norm(right, axis=0)
-    return ratio - 1.0, left, size / size.max(initial=1e-300)
-
-
-def _lesson(
-    ours: "MeshModes",
-    theirs: "MeshModes",
-    fine: ReducedStructure,
-    placed: tuple[Placed, ...],
-    theta: Floats,
-) -> Lesson:
-    rows, columns = _matched(ours, theirs)
-    sought = theirs.squared[columns] / ours.squared[rows] - 1.0
-    shares = _energy_shares(fine, placed, theta, theirs, columns)
-    # What the floors show most of must be right above all.
-    size = np.linalg.norm(ours.effect[:, rows], axis=0)
-    return shares, sought, size / size.max(initial=1e-300)
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,24 +260,6 @@ def _matched(ours: MeshModes, theirs: MeshModes) -> tuple[NDArray[np.intp], NDAr
         & (1.0 - alike[rows, columns] < _SAME_SHAPE)
     )
     return rows[sure], columns[sure]
-
-
-def _energy_shares(
-    reduced: ReducedStructure,
-    placed: tuple[Placed, ...],
-    theta: Floats,
-    modes: MeshModes,
-    rows: NDArray[np.intp],
-) -> Floats:
-    """Share (m, q) of each kind of member in the strain energy of some modes."""
-    vectors, shares = modes.vectors[:, rows], []
-    for effect in placed:
-        energy = np.zeros(len(rows))
-        for story, matrix, _ in reduced.terms(effect).stiffness:
-            factor = 1.0 if story == UNSCALED else theta[story]
-            energy = energy + factor * ((matrix.numpy() @ vectors) * vectors).sum(axis=0)
-        shares.append(energy / modes.squared[rows])
-    return np.stack(shares, axis=1)
 
 
 def _estimate(lessons: list[Lesson], kinds: list[str]) -> tuple[Floats, Floats, float]:
@@ -421,7 +386,10 @@ class OpenMesh:
         here: list[Tensor],
         modes: MeshModes,
     ) -> Iterator[Tensor]:
-        """Errors (1 + f, n) of what the floors show of every mode: of all alike, and of each."""
+        """Errors (1, n) and (f, n) of what the floors show of each mode: of all alike, of each.
+
+        Of several kinds of data one after the other: each floor's error is its own in each.
+        """
         model = system.model
         for vector in modes.vectors.T:
             shown = model.floor_shapes @ vector
@@ -429,25 +397,16 @@ class OpenMesh:
             shapes = model.floor_shapes + step * vector
             other = replace(system, model=replace(model, floor_shapes=shapes))
             moved = _moved(data, here, _predicted(data, other, values))
-            yield from self._of_floors(data, [first[0] for first in moved], shown)
-
-    def _of_floors(
-        self, data: Sequence[Data], moved: list[Tensor], shown: Floats
-    ) -> tuple[Tensor, Tensor]:
-        """Errors (1, n) and (f, n), from changes (n,) when all floors show a step more of a mode.
-
-        Of several kinds of data one after the other: each floor's error is its own in each.
-        """
-        share = torch.from_numpy(shown / np.linalg.norm(shown))
-        scale = _LEFT_FACTOR / _STEP
-        alone = [scale * kind.by_floor(changes) for kind, changes in zip(data, moved, strict=True)]
-        alike = [
-            share[list(kind.rows)] @ changes for kind, changes in zip(data, alone, strict=True)
-        ]
-        return (
-            self.mesh.effect * torch.cat(alike)[None],
-            self.mesh.shape * torch.block_diag(*alone),
-        )
+            share = torch.from_numpy(shown / np.linalg.norm(shown))
+            alone = [
+                _LEFT_FACTOR / _STEP * kind.by_floor(changes[0])
+                for kind, changes in zip(data, moved, strict=True)
+            ]
+            alike = [
+                share[list(kind.rows)] @ changes for kind, changes in zip(data, alone, strict=True)
+            ]
+            yield self.mesh.effect * torch.cat(alike)[None]
+            yield self.mesh.shape * torch.block_diag(*alone)
 
 
 def left_open(mesh: MeshError, reduced: ReducedStructure, *, by_modes: bool = False) -> OpenMesh:
@@ -474,9 +433,10 @@ def of_points_that_bend(data: Sequence[Data], known: list[Tensor]) -> Tensor:
             continue
         root = kind.weight.sqrt().flatten().to(size)
         root = root.repeat(len(size) // len(root))
-        (bent,) = ((size > _BENDS * root) & (root > 0.0)).nonzero(as_tuple=True)
+        # From .7 of ln|H| on, half of |H|, a point is on no straight line.
+        (bent,) = ((size > 0.7 * root) & (root > 0.0)).nonzero(as_tuple=True)
         sizes = changes.new_zeros(len(bent), len(size))
-        sizes[torch.arange(len(bent)), bent] = _BENT * size[bent]
+        sizes[torch.arange(len(bent)), bent] = 10.0 * size[bent]
         found.append(sizes)
     return torch.block_diag(*found)
 

@@ -188,7 +188,14 @@ def prepared(
         return problem, base
     problem = replace(problem, search=plain.first(100))
     rough = fit_baseline(problem.for_search(), seed=seed)[0]
-    middle = _rightly_named(problem, rough, seed)
+    middle, searched = rough, problem.for_search()
+    if error_left(searched, rough) >= RIGHT:
+        # Under a wrong name theta is drawn to where nothing found in its neighbourhood would be
+        # right: the exchange of channels is taken that explains far more.
+        exchanges = [placed for placed in candidates(searched) if placed.exchange]
+        for share, placed, z in promising(problem, rough, exchanges, seed)[:1]:
+            if share <= 0.5:
+                middle = fit(searched, (placed,), z, FAR_STEPS)
     progress.advance()
     # An exchange that is not in the building's file is for the finder to name.
     known = middle if set(middle.placed) <= set(effects.placed) else rough
@@ -275,21 +282,6 @@ def _run_off(
         scores=found.scores,
         unobservable=found.unobservable,
     )
-
-
-def _rightly_named(problem: Likelihood, rough: Fit, seed: int) -> Fit:
-    """A rough fit, or that with the channels exchanged which explains far more.
-
-    Under a wrong name theta is drawn to where nothing found in its neighbourhood would be right.
-    """
-    searched = problem.for_search()
-    if error_left(searched, rough) < RIGHT:
-        return rough
-    exchanges = [placed for placed in candidates(searched) if placed.exchange]
-    for share, placed, z in promising(problem, rough, exchanges, seed)[:1]:
-        if share <= 0.5:
-            return fit(searched, (placed,), z, FAR_STEPS)
-    return rough
 
 
 def refined(

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import resample_poly
+from torch import Tensor
 
 from femupdate.arrays import Flags, Floats
 from femupdate.discrepancy.diagnose import as_finding
@@ -38,11 +39,6 @@ from femupdate.measurement.observation import Observation
 from femupdate.units import percent
 from femupdate.workers import in_threads
 
-_HINT = 3.0  # standard deviations of the score test from which a change is fitted
-# of the strong part of a run, that a model with a name may miss: nine linear sticks with their
-# right effects missed .5 to 2.3 %, a frame on another mesh 11 %, four that yielded 47 to 74 %
-_MISSED = 0.2
-_ORDER = 12  # samples of the past from which the next follows, at 2.5 times the band's limit
 # what no linear structure does, over the strong motion: 82 linear sticks and walls, most with an
 # effect, had .0027 at most, 16 of 17 that yield .008 to .12; ten runs of two real structures .011
 # to .093
@@ -51,7 +47,6 @@ _BEYOND = 0.006
 # where two or all do; or of a force on one floor: .99 to 1.00 where a floor is struck; in the real
 # structures .66 and .79 at most
 _WITHIN, _STRUCK = 0.8, 0.9
-_TAKES_PART = 0.05  # of that share, from which a story is named beside the first
 _SERVES = (
     "No linear effect explains that. The factors are those of the mean strength of this run, and "
     "serve motions of that strength; a record at another level shows how they change."
@@ -83,9 +78,9 @@ def judged_by_strength(
     thirds = reduce(together, parts) if parts else None
     base = found.base
     theta, _, sizes = base.split
-    lowest = 0.5 * base.system.first_hz(theta, sizes)
-    band, names = np.array([lowest, base.likelihood.top_hz]), base.likelihood.building.story_names
-    text, story, size, sd = what_yields(run, direction, base.system, names, band)
+    stories, top_hz = base.likelihood.building.story_names, base.likelihood.top_hz
+    known = run, direction, base.system, stories, theta, sizes, top_hz
+    text, story, size, sd = what_yields(*known)
     if text:
         changes = _changes(base, thirds, settings, story) if story and thirds is not None else ()
         changes = tuple(replace(change, size=size, size_sd=sd) for change in changes)
@@ -97,7 +92,9 @@ def judged_by_strength(
     missed = missed_in_run(
         found.findings[0].fitted if named else found.allowed or found.base, run, direction
     )
-    if missed < _MISSED:
+    # Nine linear sticks with their right effects missed .5 to 2.3 % of the strong part of a run, a
+    # frame on another mesh 11 %, four that yielded 47 to 74 %.
+    if missed < 0.2:
         return found
     doubt = (
         f"{percent(missed)} of the strong part of the run beyond the noise of its weak part: the "
@@ -210,7 +207,8 @@ def beyond_linear(
     every = max(1, int(1.0 / (2.5 * top_hz * step)))
     inputs, floors = (resample_poly(motion, 1, every, axis=1) for motion in (inputs, floors))
     count = floors.shape[1]
-    order = min(_ORDER, count // (10 * (len(inputs) + len(floors))) - 1)
+    # Samples of the past from which the next follows, at 2.5 times the limit of the band.
+    order = min(12, count // (10 * (len(inputs) + len(floors))) - 1)
     # Stories that stand beside each other are no chain: masses would come out negative.
     if order < 4 or len(floors) < 2 or (mass <= 0.0).any():
         return 0.0, np.zeros((len(floors), len(floors)))
@@ -231,13 +229,20 @@ def beyond_linear(
 
 
 def what_yields(
-    run: Observation, direction: str, system: System, stories: Sequence[str], band: Floats
+    run: Observation,
+    direction: str,
+    system: System,
+    stories: Sequence[str],
+    theta: Tensor,
+    sizes: Tensor,
+    top_hz: float,
 ) -> tuple[str, str, float, float]:
     """What no linear structure does, where it has one place, whatever the model errs by.
 
     Args:
         stories: names of all.
-        band: from half the first frequency up to where the run says something, Hz.
+        theta: (1, p) and sizes (1, q), about which the first frequency is found.
+        top_hz: up to which the run says something.
 
     Returns:
         A sentence, empty where it has no place; the first story, empty where it is not one; the
@@ -246,7 +251,7 @@ def what_yields(
     nothing = "", "", 0.0, 0.0
     if (histories := run.histories) is None:
         return nothing
-    share, grown = beyond_linear(histories, direction, system, band[1])
+    share, grown = beyond_linear(histories, direction, system, top_hz)
     if not share >= _BEYOND:  # no number where nothing moves
         return nothing
     # Noise that grows with the motion shows on every floor by itself. Of 23 sticks that are told to
@@ -277,8 +282,9 @@ def what_yields(
         " to ".join(dict.fromkeys((stories[low], stories[high - 1])))
         for low, high in pairwise(levels)
     ]
-    others = [between[k] for k in range(len(inside)) if k != story and inside[k] >= _TAKES_PART]
+    others = [between[k] for k in range(len(inside)) if k != story and inside[k] >= 0.05]
     where = between[story]
+    band = np.array([0.5 * system.first_hz(theta, sizes), top_hz])
     kept, sd, doublings = secant_when_strong(histories, direction, system, story, band)
     softer, text = 1.0 - kept > 2.0 * sd, f"{where} changes while it shakes."
     if softer:
@@ -384,7 +390,7 @@ def _changes(
     places = [Placed(effect, at) for at in everywhere if place in ("", at)]
     tests = in_threads(partial(score, rough.likelihood, rough), places)
     tests.sort(key=lambda test: -abs(test.statistic))
-    if not place and abs(tests[0].statistic) < _HINT:
+    if not place and abs(tests[0].statistic) < 3.0:
         return ()
     base = settle(problem, fit(problem, linear.placed, linear.z))
     tests = [*tests[:3], *(test for test in tests[3:] if test.placed.place == "all")]

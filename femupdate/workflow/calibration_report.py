@@ -45,26 +45,6 @@ def identified(posterior: Posterior) -> Identifiability:
     return identifiability(posterior.samples, low, high, names=posterior.names)
 
 
-def identifiability_record(found: Identifiability) -> dict[str, Any]:
-    """Plain numbers and text, for JSON."""
-    return {
-        "undetermined": found.undetermined,
-        "left_alone": list(found.left_alone),
-        "combinations": [
-            {
-                "kept": part.kept,
-                "words": found.describe(part),
-                "weight": dict(zip(found.names, np.asarray(part.weight).tolist(), strict=True)),
-            }
-            for part in found.combinations
-        ],
-        "modes": [
-            {key: np.asarray(value).tolist() for key, value in asdict(mode).items()}
-            for mode in found.modes
-        ],
-    }
-
-
 def kept_summary(study: Study) -> dict[str, Any]:
     """What the report of a calibration wrote; empty where there is none, as after a repair.
 
@@ -194,9 +174,6 @@ def parameter_table(
     )
 
 
-_LISTED = 8  # parameters whose intervals stand in a line
-
-
 @dataclass(frozen=True, kw_only=True)
 class CalibrationReport(Result):
     """A posterior and what to make of it.
@@ -278,7 +255,7 @@ class CalibrationReport(Result):
 
     @property
     def _many(self) -> bool:
-        return len(self.posterior.names) > _LISTED
+        return len(self.posterior.names) > 8
 
     @property
     def story_stiffness(self) -> DrawnQuantity | None:
@@ -335,11 +312,25 @@ class CalibrationReport(Result):
 
     def _worth(self) -> dict[str, Any]:
         """What the posterior is worth, for JSON and the summary."""
+        found = self.identified
+        combinations = [
+            {
+                "kept": part.kept,
+                "words": found.describe(part),
+                "weight": dict(zip(found.names, np.asarray(part.weight).tolist(), strict=True)),
+            }
+            for part in found.combinations
+        ]
         return {
             "drawn_by": asdict(self.posterior.drawn),
             "misfit": self.misfit,
             "posterior_predictive_p": None if self.check is None else self.check.as_dict(),
-            "identifiability": identifiability_record(self.identified),
+            "identifiability": {
+                "undetermined": found.undetermined,
+                "left_alone": list(found.left_alone),
+                "combinations": combinations,
+                "modes": [asdict(mode) for mode in found.modes],
+            },
         }
 
     def _quality(self) -> Table:

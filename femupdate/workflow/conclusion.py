@@ -1,6 +1,6 @@
 """What is concluded from posterior draws, however they were drawn, and what is told of it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from femupdate.inference.diagnostics import PredictiveCheck, predictive_check, r
 from femupdate.inference.error_draws import draw_errors
 from femupdate.inference.event_scatter import LearnedScatter, learned_scatter
 from femupdate.inference.frf_data import FrfData, base_logs
-from femupdate.inference.latent_likelihood import LatentLikelihood, usual_misfit
+from femupdate.inference.latent_likelihood import usual_misfit
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import Likelihood, missed
 from femupdate.inference.model_error import WILD
@@ -85,42 +85,24 @@ def posterior_of(
     )
 
 
-def with_error_of_all(posterior: Posterior, model: StudyModel, seed: Seed) -> Posterior:
-    """With stiffness factors that allow for what programs differ by in all members alike.
+def with_errors_of_models(posterior: Posterior, model: StudyModel, seed: Seed) -> Posterior:
+    """With draws that allow for what no data tell from them; their likelihood stays.
 
-    No data tell that from the factors, so it moves the draws and not the likelihood.
+    Stiffness factors allow for what programs differ by in all members alike, parameters of effects
+    for what the models of these effects err by.
     """
-    if model.shared is None:
-        return posterior
-    alike = np.random.default_rng(seed).standard_normal(posterior.values.shape[:2])
-    moved = posterior.values.copy()
-    columns = posterior.parameters.columns("stiffness")
-    moved[..., columns] *= np.exp(MESH_ERROR.of_all * alike)[..., None]
-    return _inside(posterior, moved)
-
-
-def _inside(posterior: Posterior, values: Floats) -> Posterior:
-    """The same with other draws, within the bounds."""
-    known = posterior.parameters
-    return replace(posterior, values=np.clip(values, known.lower.numpy(), known.upper.numpy()))
-
-
-def with_own_errors(posterior: Posterior, model: StudyModel, seed: Seed) -> Posterior:
-    """With parameters of effects off by as much as the models of these effects may err.
-
-    No data tell that from the parameters, so it moves the draws and not the likelihood.
-    """
+    known, moved = posterior.parameters, posterior.values.copy()
+    shape, of_effects = moved.shape[:2], spawn(seed, 1)[0]
+    if model.shared is not None:
+        alike = np.random.default_rng(seed).standard_normal(shape)
+        moved[..., known.columns("stiffness")] *= np.exp(MESH_ERROR.of_all * alike)[..., None]
     errors = own_errors(model.system.placed, model.building)
-    if not errors.any():
-        return posterior
-    effects, columns = posterior.parameters.of("effect"), posterior.parameters.columns("effect")
-    neutral = np.array([entry.neutral for entry in effects.entries])
-    moved = posterior.values.copy()
-    off = 1.0 + errors * np.random.default_rng(seed).standard_normal(
-        (*moved.shape[:2], len(errors))
-    )
-    moved[..., columns] = neutral + (moved[..., columns] - neutral) * off
-    return _inside(posterior, moved)
+    if errors.any():
+        columns = known.columns("effect")
+        neutral = np.array([entry.neutral for entry in known.of("effect").entries])
+        off = errors * np.random.default_rng(of_effects).standard_normal((*shape, len(errors)))
+        moved[..., columns] += (moved[..., columns] - neutral) * off
+    return replace(posterior, values=np.clip(moved, known.lower.numpy(), known.upper.numpy()))
 
 
 def draw_zeta(model: StudyModel, likelihood: Likelihood, theta: Floats, seed: Seed) -> Floats:
@@ -174,9 +156,7 @@ class Fitting:
     errors: tuple[str, ...] = ()
 
 
-def against_data(
-    model: StudyModel, measured: Measured, posterior: Posterior, sampled: Sampled, seed: Seed
-) -> Fitting:
+def against_data(posterior: Posterior, sampled: Sampled, seed: Seed) -> Fitting:
     """Some posterior draws against the data."""
     drawing, choosing = spawn(seed, 2)
     drawn, likelihood = posterior.thinned(_CHECKED, drawing), sampled.likelihood
@@ -218,17 +198,6 @@ def against_modes(
     return tuple(told)
 
 
-# Two runs together have .71 of the noise of one.
-_MUCH_LESS = 0.75  # of the allowed noise, below which the noise of the data is worth a word
-_OVERSTATED = 0.5  # of the stated noise that the best draw misses, below which it is worth one
-_FEW_WILD = 0.005  # share of points too far off to count
-_UNUSUAL = 0.01  # p-value below which something is missing, where data also miss by
-_BEYOND = 1.2  # times what is allowed for
-_NEAR = 0.02  # of the prior, to either limit, within which a draw is at it
-_PRESSED = 0.3  # share of the draws at a limit
-_LARGE = 0.4  # ln|H|, error of a model beside which no interval of a per cent means anything
-
-
 def elsewhere_warnings(
     model: StudyModel, observation: Observation, least: float, missed: float
 ) -> tuple[str, ...]:
@@ -258,7 +227,7 @@ def elsewhere_warnings(
 def noise_notes(model: StudyModel, observation: Observation, least: float) -> tuple[str, ...]:
     """Where the data have less noise than the likelihood believes, `least` in ln|H|."""
     typical = float(np.median(observation.noise_sd[observation.valid]))
-    if typical >= _MUCH_LESS * least:
+    if typical >= 0.75 * least:  # two runs together have .71 of the noise of one
         return ()
     if model.least_noise:
         return (
@@ -270,27 +239,6 @@ def noise_notes(model: StudyModel, observation: Observation, least: float) -> tu
         f"The latent likelihood assumes an error of {least:g} in ln|H| (noise and "
         f"idealisation), but the data show a noise of {typical:.2g}. This posterior is wider than "
         "necessary; --exact uses the noise of the file.",
-    )
-
-
-def latent_notes(likelihood: LatentLikelihood) -> tuple[str, ...]:
-    """How the latent likelihood was found."""
-    found = likelihood.found
-    count = len(found.log_weight)
-    return (
-        f"{found.responses:,} responses of the reduced model refined the surrogate's proposal to "
-        + ("one Gaussian." if count == 1 else f"a mixture of {count} Gaussians."),
-    )
-
-
-def misfit_warnings(misfit: float, usual: float) -> tuple[str, ...]:
-    """Where the best response does not explain the data."""
-    if misfit <= usual:
-        return ()
-    return (
-        "The observation is unlike anything that this building can do. The best response misses "
-        f"it by {np.sqrt(misfit):.2f} times the noise (rms); in 99.5 % of simulations it is less "
-        f"than {np.sqrt(usual):.2f}. Do not trust this posterior; use `femupdate diagnose`.",
     )
 
 
@@ -338,15 +286,16 @@ def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
             f"draw): something is missing in the model; {allowed}, and `femupdate diagnose` looks "
             "for it."
         )
-    if wild := fitting.wild > _FEW_WILD:
+    if wild := fitting.wild > 0.005:
         notes.append(
             f"{percent(fitting.wild, 1)} of the points are farther off than {WILD:g} "
             "standard deviations of noise and model error together: they count no more, neither "
             "for the parameters nor in the p-value."
         )
-    # Where no error was learned, the first note says so already.
+    # Where no error was learned, the first note says so already. A p-value alone, of data that
+    # miss hardly more than is allowed for, is no warning.
     new = fitting.learned or not (missed or wild)
-    if new and check is not None and check.whole < _UNUSUAL and check.ratio**0.5 > _BEYOND:
+    if new and check is not None and check.whole < 0.01 and check.ratio**0.5 > 1.2:
         notes.append(
             f"The data miss the model by {check.ratio**0.5:.2g} times what is allowed for (noise "
             "and error of the model, rms): intervals are too narrow by about that factor."
@@ -360,24 +309,14 @@ def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def large_error(posterior: Posterior, fitting: Fitting) -> bool:
-    """Whether the model errs by so much that its likeliest answer may lie outside the prior."""
-    error = posterior.model_error
-    far = error is not None and error.amplitude.size > _LARGE
-    return fitting.misfit > 4.0 and (far or bool(_at_limits(posterior)))
-
-
 def changing(model: StudyModel, measured: Measured, posterior: Posterior) -> tuple[str, ...]:
     """What the run shows that no linear structure does, where it has one place."""
     if measured.run is None:
         return ()
     mean = posterior.parameters.split(torch.from_numpy(posterior.values.mean(axis=(0, 1))[None]))
-    band = np.array(
-        [0.5 * model.system.first_hz(mean.theta, mean.sizes), float(model.frequency_hz[-1])]
-    )
-    building = model.building
-    known = measured.run, direction_of(building), model.system, building.story_names, band
-    text = what_yields(*known)[0]
+    building, top_hz = model.building, float(model.frequency_hz[-1])
+    run, along, stories = measured.run, direction_of(building), building.story_names
+    text = what_yields(run, along, model.system, stories, mean.theta, mean.sizes, top_hz)[0]
     told = "The factors are those of its mean strength, and serve motions of that strength."
     return (f"{text} {told}",) if text else ()
 
@@ -405,7 +344,7 @@ def tolerance_notes(posterior: Posterior) -> tuple[str, ...]:
 def overstated_noise(fitting: Fitting, assumed: bool = False) -> tuple[str, ...]:
     """Where the model meets the data far better than their noise, stated or assumed, allows."""
     rms = fitting.misfit**0.5
-    if not rms < _OVERSTATED:
+    if not rms < 0.5:
         return ()
     noise = "the noise assumed for them" if assumed else "their stated noise"
     return (
@@ -422,7 +361,8 @@ def _at_limits(posterior: Posterior) -> list[str]:
         named, keys = [], []
         for at, entry in enumerate(posterior.parameters.entries):
             away = np.abs(posterior.values[..., at] - getattr(entry, end))
-            if entry.free and (away < _NEAR * (entry.upper - entry.lower)).mean() > _PRESSED:
+            # Three of ten draws within a fiftieth of the prior.
+            if entry.free and (away < 0.02 * (entry.upper - entry.lower)).mean() > 0.3:
                 named.append(f"{entry.called} ({getattr(entry, end):.3g})")
                 keys += [entry.key] if entry.key else []
         if named:
@@ -453,10 +393,9 @@ def concluded(
         InferenceError: factors outside of the prior meet the data far better than all inside.
     """
     damping, checking, between, erring = seeds
-    alike, second = erring, spawn(erring, 1)[0]
     latent = None if model.shared is None else sampled.latent
     posterior = posterior_of(model, measured, settings, sampled, latent, damping)
-    fitting = against_data(model, measured, posterior, sampled, checking)
+    fitting = against_data(posterior, sampled, checking)
     warnings = (
         *changing(model, measured, posterior),
         *measured.left_out,
@@ -464,7 +403,10 @@ def concluded(
         *sampled.warnings,
         *judgement(posterior, fitting),
     )
-    if large_error(posterior, fitting):
+    error = posterior.model_error
+    # Beside an error of .4 in ln|H| no interval of a per cent means anything.
+    far = error is not None and error.amplitude.size > 0.4
+    if fitting.misfit > 4.0 and (far or _at_limits(posterior)):
         best = torch.from_numpy(posterior.values.reshape(-1, posterior.values.shape[-1]))
         best = best[[int(posterior.log_likelihood.argmax())]]
         outside = beyond_prior(model, measured, best, settings)
@@ -473,13 +415,12 @@ def concluded(
         warnings = (*outside, *warnings)
     scatter = scatter_of_runs(model, measured.runs, posterior, between)
     posterior = replace(posterior, warnings=warnings, scatter=scatter)
-    posterior = with_own_errors(with_error_of_all(posterior, model, alike), model, second)
+    posterior = with_errors_of_models(posterior, model, erring)
     found = identified(posterior)
     # The decisive come first.
-    errors, seen = posterior.model_error, posterior.observation
     notes = (
         *warnings,
-        *(() if errors is None else (errors.sentence(seen),)),
+        *(() if error is None else (error.sentence(posterior.observation),)),
         *fitting.errors,
         *tolerance_notes(posterior),
         *(() if sampled.least_noise else overstated_noise(fitting, measured.assumes_noise)),
@@ -540,26 +481,18 @@ def _moments(model: StudyModel, run: Observation, posterior: Posterior) -> Float
         rows = error.counting(error.log_densities(left[best]))
         return error.kept(rows).log_density(left)
 
-    return moments_on_grid(judge, parameters.of("damping").size > 0)
-
-
-def moments_on_grid(judge: Callable[[Tensor], Tensor], damping: bool) -> Floats:
-    """Mean and standard deviation (2, 2) of a density over two coordinates.
-
-    Args:
-        judge: log density (n,) of ln stiffness and ln damping (n, 2).
-        damping: whether the second is free; else it is zero, and its deviation infinite.
-    """
-    # Four grids of 17 points each way, of ln, each about what the one before found.
+    # Four grids of 17 points each way, of ln, each about what the one before found. A damping ratio
+    # that is known stays, and its deviation is infinite.
+    damping = parameters.of("damping").size > 0
     centre, half = np.zeros(2), np.array([0.4, 1.5 * damping])
-    mean, sd = centre, half
+    centred, sd = centre, half
     for _ in range(4):
         axes = [np.linspace(c - h, c + h, 17) for c, h in zip(centre, half, strict=True)]
         points = np.stack(np.meshgrid(*(axes if damping else (axes[0], [0.0]))), axis=-1)
         points = points.reshape(-1, 2)
         weight = torch.softmax(judge(torch.from_numpy(points)), dim=0).numpy()
-        mean = weight @ points
-        sd = np.sqrt(weight @ (points - mean) ** 2)
+        centred = weight @ points
+        sd = np.sqrt(weight @ (points - centred) ** 2)
         cell = half / 8.0
-        centre, half = mean, np.minimum(half, np.maximum(4.0 * sd, 2.0 * cell))
-    return np.array([mean, np.where([True, damping], sd, np.inf)])
+        centre, half = centred, np.minimum(half, np.maximum(4.0 * sd, 2.0 * cell))
+    return np.array([centred, np.where([True, damping], sd, np.inf)])

@@ -21,7 +21,6 @@ from femupdate.discrepancy.findings import (
     grouped,
     mass_in_words,
 )
-from femupdate.discrepancy.fit import Fit
 from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.search import (
     FinderModel,
@@ -271,10 +270,18 @@ def diagnose_study(
     finder = finder_model(study, model, progress)
     data = data_of(given, model.system, use_phase)
     problem, found = search(finder, data, chosen, progress, given.run)
+    base = found.base
+    room = torch.minimum(base.z - base.steps.lower, base.steps.upper - base.z)
+    ended = (room[: base.steps.stories] < 1e-3).nonzero()[:, 0].tolist()
+    names = ", ".join(f"{model.prior.names[k]} ({base.theta()[0][k]:.3g})" for k in ended)
+    at_limits = (
+        f"Without effects {names} end{'s' if len(ended) == 1 else ''} at the prior's limit: widen "
+        "the prior first, or what is named may only make up for it."
+    )
     report = DiagnosisReport(
         diagnosis=found,
         problem=problem,
-        limits=_at_limits(model, found.base),
+        limits=(at_limits,) if ended else (),
         screen=tuple(_notes(given, data, found)),
         settings=chosen,
         path=study.path("diagnosis.json"),
@@ -336,8 +343,8 @@ def _notes(given: Measured, data: Sequence[Data], found: Diagnosis) -> Iterator[
     if any(isinstance(kind, FrfData) and kind.turns for kind in data):
         names = " and ".join(effect.name for effect in CATALOGUE.values() if effect.turns_base)
         yield f"The base's rotation was measured and is an input, so {names} are not looked for."
+    base = found.base
     if given.has_base:
-        base = found.base
         yield from screen_channels(given.base, base.system, base.theta()[0])
         leading, run = found.leading, given.run
         if leading is not None and found.verdict in (NAMED, PARTLY) and run and run.histories:
@@ -350,58 +357,32 @@ def _notes(given: Measured, data: Sequence[Data], found: Diagnosis) -> Iterator[
             f"{percent(abs(others), 1)} {'lighter' if others < 0.0 else 'heavier'} than in the "
             "file, and their stiffness likewise, would look the same."
         )
-    yield from _of_tolerances(found)
-    yield from _of_gravity(found.base)
-    if found.verdict == PARTLY and not found.pair:
-        yield "The effect explains only a part: `repair` adds it and looks for what is beside it."
-
-
-def _of_tolerances(found: Diagnosis) -> Iterator[str]:
-    """How what was found compares with what is known to a tolerance alone."""
-    base = found.base
     for key, what in TOLERANCES.items():
+        factor, unit = (1e3, "ms") if key == "delay" else (100.0, "%")
         used = [
-            f"{placed.place} {100.0 * base.known_of(number)[0]:+.2g} %"
-            if key != "delay"
-            else f"{placed.place} {1e3 * base.known_of(number)[0]:+.2g} ms"
+            f"{placed.place} {factor * base.known_of(number)[0]:+.2g} {unit}"
             for number, placed in enumerate(base.placed)
             if placed.effect.name == f"{key}_tolerance"
         ]
         if used:
             yield f"Within the stated tolerance of {what} the model takes {', '.join(used)}."
-
-
-def _of_gravity(base: Fit) -> Iterator[str]:
-    """What P-Delta takes from a stick, which its factors make up for wholly."""
+    # What P-Delta takes from a stick its factors make up for wholly.
     structure, effect = base.likelihood.reduced.structure, CATALOGUE["p_delta"]
-    known = structure.is_stick and effect.places(structure)
-    if not known or any(placed.effect is effect for placed in base.placed):
-        return
-    springs = effect.terms(structure, "all").springs
-    assert springs is not None
-    stiffness = [float(term[k, k]) for k, term in enumerate(structure.stiffness_terms)]
-    share = -springs.stiffness / (base.theta()[0] * stiffness)
-    if share.max() >= 0.02:
-        most = structure.building.story_names[int(share.argmax())]
-        yield (
-            f"Gravity takes {percent(float(share.max()))} of the stiffness of {most} (P-Delta), "
-            "which the factors absorb: stories that are drawn equal come out unequal. List p_delta "
-            "at all under [[effects]]."
-        )
-
-
-def _at_limits(model: StudyModel, base: Fit) -> tuple[str, ...]:
-    """Factors of the model as it is that end at a limit of their prior."""
-    where, count = base.steps, base.steps.stories
-    room = torch.minimum(base.z - where.lower, where.upper - base.z)[:count]
-    ended = (room < 1e-3).nonzero()[:, 0].tolist()
-    names = ", ".join(f"{model.prior.names[k]} ({base.theta()[0][k]:.3g})" for k in ended)
-    if not names:
-        return ()
-    return (
-        f"Without effects {names} end{'s' if len(ended) == 1 else ''} at the prior's limit: widen "
-        "the prior first, or what is named may only make up for it.",
-    )
+    listed = any(placed.effect is effect for placed in base.placed)
+    if structure.is_stick and effect.places(structure) and not listed:
+        springs = effect.terms(structure, "all").springs
+        assert springs is not None
+        stiffness = [float(term[k, k]) for k, term in enumerate(structure.stiffness_terms)]
+        share = -springs.stiffness / (base.theta()[0] * stiffness)
+        if share.max() >= 0.02:
+            most = structure.building.story_names[int(share.argmax())]
+            yield (
+                f"Gravity takes {percent(float(share.max()))} of the stiffness of {most} (P-Delta),"
+                " which the factors absorb: stories that are drawn equal come out unequal. List"
+                " p_delta at all under [[effects]]."
+            )
+    if found.verdict == PARTLY and not found.pair:
+        yield "The effect explains only a part: `repair` adds it and looks for what is beside it."
 
 
 def finder_model(study: Study, model: StudyModel, progress: Progress = SILENT) -> FinderModel:

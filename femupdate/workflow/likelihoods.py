@@ -143,9 +143,6 @@ def unserved(building: Building) -> str:
     return f"has {count} parameters" if count > FEW else ""
 
 
-_FAR_BETTER = 10.0  # nats by which parameters outside the prior are likelier than all inside
-
-_TRIED = 512  # points of the prior that must all be unlike an observation for it to be refused
 LEAST_EXPLAINED = 0.25
 """Share of the measured variation below which a model explains nothing."""
 
@@ -314,7 +311,7 @@ def beyond_prior(
     density = likelihood(points)
     at = int(density.nan_to_num(nan=-torch.inf).argmax())
     named, keys = _outside(likelihood.prior, points[at])
-    if not named or float(density[at] - density[0]) < _FAR_BETTER:
+    if not named or float(density[at] - density[0]) < 10.0:  # nats
         return ()
     return (
         f"The prior is too narrow: the model meets the data far better with {named}. "
@@ -351,37 +348,22 @@ def settled_likelihood(
     """
     likelihood = smooth_likelihood(model, measured)
     found = settled(likelihood, seed, starts)
-    points = likelihood.prior.from_normal(found.found.z)
-    require_own_building(model, found.likelihood, points, anyway=settings.anyway)
-    return found
-
-
-def require_own_building(
-    model: StudyModel, likelihood: Likelihood, points: Tensor, *, anyway: bool
-) -> None:
-    """Refuse an observation that says nothing of its building.
-
-    Args:
-        points: (n, p) parameters that explain it best.
-
-    Raises:
-        MeasurementError: the best response has next to nothing of what was measured.
-    """
-    if anyway or likelihood.base is None:
-        return
+    points, likelihood = likelihood.prior.from_normal(found.found.z), found.likelihood
+    if settings.anyway or likelihood.base is None:
+        return found
     explained = likelihood.explained(points)
     assert explained is not None
     if not explained >= LEAST_EXPLAINED:
         # Where an error of the model explains more than the response, others may look more like it.
-        likely = likelihood.prior.sample(_TRIED, torch_generator(0))
+        likely = likelihood.prior.sample(512, torch_generator(0))
         explained = max(likelihood.explained(likely) or 0.0, explained)
     if not explained >= LEAST_EXPLAINED:  # which no number is not
         # Damage may have taken it out of the prior.
         wider = Parameters(tuple(entry.widened() for entry in likelihood.prior.entries))
-        found = wider.from_normal(settled(replace(likelihood, prior=wider), 0).found.z)
-        each = [likelihood.explained(point[None]) or 0.0 for point in found]
+        beyond = wider.from_normal(settled(replace(likelihood, prior=wider), 0).found.z)
+        each = [likelihood.explained(point[None]) or 0.0 for point in beyond]
         at = int(np.argmax(each))
-        named, keys = _outside(likelihood.prior, found[at])
+        named, keys = _outside(likelihood.prior, beyond[at])
         if named and each[at] >= LEAST_EXPLAINED:
             raise MeasurementError(
                 f"the prior of {model.building.name} is too narrow for the observation: the best "
@@ -395,3 +377,4 @@ def require_own_building(
             f"response has {percent(best)} of the measured variation over frequency; "
             "check that the file belongs to the building, its units and directions, or add --anyway"
         )
+    return found

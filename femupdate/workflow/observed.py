@@ -152,7 +152,24 @@ def runs_of(
             said = f"{run.source} is given twice" if run.source == other.source else said
             raise MeasurementError(f"{said}; give every run once, or it counts as if it were two")
     if source.sensors:
-        runs = _with_sensors(runs, [path for path, _ in read], source.sensors)
+        # Bottom to top and each once, however they were named.
+        paths = [path for path, _ in read]
+        measured = dict.fromkeys(name for run in runs for name in run.floors)
+        missing = [name for name in source.sensors if name not in measured]
+        if missing:
+            have = "the file has" if len(runs) == 1 else "the files have"
+            raise MeasurementError(
+                f"{', '.join(map(str, paths))}: there is no {', '.join(missing)} to use; {have}"
+                f" {', '.join(measured)}"
+            )
+        wanted = [[name for name in run.floors if name in source.sensors] for run in runs]
+        for run, path, floors in zip(runs, paths, wanted, strict=True):
+            if not floors:
+                raise MeasurementError(
+                    f"{path}: it has none of the floors asked for, only {', '.join(run.floors)};"
+                    " leave the file out or widen --sensors"
+                )
+        runs = [select_floors(run, floors) for run, floors in zip(runs, wanted, strict=True)]
     if source.band_hz is not None:
         runs = [_within(run, source.band_hz) for run in runs]
         for run in runs:
@@ -162,30 +179,6 @@ def runs_of(
                     f"and {source.band_hz[1]:g} Hz and can be used; widen --band"
                 )
     return tuple(runs)
-
-
-def _with_sensors(
-    runs: Sequence[Observation], paths: Sequence[Path], sensors: Sequence[str]
-) -> Sequence[Observation]:
-    """The floors asked for of every run, bottom to top and each once, however they were named."""
-    measured = dict.fromkeys(name for run in runs for name in run.floors)
-    missing = [name for name in sensors if name not in measured]
-    if missing:
-        have = "the file has" if len(runs) == 1 else "the files have"
-        raise MeasurementError(
-            f"{', '.join(map(str, paths))}: there is no {', '.join(missing)} to use; {have}"
-            f" {', '.join(measured)}"
-        )
-    chosen = []
-    for run, path in zip(runs, paths, strict=True):
-        wanted = [name for name in run.floors if name in sensors]
-        if not wanted:
-            raise MeasurementError(
-                f"{path}: it has none of the floors asked for, only {', '.join(run.floors)}; leave "
-                "the file out or widen --sensors"
-            )
-        chosen.append(select_floors(run, wanted))
-    return chosen
 
 
 def _within(observation: Observation, band_hz: tuple[float, float]) -> Observation:

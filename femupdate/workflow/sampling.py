@@ -26,8 +26,6 @@ from femupdate.workflow.calibrate_effects import FittedEffects
 from femupdate.workflow.conclusion import (
     calibration_notes,
     elsewhere_warnings,
-    latent_notes,
-    misfit_warnings,
     noise_notes,
 )
 from femupdate.workflow.kinds import Measured
@@ -304,16 +302,25 @@ def sample_latent(
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings.smc)
     label, first = "Sampling (latent likelihood)", spawn(seed, 1)[0]
     runs = sampled_chains(sampler, label, settings, first, show)
+    found, usual, warnings = likelihood.found, likelihood.usual_misfit, tuple[str, ...]()
+    count = len(found.log_weight)
+    pieces = "one Gaussian" if count == 1 else f"a mixture of {count} Gaussians"
+    refined = (
+        f"{found.responses:,} responses of the reduced model refined the surrogate's proposal to "
+        f"{pieces}."
+    )
+    if found.misfit > usual:
+        warnings = (
+            "The observation is unlike anything that this building can do. The best response misses"
+            f" it by {found.misfit**0.5:.2f} times the noise (rms); in 99.5 % of simulations it is "
+            f"less than {usual**0.5:.2f}. Do not trust this posterior; use `femupdate diagnose`.",
+        )
     return Sampled(
         runs,
         model.prior,
         drawn_by("latent", "tempered particles", runs, evidence=False),
-        (
-            *likelihood.notes,
-            *latent_notes(likelihood),
-            *calibration_notes(surrogate.info, observation),
-        ),
+        (*likelihood.notes, refined, *calibration_notes(surrogate.info, observation)),
         likelihood.settled.likelihood,
-        latent=likelihood.found,
-        warnings=misfit_warnings(likelihood.found.misfit, likelihood.usual_misfit),
+        latent=found,
+        warnings=warnings,
     )

@@ -8,7 +8,7 @@ import pytest
 
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.inference import Parameter, Parameters
-from femupdate.workflow.conclusion import with_error_of_all, with_own_errors
+from femupdate.workflow.conclusion import with_errors_of_models
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,14 @@ class Draws:
 POSTERIOR = Draws.of([0.8, 1.2, -0.1], (0.3, 0.3, -0.5), (3.0, 3.0, 0.5))
 
 
-def model(shared):
-    return SimpleNamespace(shared=shared)
+def model(shared=None, kind="frame", effects=()):
+    placed = tuple(SimpleNamespace(effect=effect) for effect in effects)
+    building, system = SimpleNamespace(kind=kind), SimpleNamespace(placed=placed)
+    return SimpleNamespace(shared=shared, building=building, system=system)
 
 
 def test_all_factors_of_a_frame_move_together_and_nothing_else_moves():
-    moved = with_error_of_all(POSTERIOR, model("of a mesh"), 1).values
+    moved = with_errors_of_models(POSTERIOR, model("of a mesh"), 1).values
     by = np.log(moved[..., :2] / POSTERIOR.values[..., :2])
     np.testing.assert_allclose(by[..., 0], by[..., 1], atol=1e-12)
     # Of 8000 draws a standard deviation is known to .8 %; four of these.
@@ -48,12 +50,8 @@ def test_all_factors_of_a_frame_move_together_and_nothing_else_moves():
 def test_sizes_err_by_what_the_models_of_effects_err_by_about_their_neutral_values(kind, errs):
     """A ratio of 1.5 whose neutral value is one: the half of it is what errs."""
     rough = SimpleNamespace(own_error=0.12, parameters=(None,))
-    of_effect = SimpleNamespace(
-        building=SimpleNamespace(kind=kind),
-        system=SimpleNamespace(placed=(SimpleNamespace(effect=rough),)),
-    )
     draws = Draws.of([0.8, 1.2, 1.5], (0.3, 0.3, 0.0), (3.0, 3.0, 9.0), neutral=1.0)
-    moved = with_own_errors(draws, of_effect, 1).values
+    moved = with_errors_of_models(draws, model(None, kind, (rough,)), 1).values
     assert (moved[..., :2] == draws.values[..., :2]).all()
     assert moved[..., 2].std() == pytest.approx(0.5 * errs, rel=0.032)
     assert moved[..., 2].mean() == pytest.approx(1.5, abs=4.0 * 0.5 * errs / np.sqrt(8000))
