@@ -4,7 +4,6 @@ import difflib
 import re
 from collections.abc import Iterable
 
-_LONGEST_WORD, _LONGEST_MESSAGE = 300, 2000
 _NOT_SHOWN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 
 
@@ -31,13 +30,9 @@ class FemupdateError(Exception):
     """
 
     def __init__(self, message: str = "") -> None:
-        super().__init__(_legible(message))
-
-
-def _legible(message: str) -> str:
-    line = _NOT_SHOWN.sub(" ", message).strip()
-    words = (_shortened(word, _LONGEST_WORD) for word in line.split(" ") if word)
-    return _shortened(" ".join(words), _LONGEST_MESSAGE)
+        line = _NOT_SHOWN.sub(" ", message).strip()
+        words = " ".join(_shortened(word, 300) for word in line.split(" ") if word)
+        super().__init__(_shortened(words, 2000))
 
 
 def _shortened(text: str, longest: int) -> str:

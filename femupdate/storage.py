@@ -212,11 +212,28 @@ def read_arrays(path: Path | str, largest_bytes: float = math.inf) -> "dict[str,
             the file holds, or makes all of them too large; the message names the array.
     """
     import numpy as np
+    from numpy.lib import format as npy
 
+    headers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
     try:
         with open(path, "rb") as file:
             with zipfile.ZipFile(file) as archive:
-                _check(archive, largest_bytes)
+                total = 0
+                for member in archive.infolist():
+                    with archive.open(member) as stream:
+                        shape, _, kind = headers[npy.read_magic(stream)](stream)
+                    if kind.hasobject:
+                        raise ArchiveError(
+                            f"{member.filename} holds Python objects, which could run a program "
+                            "when they are read"
+                        )
+                    size = math.prod(shape) * kind.itemsize
+                    total += max(size, member.file_size)
+                    if size > member.file_size or total > largest_bytes:
+                        raise ArchiveError(
+                            f"{member.filename} claims {size / 1e9:.3g} GB and holds "
+                            f"{member.file_size / 1e9:.3g}, too much or not what it claims"
+                        )
             file.seek(0)
             with np.load(file, allow_pickle=False) as content:
                 return {name: content[name] for name in content.files}
@@ -225,29 +242,6 @@ def read_arrays(path: Path | str, largest_bytes: float = math.inf) -> "dict[str,
     except Exception as error:  # a damaged file makes zipfile and numpy raise nearly anything
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise ArchiveError(f"this is no archive of numpy arrays ({reason})") from error
-
-
-def _check(archive: zipfile.ZipFile, largest_bytes: float) -> None:
-    """Refuse, before anything is unpacked, arrays that are too large or of objects."""
-    from numpy.lib import format as npy
-
-    headers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-    total = 0
-    for member in archive.infolist():
-        with archive.open(member) as stream:
-            shape, _, kind = headers[npy.read_magic(stream)](stream)
-        if kind.hasobject:
-            raise ArchiveError(
-                f"{member.filename} holds Python objects, which could run a program when they are "
-                "read"
-            )
-        size = math.prod(shape) * kind.itemsize
-        total += max(size, member.file_size)
-        if size > member.file_size or total > largest_bytes:
-            raise ArchiveError(
-                f"{member.filename} claims {size / 1e9:.3g} GB and holds "
-                f"{member.file_size / 1e9:.3g}, too much or not what it claims"
-            )
 
 
 def check_shapes(arrays: "Mapping[str, NDArray[Any]]", shapes: Mapping[str, str]) -> None:

@@ -176,8 +176,27 @@ def write_tables(
     paths = tuple(folder / f"{name}.csv" for name in sheets)
     if workbook is None:
         return paths
+    require_xlsx()
+    import xlsxwriter
+
+    content = BytesIO()
+    # Headings stay in sight and filter; texts are never formulas.
+    choices = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}
+    with xlsxwriter.Workbook(content, {**choices, "nan_inf_to_errors": True}) as book:
+        bold = book.add_format({"bold": True, "bottom": 1})
+        for name, (head, rows) in sheets.items():
+            page = book.add_worksheet(name)
+            page.write_row(0, 0, head, bold)
+            for number, row in enumerate(rows, start=1):
+                page.write_row(number, 0, row)
+            page.freeze_panes(1, 0)
+            page.autofilter(0, 0, len(rows), len(head) - 1)
+            for column, cells in enumerate(zip(head, *rows[:200], strict=True)):
+                widest = max(len(cell) if isinstance(cell, str) else 10 for cell in cells)
+                # Numbers show about ten characters.
+                page.set_column(column, column, min(widest + 2, 60))
     path = folder / f"{workbook}.xlsx"
-    write_bytes(path, _workbook(sheets))
+    write_bytes(path, content.getvalue())
     return (path, *paths)
 
 
@@ -194,26 +213,3 @@ def require_xlsx() -> None:
             "--xlsx needs XlsxWriter; install it with `pip install xlsxwriter`, or use the CSV "
             "files, which are always written"
         )
-
-
-def _workbook(sheets: dict[str, tuple[list[str], list[tuple[Any, ...]]]]) -> bytes:
-    """All tables, with headings that stay in sight and filters; texts are never formulas."""
-    import xlsxwriter
-
-    require_xlsx()
-    content = BytesIO()
-    choices = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}
-    with xlsxwriter.Workbook(content, {**choices, "nan_inf_to_errors": True}) as book:
-        bold = book.add_format({"bold": True, "bottom": 1})
-        for name, (head, rows) in sheets.items():
-            page = book.add_worksheet(name)
-            page.write_row(0, 0, head, bold)
-            for number, row in enumerate(rows, start=1):
-                page.write_row(number, 0, row)
-            page.freeze_panes(1, 0)
-            page.autofilter(0, 0, len(rows), len(head) - 1)
-            for column, cells in enumerate(zip(head, *rows[:200], strict=True)):
-                widest = max(len(cell) if isinstance(cell, str) else 10 for cell in cells)
-                # Numbers show about ten characters.
-                page.set_column(column, column, min(widest + 2, 60))
-    return content.getvalue()

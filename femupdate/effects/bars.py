@@ -127,24 +127,15 @@ def _spans(beams: Beams, points: Floats, joint: Flags) -> Floats:
     for element in range(len(beams)):
         if span[element]:
             continue
-        whole = _beam_of(element, beams.nodes, at_node, axis, joint)
+        # The elements in one line with it, no joint between them.
+        whole, open_ends = [element], list(beams.nodes[element])
+        while open_ends:
+            node = open_ends.pop()
+            for other in () if joint[node] else at_node[node]:
+                # The angle between elements of one beam has no greater sine.
+                straight = np.linalg.norm(np.cross(axis[element], axis[other])) < 1e-6
+                if straight and other not in whole:
+                    whole.append(other)
+                    open_ends += [end for end in beams.nodes[other] if end != node]
         span[whole] = length[whole].sum()
     return span
-
-
-def _beam_of(
-    first: int, nodes: Integers, at_node: dict[int, list[int]], axis: Floats, joint: Flags
-) -> list[int]:
-    """Elements in one line with the first, no joint between them."""
-    found, open_ends = [first], list(nodes[first])
-    while open_ends:
-        node = open_ends.pop()
-        if joint[node]:
-            continue
-        for other in at_node[node]:
-            # The angle between elements of one beam has no greater sine.
-            straight = np.linalg.norm(np.cross(axis[first], axis[other])) < 1e-6
-            if straight and other not in found:
-                found.append(other)
-                open_ends += [end for end in nodes[other] if end != node]
-    return found

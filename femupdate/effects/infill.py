@@ -11,7 +11,6 @@ from scipy.linalg import solve
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.spatial import cKDTree
 
-from femupdate.arrays import Flags
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.frame import FrameBuilding
 from femupdate.building.mesh import mesh_building
@@ -58,9 +57,11 @@ def infills(
     changed = tuple(wall.model_copy(update={"stiffness": True}) for wall in building.walls)
     stiff = mesh_building(building.model_copy(update={"walls": changed}), mesh_size).model
     known = cKDTree(mesh.model.nodes)
-    shells, new = stiff.elements_of(Shells), _is_new(stiff, mesh.model)
-    found = []
-    corners, grid = shells.corners(stiff.nodes), building.grid
+    shells, there, found = stiff.elements_of(Shells), mesh.model.elements_of(Shells), []
+    corners, grid, new = shells.corners(stiff.nodes), building.grid, shells.kind == _KIND
+    middles = mesh.model.nodes[there.nodes[there.kind == _KIND]].mean(axis=1)
+    if len(middles):  # walls that the present model does not have
+        new = new & (cKDTree(middles).query(corners.mean(axis=1))[0] > _SAME)
     for line, stories in infill_lines(building).items():
         axis, at = (1, grid.y[line]) if line in grid.y else (0, grid.x[line])
         here = new & (np.abs(corners[:, :, axis] - at) < _SAME).all(axis=1)
@@ -69,17 +70,6 @@ def infills(
             if len(walls):
                 found.append(Infill(line, story, _condensed(stiff, walls, known, operators)))
     return tuple(found)
-
-
-def _is_new(stiff: FiniteElementModel, present: FiniteElementModel) -> Flags:
-    """Which shells (n,) are walls that the present model does not have."""
-    shells, known = stiff.elements_of(Shells), present.elements_of(Shells)
-    walls = shells.kind == _KIND
-    middles = present.nodes[known.nodes[known.kind == _KIND]].mean(axis=1)
-    if not len(middles):
-        return walls
-    distance, _ = cKDTree(middles).query(shells.corners(stiff.nodes).mean(axis=1))
-    return walls & (distance > _SAME)
 
 
 def _condensed(

@@ -341,6 +341,23 @@ def _frame(
     rigid[:, 4 if direction == 0 else 3, ROTATION] = 1.0 if direction == 0 else -1.0
     shapes = rigid.reshape(-1, 2)
     force = operators.mass_full @ shapes
+    springs = mesh.model.springs
+    damped = np.flatnonzero(springs.dashpots)
+    dashpots, number = np.zeros((len(damped), operators.dof)), np.arange(len(damped))
+    for end, sign in ((0, 1.0), (1, -1.0)):
+        node = springs.nodes[damped, end]
+        there = node >= 0
+        dof = DOF_PER_NODE * node[there] + springs.direction[damped][there]
+        dashpots[number[there], dof] = sign * np.sqrt(springs.dashpots[damped][there])
+    mass = np.zeros(operators.dof)
+    for axis in range(3):
+        unit = operators.rigid_translation(axis)
+        mass += unit * (operators.mass_full @ unit)
+    position, free = np.repeat(points, DOF_PER_NODE, axis=0), operators.free
+    axes, motion = np.arange(operators.dof) % DOF_PER_NODE, operators.expansion
+    if motion is None:
+        entries = np.ones(len(free)), (free, np.arange(len(free)))
+        motion = csr_matrix(entries, shape=(operators.dof, len(free)))
     return Structure(
         building=building,
         stiffness_terms=operators.stiffness_terms,
@@ -351,39 +368,15 @@ def _frame(
         rigid_mass=shapes.T @ force,
         floor_rows=operators.gather(rows.T).T,
         levels=mesh.floor_level,
-        position=np.repeat(mesh.model.nodes, DOF_PER_NODE, axis=0)[operators.free],
-        axis=operators.free % DOF_PER_NODE,
-        points=_points(mesh, operators, shapes),
+        position=position[free],
+        axis=free % DOF_PER_NODE,
+        points=NodeMotions(position, axes, mass, shapes, motion),
         direction=mesh.direction,
-        dashpots=_dashpots(mesh, operators),
+        dashpots=operators.gather(dashpots.T).T,
         mesh=mesh,
         operators=operators,
         mesh_size=mesh_size,
     )
-
-
-def _dashpots(mesh: BuildingMesh, operators: AffineOperators) -> Floats:
-    springs = mesh.model.springs
-    damped = np.flatnonzero(springs.dashpots)
-    rows, number = np.zeros((len(damped), operators.dof)), np.arange(len(damped))
-    for end, sign in ((0, 1.0), (1, -1.0)):
-        node = springs.nodes[damped, end]
-        there = node >= 0
-        dof = DOF_PER_NODE * node[there] + springs.direction[damped][there]
-        rows[number[there], dof] = sign * np.sqrt(springs.dashpots[damped][there])
-    return operators.gather(rows.T).T
-
-
-def _points(mesh: BuildingMesh, operators: AffineOperators, shapes: Floats) -> NodeMotions:
-    mass = np.zeros(operators.dof)
-    for axis in range(3):
-        unit = operators.rigid_translation(axis)
-        mass += unit * (operators.mass_full @ unit)
-    position, free = np.repeat(mesh.model.nodes, DOF_PER_NODE, axis=0), operators.free
-    motion, where = operators.expansion, (free, np.arange(len(free)))
-    if motion is None:
-        motion = csr_matrix((np.ones(len(free)), where), shape=(operators.dof, len(free)))
-    return NodeMotions(position, np.arange(operators.dof) % DOF_PER_NODE, mass, shapes, motion)
 
 
 def ranges_of(names: Sequence[str], below: Sequence[int]) -> tuple[str, ...]:

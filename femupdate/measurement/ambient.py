@@ -175,8 +175,7 @@ def identify_modes(
     frequency, power = welch(moving, 1.0 / time_step, nperseg=length, axis=1)
     frequency, spectra = frequency[1:], power[:, 1:] / moving.var(axis=1, keepdims=True)
     first = _first_peak(frequency, spectra, band_hz)
-    # Modes are looked for from 0.4 of the first frequency on.
-    # They are looked for up to 12 times that: buildings have some six modes below.
+    # Modes are looked for from 0.4 to 12 times that: buildings have some six modes below.
     band = band_hz or (0.4 * first, min(12.0 * first, 0.4 / time_step))
     if band[1] > 0.5 / time_step:
         raise MeasurementError(
@@ -204,8 +203,7 @@ def identify_modes(
     order = min(order, (rows - 1) * channel_count)
     subspace = Subspace(thinned, step, rows, order, blocks)
     poles = tuple(p for p in subspace.poles() if band[0] <= p.frequency_hz <= band[1])
-    group = _groups(poles)
-    chosen, doubtful = _chosen(poles, group, order)
+    group, chosen, doubtful = _chosen(poles, order)
     modes, left_out = _modes(subspace, poles, group, chosen, tuple(channels))
     if not modes:
         raise MeasurementError(
@@ -247,27 +245,22 @@ def _first_peak(frequency: Floats, spectra: Floats, band_hz: tuple[float, float]
     return float(frequency[inside][np.argmax(power[inside])])
 
 
-def _groups(poles: Sequence[Pole]) -> Integers:
-    """Number (p,) of each pole's group."""
+def _chosen(
+    poles: Sequence[Pole], order: int
+) -> tuple[Integers, dict[int, tuple[Pole, ...]], tuple[str, ...]]:
+    """Group (p,) of each pole, poles of each that is a mode, and sentences on doubtful groups."""
     from scipy.cluster.hierarchy import fcluster, linkage
     from scipy.spatial.distance import squareform
 
-    if len(poles) < 2:
-        return np.zeros(len(poles), dtype=np.int64)
-    shapes = np.array([pole.shape / np.linalg.norm(pole.shape) for pole in poles])
-    level = np.log([pole.frequency_hz for pole in poles])
-    # Poles of one mode differ by a tenth of this, those of noise by several times it.
-    apart = np.abs(level[:, None] - level) / 0.02
-    # The same of 1 - MAC.
-    apart += (1.0 - np.minimum(np.abs(shapes.conj() @ shapes.T) ** 2, 1.0)) / 0.1
-    tree = linkage(squareform(apart, checks=False), "average")
-    return np.asarray(fcluster(tree, 1.0, "distance"), dtype=np.int64)
-
-
-def _chosen(
-    poles: Sequence[Pole], group: Integers, order: int
-) -> tuple[dict[int, tuple[Pole, ...]], tuple[str, ...]]:
-    """Poles of each group that is a mode, by the group, and sentences on doubtful groups."""
+    group = np.zeros(len(poles), dtype=np.int64)
+    if len(poles) > 1:
+        shapes = np.array([pole.shape / np.linalg.norm(pole.shape) for pole in poles])
+        level = np.log([pole.frequency_hz for pole in poles])
+        # Poles of one mode differ by a tenth of 2 % and of .1 of 1 - MAC, those of noise by more.
+        apart = np.abs(level[:, None] - level) / 0.02
+        apart += (1.0 - np.minimum(np.abs(shapes.conj() @ shapes.T) ** 2, 1.0)) / 0.1
+        tree = linkage(squareform(apart, checks=False), "average")
+        group = np.asarray(fcluster(tree, 1.0, "distance"), dtype=np.int64)
     chosen: dict[int, tuple[Pole, ...]] = {}
     doubtful: list[float] = []
     for number in np.unique(group):
@@ -296,7 +289,7 @@ def _chosen(
         f"Doubtful and left out, for they do not come back in every order or move out of phase:"
         f" {listed} Hz."
     )
-    return chosen, (note,) if doubtful else ()
+    return group, chosen, (note,) if doubtful else ()
 
 
 def _modes(

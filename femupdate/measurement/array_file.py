@@ -140,14 +140,34 @@ def _testlab_recording(file: TextFile, arrays: Mapping[str, Any]) -> Recording |
     owners = sorted(name for name in stepped if f"{name}.{_VALUES}" in arrays)
     if not owners:
         return None
-    signals = {name: _signal(file, name, arrays) for name in owners}
+    # Of each its axis (our name, start, step, count), its columns and unit.
+    signals = dict[str, tuple[tuple[str, float, float, int], dict[str, _Column], str]]()
+    for owner in owners:
+        values = np.asarray(arrays[f"{owner}.{_VALUES}"])
+        count = int(arrays.get(f"{owner}.{_COUNT}", values.shape[0] if values.ndim else 0))
+        values = values[:, None] if values.ndim == 1 else values
+        label = str(arrays.get(f"{owner}.{_X}", "")).strip().lower()
+        step = float(arrays[f"{owner}.{_STEP_OF}"])
+        whole = values.ndim == 2 and values.shape[0] == count and values.dtype.kind in "fiuc"
+        if not whole or label not in _AXES or not step > 0.0 or not np.isfinite(values).all():
+            raise file.error(
+                f"{owner} holds no {count} rows of finite numbers over time or frequency; export it"
+                " again as time data or response functions"
+            )
+        names = [str(name).strip() for name in np.ravel(arrays.get(f"{owner}.{_NAMES}", []))]
+        if len(set(names)) != values.shape[1] or not all(names):
+            numbered = [f"{owner}_{k}" for k in range(1, values.shape[1] + 1)]
+            names = [owner] if values.shape[1] == 1 else numbered
+        axis = _AXES[label], float(arrays.get(f"{owner}.{_START}", 0.0)), step, count
+        unit = str(arrays.get(f"{owner}.{_Y}", "")).strip()
+        signals[owner] = axis, dict(zip(names, values.T, strict=True)), unit
     axes = {axis for axis, _, _ in signals.values()}
     if len(axes) > 1:
         raise file.error(
             f"{', '.join(owners)} are not sampled alike; export them to files of their own"
         )
-    ((axis, start, step, count),) = axes
-    columns: dict[str, _Column] = {axis: start + step * np.arange(count, dtype=np.float64)}
+    ((kind, start, step, count),) = axes
+    columns: dict[str, _Column] = {kind: start + step * np.arange(count, dtype=np.float64)}
     units: dict[str, str | None] = {}
     for owner, (_, own_columns, unit) in signals.items():
         for name, column in own_columns.items():
@@ -155,30 +175,6 @@ def _testlab_recording(file: TextFile, arrays: Mapping[str, Any]) -> Recording |
             title = name if alone else f"{owner} {name}"
             columns[title], units[title] = column, unit
     return Recording(file, table=ColumnTable.of_arrays(file, columns, units))
-
-
-def _signal(
-    file: TextFile, owner: str, arrays: Mapping[str, Any]
-) -> tuple[tuple[str, float, float, int], dict[str, _Column], str]:
-    """Axis of one structure of Testlab (our name, start, step, count), its columns and unit."""
-    values = np.asarray(arrays[f"{owner}.{_VALUES}"])
-    count = int(arrays.get(f"{owner}.{_COUNT}", values.shape[0] if values.ndim else 0))
-    values = values[:, None] if values.ndim == 1 else values
-    label = str(arrays.get(f"{owner}.{_X}", "")).strip().lower()
-    step = float(arrays[f"{owner}.{_STEP_OF}"])
-    whole = values.ndim == 2 and values.shape[0] == count and values.dtype.kind in "fiuc"
-    if not whole or label not in _AXES or not step > 0.0 or not np.isfinite(values).all():
-        raise file.error(
-            f"{owner} holds no {count} rows of finite numbers over time or frequency; export it"
-            " again as time data or response functions"
-        )
-    names = [str(name).strip() for name in np.ravel(arrays.get(f"{owner}.{_NAMES}", []))]
-    if len(set(names)) != values.shape[1] or not all(names):
-        numbered = [f"{owner}_{k}" for k in range(1, values.shape[1] + 1)]
-        names = [owner] if values.shape[1] == 1 else numbered
-    columns = dict(zip(names, values.T, strict=True))
-    axis = _AXES[label], float(arrays.get(f"{owner}.{_START}", 0.0)), step, count
-    return axis, columns, str(arrays.get(f"{owner}.{_Y}", "")).strip()
 
 
 _SHAPE, _SHAPE_SD, _SENSORS = "shape", "shape_sd", "sensors"

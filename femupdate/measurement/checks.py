@@ -25,7 +25,6 @@ from femupdate.units import STANDARD_GRAVITY
 _LATE = 0.03  # of the first period, a delay; damping alone makes a fifth of it
 _LEAST_BINS = 3  # frequencies, that are compared at least
 _COHERENCE = 0.8  # of frequencies that are compared
-_CLIPPED = 4  # equal samples in a row at an extreme; smooth signals have two
 
 
 def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, ...]:
@@ -85,7 +84,7 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
         return (*findings, *_of_shape(values, channel))
     # A hammer hits in some samples and rests between them: its force may only be clipped.
     run = _longest_run(np.abs(values) == np.abs(values).max())
-    if run >= _CLIPPED:
+    if run >= 4:  # equal samples; smooth signals have two
         findings.append(f"it is clipped: {run} samples in a row stand at its largest value.")
     return tuple(findings)
 
@@ -105,7 +104,7 @@ def _of_shape(values: Floats, channel: RecordedChannel) -> Iterator[str]:
         )
         return
     ends = [_longest_run(values == extreme) for extreme in (values.max(), values.min())]
-    if max(ends) >= _CLIPPED:
+    if max(ends) >= 4:
         yield f"it is clipped: {max(ends)} samples in a row stand at its largest value."
     away = np.abs(moving - median_filter(moving, 5, mode="nearest"))
     width = 2 * 10 + 1  # ten samples to either side
@@ -283,14 +282,23 @@ def _of_clocks(
         used = _low(response, first, based)
         frequency, angle = response.frequency_hz[used], np.angle(response.values[used])
         delay = _shift(frequency, angle, response.phase_sd()[used], first)
-        drift = _drift(reference, sensor, first)
+        # How far it falls behind from half to half. Windows of fewer than three periods turn phases
+        # by themselves: false alarms in 2 of 25 cases.
+        drift = None
+        if half / 12.0 * first >= 3.0:
+            early, late = (_response(reference, sensor, part, 2) for part in (0, 1))
+            coherence = np.minimum(early.coherence, late.coherence)
+            used = (early.frequency_hz > 0.0) & (coherence > _COHERENCE)
+            turn = np.angle(late.values[used] / early.values[used])
+            sd = np.hypot(early.phase_sd(), late.phase_sd())[used]
+            drift = _shift(early.frequency_hz[used], turn, sd, first)
         whole = None if drift is None and not sensor.fast else (drift or 0.0) + sensor.fast * half
         # Beside a floor, neighbouring modes turn the phase at the first one's frequency too.
         least = (1.0 if based else 2.0) * _LATE / first
-        late = (delay or 0.0) + sensor.behind_s
-        if abs(late) > least and whole is None:
-            side = "behind" if late > 0.0 else "ahead of"
-            size = f"{abs(late):.3g} s" if abs(late) >= 1.0 else f"{1e3 * abs(late):.3g} ms"
+        behind = (delay or 0.0) + sensor.behind_s
+        if abs(behind) > least and whole is None:
+            side = "behind" if behind > 0.0 else "ahead of"
+            size = f"{abs(behind):.3g} s" if abs(behind) >= 1.0 else f"{1e3 * abs(behind):.3g} ms"
             yield (
                 f"{sensor.title} runs {size} {side} {reference.title}: are their clocks the same?"
             )
@@ -526,18 +534,6 @@ def _out_of_order(
             f"{low.title} moves {ratio:.2g} times as much as {high.title} above it {at}: are they"
             " swapped?"
         )
-
-
-def _drift(reference: _Sensor, sensor: _Sensor, first: float) -> float | None:
-    """Seconds by which a channel falls behind from half to half; None where it does not."""
-    # Windows of fewer than three periods turn phases by themselves: false alarms in 2 of 25 cases.
-    if reference.values.size / 24.0 * reference.channel.time_step * first < 3.0:
-        return None
-    early, late = (_response(reference, sensor, part, 2) for part in (0, 1))
-    used = (early.frequency_hz > 0.0) & (np.minimum(early.coherence, late.coherence) > _COHERENCE)
-    turn = np.angle(late.values[used] / early.values[used])
-    sd = np.hypot(early.phase_sd(), late.phase_sd())[used]
-    return _shift(early.frequency_hz[used], turn, sd, first)
 
 
 def _shift(frequency: Floats, angle: Floats, sd: Floats, first: float) -> float | None:

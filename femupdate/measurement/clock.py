@@ -83,7 +83,19 @@ def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats
     for k, of in enumerate(found):
         written = of["first"], of["second"], of["third"]
         if written not in days:
-            days[written] = _day(*written, day_first=day_first) if of["first"] else 0
+            days[written] = 0
+            a, b, c = (part or "" for part in written)
+            if b.isalpha():
+                named = [re.match(month, b, re.IGNORECASE) is not None for month in _MONTHS]
+                b = str(named.index(True) + 1)
+                year, month, day = (a, b, c) if len(a) == 4 else (c, b, a)
+            elif len(a) == 4:
+                year, month, day = a, b, c
+            else:
+                year, month, day = (c, b, a) if day_first else (c, a, b)
+            if a:
+                century = 2000 if len(year) < 3 else 0
+                days[written] = date(int(year) + century, int(month), int(day)).toordinal()
         hour, minute, part = int(of["hour"] or 0), int(of["minute"] or 0), of["part"] or "0"
         sec = int(of["sec"] or 0)
         if of["sec"] is None and of["part"] is not None:  # 12:03.5 has minutes and seconds
@@ -106,19 +118,6 @@ def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats
         turns[(back > 40000.0) & (back < 50000.0)] = 43200.0
         seconds += np.cumsum(turns)
     return np.asarray(seconds - seconds[0])
-
-
-def _day(first: str | None, second: str | None, third: str | None, *, day_first: bool) -> int:
-    a, b, c = first or "", second or "", third or ""
-    if b.isalpha():
-        named = [re.match(month, b, re.IGNORECASE) is not None for month in _MONTHS]
-        b = str(named.index(True) + 1)
-        year, month, day = (a, b, c) if len(a) == 4 else (c, b, a)
-    elif len(a) == 4:
-        year, month, day = a, b, c
-    else:
-        year, month, day = (c, b, a) if day_first else (c, a, b)
-    return date(int(year) + (2000 if len(year) < 3 else 0), int(month), int(day)).toordinal()
 
 
 def counted_unit(name: str, unit: str | None, values: Floats) -> tuple[str, tuple[str, ...]]:

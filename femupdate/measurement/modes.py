@@ -79,7 +79,17 @@ def modes_in_table(
             int(table.lines[blank[0]]),
             FREQUENCY,
         )
-    sensors, shape, sd = _shapes(table, values)
+    parts = [name for name in values if name not in _NAMED]
+    sensors = tuple(dict.fromkeys(re.sub(r"_(re|im|sd)$", "", name) for name in parts))
+    shape: NDArray[np.inexact] = np.zeros((len(frequency), len(sensors)), dtype=complex)
+    sd = np.full(shape.shape, np.nan)
+    for k, sensor in enumerate(sensors):
+        what = f"the shape at {sensor}"
+        real, imaginary = whole_or_parts(table.file, sensor, values, what)
+        shape[:, k] = real if imaginary is None else real + 1j * imaginary
+        sd[:, k] = values.get(f"{sensor}_sd", sd[:, k])
+    if not any(f"{sensor}_im" in values for sensor in sensors):
+        shape = shape.real
     numbers = values.get(MODE, np.arange(1.0, len(frequency) + 1.0))
     given = list(zip(values.get(TEST, np.zeros(len(numbers))), numbers, strict=True))
     for row, (_, number) in enumerate(given):
@@ -165,23 +175,6 @@ def figure_of(title: str) -> str | None:
     return next((name for name, pattern in _TITLES.items() if re.fullmatch(pattern, plain)), None)
 
 
-def _shapes(
-    table: ColumnTable, values: Mapping[str, Floats]
-) -> tuple[tuple[str, ...], NDArray[np.inexact], Floats]:
-    """Names of the sensors, shapes (r, s) and standard deviations (r, s)."""
-    parts = [name for name in values if name not in _NAMED]
-    sensors = tuple(dict.fromkeys(re.sub(r"_(re|im|sd)$", "", name) for name in parts))
-    rows = len(table.values)
-    shape, sd = np.zeros((rows, len(sensors)), dtype=complex), np.full((rows, len(sensors)), np.nan)
-    for k, sensor in enumerate(sensors):
-        what = f"the shape at {sensor}"
-        real, imaginary = whole_or_parts(table.file, sensor, values, what)
-        shape[:, k] = real if imaginary is None else real + 1j * imaginary
-        sd[:, k] = values.get(f"{sensor}_sd", sd[:, k])
-    real_only = not any(f"{sensor}_im" in values for sensor in sensors)
-    return sensors, shape.real if real_only else shape, sd
-
-
 _OF_MODES = ("frequency_hz", "frequency_sd_hz", "damping", "damping_sd", "shape", "shape_sd")
 
 
@@ -263,7 +256,17 @@ def identified_modes(
         )
     placed = _floors_of(file, modes, None if table is not None else columns, direction)
     floors = tuple(sorted(set(placed.values()), key=floor_height))
-    shapes = [_on_floors(mode, placed, floors) for mode in modes]
+    # The sensors of a floor averaged.
+    shape, spread = np.full((2, len(modes), len(floors)), np.nan)
+    for row, mode in enumerate(modes):
+        used = [k for k, name in enumerate(mode.sensors) if name in placed]
+        values = in_phase(np.asarray(mode.shape)[used])
+        sd = np.full(len(used), np.nan) if mode.shape_sd is None else mode.shape_sd[used]
+        at = np.array([floors.index(placed[mode.sensors[k]]) for k in used], dtype=int)
+        for column in set(at[~np.isnan(values)].tolist()):
+            here = (at == column) & ~np.isnan(values)
+            shape[row, column] = values[here].mean()
+            spread[row, column] = np.sqrt((sd[here] ** 2).sum()) / here.sum()
     return IdentifiedModes(
         names=tuple(mode.name or str(k) for k, mode in enumerate(modes, start=1)),
         frequency_hz=np.array([mode.frequency_hz for mode in modes]),
@@ -272,8 +275,8 @@ def identified_modes(
         damping=np.array([mode.damping for mode in modes], dtype=np.float64),
         damping_sd=np.array([mode.damping_sd for mode in modes], dtype=np.float64),
         floors=floors,
-        shape=np.array([shape for shape, _ in shapes]).reshape(len(modes), -1),
-        shape_sd=np.array([sd for _, sd in shapes]).reshape(len(modes), -1),
+        shape=shape,
+        shape_sd=spread,
         source=file.path.name,
         notes=tuple(notes),
     )
@@ -337,23 +340,6 @@ def _floors_of(
             f" by the columns option, such as 2F=NAME,RF=NAME, among {shown}"
         )
     return placed
-
-
-def _on_floors(
-    mode: RecordedMode, placed: Mapping[str, str], floors: Sequence[str]
-) -> tuple[Floats, Floats]:
-    """Real shape (f,) and its sd, the sensors of a floor averaged."""
-    used = [k for k, name in enumerate(mode.sensors) if name in placed]
-    values = in_phase(np.asarray(mode.shape)[used])
-    sd = np.full(len(used), np.nan) if mode.shape_sd is None else mode.shape_sd[used]
-    names = np.array([placed[mode.sensors[k]] for k in used])
-    shape, spread = np.full(len(floors), np.nan), np.full(len(floors), np.nan)
-    for row, floor in enumerate(floors):
-        here = (names == floor) & ~np.isnan(values) if used else np.zeros(0, dtype=bool)
-        if here.any():
-            shape[row] = values[here].mean()
-            spread[row] = np.sqrt((sd[here] ** 2).sum()) / here.sum()
-    return shape, spread
 
 
 def in_phase(shape: NDArray[np.inexact]) -> Floats:

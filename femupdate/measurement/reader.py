@@ -74,7 +74,15 @@ def read_measured(path: str | Path) -> Recording:
         MeasurementError: the file is in no known format, or cannot be read as what it is.
     """
     path = Path(path)
-    name = _recognised(path)
+    head, name = read_head(path), "plain"
+    if path.suffix.lower() != ".csv" or not _OWN_TABLE.match(head):
+        fits = (n for n, each in readers().items() if each.recognises(head, path.suffix.lower()))
+        name = next(fits, "")
+    if not name:
+        file = read_text(path)  # says what it is where it is no text
+        raise file.error(
+            f"the file is in none of the known formats ({', '.join(readers())}); convert it to CSV"
+        )
     reader = readers()[name]
     try:
         recording = reader.read(path)
@@ -87,20 +95,6 @@ def read_measured(path: str | Path) -> Recording:
             f"{path}: it is read as one of {reader.READS}, but is damaged ({error}); write it"
             " again from its source"
         ) from error
-
-
-def _recognised(path: Path) -> str:
-    """Name of the format of a file."""
-    head = read_head(path)
-    if path.suffix.lower() == ".csv" and _OWN_TABLE.match(head):
-        return "plain"
-    for name, reader in readers().items():
-        if reader.recognises(head, path.suffix.lower()):
-            return name
-    file = read_text(path)  # says what it is where it is no text
-    raise file.error(
-        f"the file is in none of the known formats ({', '.join(readers())}); convert it to CSV"
-    )
 
 
 AnyKind = Histories | tuple[Observation, ...] | IdentifiedModes

@@ -71,9 +71,22 @@ def positions(
     """
     at_name: dict[str, int] = {}
     for ours, theirs in columns.items():
-        at = _matching(
-            names, theirs.removeprefix("-") if turned else theirs, numbered or bool(listing)
+        asked = theirs.removeprefix("-") if turned else theirs
+        wanted, plain, *folded = (
+            " ".join(name.casefold().split()) for name in (asked, split_unit(asked)[0], *names)
         )
+        by_number = numbered or bool(listing)
+        tries = (
+            [name == asked for name in names],
+            [name == wanted for name in folded],
+            [by_number and wanted == str(number) for number in range(1, len(names) + 1)],
+            [name == plain for name in folded],
+            [name.split(",")[0] == wanted for name in folded],
+            [name.split()[:1] == [wanted] for name in folded],
+            [name.partition(", ")[2] == wanted for name in folded],  # where the sensor stands
+        )
+        best = next((match for match in tries if any(match)), ())
+        at = [k for k, fits in enumerate(best) if fits]
         if len(at) != 1:
             problem = f"{len(at)} {what}s are called {theirs!r}"
             if not at:
@@ -86,24 +99,6 @@ def positions(
             raise file.error(f"{what} {theirs!r} is mapped twice; map it to one name")
         at_name[ours] = at[0]
     return at_name
-
-
-def _matching(names: Sequence[str], asked: str, numbered: bool) -> list[int]:
-    """Positions of the names that come nearest to what is asked for."""
-    wanted, plain, *folded = (
-        " ".join(name.casefold().split()) for name in (asked, split_unit(asked)[0], *names)
-    )
-    tries = (
-        [name == asked for name in names],
-        [name == wanted for name in folded],
-        [numbered and wanted == str(number) for number in range(1, len(names) + 1)],
-        [name == plain for name in folded],
-        [name.split(",")[0] == wanted for name in folded],
-        [name.split()[:1] == [wanted] for name in folded],
-        [name.partition(", ")[2] == wanted for name in folded],  # where the sensor stands
-    )
-    best = next((match for match in tries if any(match)), ())
-    return [k for k, fits in enumerate(best) if fits]
 
 
 def without_factors(columns: Mapping[str, str]) -> tuple[dict[str, str], dict[str, float]]:

@@ -12,7 +12,7 @@ Whether they agree is told without any model, by the chi-square of their differe
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from scipy.special import chdtrc
@@ -201,33 +201,25 @@ def agreement(runs: Sequence[Observation], floors: Sequence[str]) -> Agreement:
     compared = range(1, 2) if len(runs) == 2 else range(len(runs))
     for number in compared:
         others = [run for k, run in enumerate(runs) if k != number]
-        found.extend(_differences(runs[number], pooled(others, floors), floors))
-    total = sum(d.independent for d in found)
-    squares = sum(d.independent * d.ratio**2 for d in found)
-    return Agreement(float(np.sqrt(squares / total)) if total else float("nan"), tuple(found))
-
-
-def _differences(run: Observation, others: Observation, floors: Sequence[str]) -> list[Difference]:
-    share = min(independent_share(run), independent_share(others))
-    first, rest = (on_all_floors(each, floors) for each in (run, others))
-    both = first.valid & rest.valid
-    difference = np.where(both, first.log_frf - rest.log_frf, 0.0)
-    variance = np.where(both, first.noise_sd**2 + rest.noise_sd**2, np.inf)
-    found: list[Difference] = []
-    for low, high in pairwise(band_edges(run.frequency_hz)):
-        inside = (run.frequency_hz >= low) & (run.frequency_hz < high)
-        for row, floor in enumerate(floors):
-            seen = both[row] & inside
+        run, rest = runs[number], pooled(others, floors)
+        share = min(independent_share(run), independent_share(rest))
+        ours, theirs = (on_all_floors(each, floors) for each in (run, rest))
+        both = ours.valid & theirs.valid
+        difference = np.where(both, ours.log_frf - theirs.log_frf, 0.0)
+        variance = np.where(both, ours.noise_sd**2 + theirs.noise_sd**2, np.inf)
+        for (low, high), (row, floor) in product(
+            pairwise(band_edges(run.frequency_hz)), enumerate(floors)
+        ):
+            seen = both[row] & (run.frequency_hz >= low) & (run.frequency_hz < high)
             independent = share * float(np.count_nonzero(seen))
-            # Fewer than three independent points tell nothing.
-            if independent < 3.0:
+            if independent < 3.0:  # points: fewer tell nothing
                 continue
             weight = 1.0 / variance[row, seen]
             square = float((weight * difference[row, seen] ** 2).mean())
             found.append(
                 Difference(
                     run.source,
-                    others.source,
+                    rest.source,
                     floor,
                     (float(low), float(high)),
                     float((weight * difference[row, seen]).sum() / weight.sum()),
@@ -236,4 +228,6 @@ def _differences(run: Observation, others: Observation, floors: Sequence[str]) -
                     float(chdtrc(independent, independent * square)),
                 )
             )
-    return found
+    total = sum(d.independent for d in found)
+    squares = sum(d.independent * d.ratio**2 for d in found)
+    return Agreement(float(np.sqrt(squares / total)) if total else float("nan"), tuple(found))

@@ -83,13 +83,18 @@ def split_complex(rows: Sequence[Row]) -> list[Row]:
     The first row names the columns, else they are named by numbers, and the first is the
     frequency; without complex cells the rows come back as they are.
     """
+
+    def complex_in(cell: str) -> re.Match[str] | None:
+        # The pattern takes very long to refuse a long cell.
+        return _COMPLEX.fullmatch(cell) if len(cell) <= 80 else None
+
     delimiter = find_delimiter(rows[0][1])
     titles = cells_of(rows[0][1], delimiter)
     complex_columns = {
         k
         for _, text in rows[-40:]
         for k, cell in enumerate(cells_of(text, delimiter))
-        if _complex(cell)
+        if complex_in(cell)
     }
     complex_columns -= {k for k in complex_columns if k >= len(titles)}
     if not complex_columns:
@@ -103,7 +108,7 @@ def split_complex(rows: Sequence[Row]) -> list[Row]:
     for row, (line, text) in enumerate(rows):
         cells = []
         for k, cell in enumerate(cells_of(text, delimiter)):
-            match = _complex(cell) if k in complex_columns else None
+            match = complex_in(cell) if k in complex_columns else None
             if k not in complex_columns:
                 cells.append(cell)
             elif row == 0:  # a unit in brackets stays behind the name
@@ -116,11 +121,6 @@ def split_complex(rows: Sequence[Row]) -> list[Row]:
                 cells += [cell, cell if cell.lower() in BLANKS else "0"]
         split.append((line, mark.join(cells)))
     return split
-
-
-def _complex(cell: str) -> re.Match[str] | None:
-    # The pattern takes very long to refuse a long cell.
-    return _COMPLEX.fullmatch(cell) if len(cell) <= 80 else None
 
 
 MOMENT_CELLS = ((0, 1), (0, 2), (1, 2), (1, 3))  # first, and behind the last

@@ -132,9 +132,6 @@ class WrittenSimulation(Result):
 
 logger = logging.getLogger(__name__)
 
-DIGITS = 6  # of the numbers in the file
-_LARGEST_BAND = 0.9  # of the Nyquist frequency; the record is interpolated flat up to 0.92
-_MOST_SAMPLES = 500_000  # a channel: an hour and more at 100 Hz
 
 # Settings that are numbers or None: the lowest, the highest, and both in words.
 _ABOVE_ZERO = float(np.nextafter(0.0, 1.0)), np.inf, "a number above zero"
@@ -166,13 +163,30 @@ def simulate_observation(
     _check_settings(chosen)
     streams = np.random.default_rng(chosen.seed).spawn(4)
     theta = _theta(building, chosen.theta, streams[0])
-    zeta = _zeta(building, chosen.zeta)
+    zeta, fixed = chosen.zeta, building.damping.is_rayleigh
+    if zeta is None and not fixed:
+        zeta = building.damping.ratio
+    elif zeta is not None and fixed:
+        raise BuildingError(
+            f"{building.name}: damping.law is rayleigh, which gives every mode its own ratio; "
+            "leave zeta out"
+        )
+    elif zeta is not None and not 0.0 < zeta < 1.0:
+        raise StructureError(f"zeta is {zeta:g}; it must lie between 0 and 1 (0.02 means 2 %)")
     if chosen.base_motion is not None:
         motion = chosen.base_motion.resampled(1.0 / chosen.sampling_hz)
     else:
         noise = chosen.duration_s, chosen.sampling_hz, chosen.rms_m_s2, chosen.band_hz
         motion = white_noise(*noise, streams[1])
-    motion = _with_rotation(building, chosen, motion, streams[3])
+    if chosen.rotation_rms is not None:  # as strong as the translation at all times
+        window = np.ones(round(chosen.sampling_hz)) / chosen.sampling_hz
+        envelope = np.sqrt(np.convolve(motion.acceleration**2, window, mode="same"))
+        turning = envelope * streams[3].standard_normal(len(envelope))
+        parts = (row / np.sqrt((row**2).mean()) for row in (motion.acceleration, turning))
+        rotation = chosen.rotation_rms * sum(parts, np.zeros(())) * 0.5**0.5
+        motion = replace(motion, rotation=rotation)
+    if motion.rotation is not None:
+        require_heights(building)
     effects = tuple(parse_effect(building, name, sizes) for name, sizes in chosen.effects)
     progress.start("Solving the full model", 1)
     fine, law = fine_model(building, chosen.mesh_size, chosen.sensors), damping_law(building)
@@ -222,7 +236,7 @@ def write_simulation(
         ),
         f"all settings are in {truth.name}",
     )
-    written = write_observation_histories(path, simulation.histories, (*label, *comments), DIGITS)
+    written = write_observation_histories(path, simulation.histories, (*label, *comments), 6)
     content = {
         "what": "truth behind a synthetic observation; not a measurement",
         "observation": written.name,
@@ -248,20 +262,21 @@ def _check_settings(settings: SimulationSettings) -> None:
         raise MeasurementError(fault)
     if settings.base_motion is not None:
         return
-    samples = settings.sampling_hz * settings.duration_s
-    if samples > _MOST_SAMPLES:
+    samples, most = settings.sampling_hz * settings.duration_s, 500_000  # an hour at 100 Hz
+    if samples > most:
         raise MeasurementError(
             f"{samples:.3g} samples a channel are too many to simulate; ask for at most "
-            f"{_MOST_SAMPLES:,}, by a shorter duration or a lower sampling rate"
+            f"{most:,}, by a shorter duration or a lower sampling rate"
         )
     low, high = settings.band_hz
     if not 0.0 < low < high:
         raise MeasurementError(f"the band {low:g} to {high:g} Hz is empty; give the lower first")
-    top = _LARGEST_BAND * 0.5 * settings.sampling_hz
+    flat = 0.45  # of the sampling rate: the record is interpolated flat up to .46
+    top = flat * settings.sampling_hz
     if high > top:
         raise MeasurementError(
             f"a band up to {high:g} Hz does not fit {settings.sampling_hz:g} samples a second; "
-            f"stay below {top:g} Hz or sample at {high / (0.5 * _LARGEST_BAND):.4g} Hz or more"
+            f"stay below {top:g} Hz or sample at {high / flat:.4g} Hz or more"
         )
 
 
@@ -281,39 +296,6 @@ def _theta(building: Building, asked: tuple[float, ...] | None, rng: np.random.G
     if outside:
         logger.warning("%s: %s lies outside the prior", building.name, ", ".join(outside))
     return theta
-
-
-def _zeta(building: Building, asked: float | None) -> float | None:
-    """The damping ratio of all modes, or None where the building's law has fixed coefficients."""
-    fixed = building.damping.is_rayleigh
-    if asked is None:
-        return None if fixed else building.damping.ratio
-    if fixed:
-        raise BuildingError(
-            f"{building.name}: damping.law is rayleigh, which gives every mode its own ratio; "
-            "leave zeta out"
-        )
-    if not 0.0 < asked < 1.0:
-        raise StructureError(f"zeta is {asked:g}; it must lie between 0 and 1 (0.02 means 2 %)")
-    return float(asked)
-
-
-def _with_rotation(
-    building: Building, settings: SimulationSettings, motion: GroundMotion, rng: np.random.Generator
-) -> GroundMotion:
-    """The motion with the rotation that is asked for, as strong as the translation at all times."""
-    if settings.rotation_rms is not None:
-        window = np.ones(round(settings.sampling_hz)) / settings.sampling_hz
-        envelope = np.sqrt(np.convolve(motion.acceleration**2, window, mode="same"))
-        turning = envelope * rng.standard_normal(len(envelope))
-        parts = (
-            history / np.sqrt((history**2).mean()) for history in (motion.acceleration, turning)
-        )
-        rotation = settings.rotation_rms * sum(parts, np.zeros(())) * 0.5**0.5
-        motion = replace(motion, rotation=rotation)
-    if motion.rotation is not None:
-        require_heights(building)
-    return motion
 
 
 def _told(
@@ -359,9 +341,6 @@ def _told(
     )
 
 
-_RAMP_S = 1.0  # a table starts and stops smoothly
-
-
 def white_noise(
     duration_s: float,
     sampling_hz: float,
@@ -380,11 +359,11 @@ def white_noise(
     count = round(duration_s * sampling_hz)
     frequency = np.fft.rfftfreq(count, 1.0 / sampling_hz)
     inside = (frequency >= band_hz[0]) & (frequency <= band_hz[1])
-    ramp = round(_RAMP_S * sampling_hz)
+    ramp = round(sampling_hz)  # a table starts and stops smoothly
     if np.count_nonzero(inside) < 2 or count < 4 * ramp:
         raise MeasurementError(
             f"{duration_s:g} s are too short for white noise from {band_hz[0]:g} to "
-            f"{band_hz[1]:g} Hz; take {4 * _RAMP_S:g} s or more"
+            f"{band_hz[1]:g} Hz; take 4 s or more"
         )
     noise = np.fft.irfft(np.where(inside, np.fft.rfft(rng.standard_normal(count)), 0.0), count)
     noise *= rms / np.sqrt(np.mean(noise**2))

@@ -63,45 +63,46 @@ def sensor_places(
         points = {floor: building.sensors.of(floor)[1] for floor in building.floors}
         update = {"sensors": building.sensors.model_copy(update={"floors": points})}
         building = building.model_copy(update=update)
-        return building, None, *_channels(building)
-    # Finer than the half of its own mesh on which calibrations work.
-    size = 0.4 * building.mesh.size if mesh_size is None else mesh_size
-    sensed = _sensed(building, sensors)
-    return sensed, size, *_channels(sensed)
-
-
-def _channels(building: Meshed) -> tuple[tuple[FloorChannel, ...], tuple[str, ...]]:
-    """The sensors and their places, in the order of the mesh's floor nodes."""
+    else:
+        # Finer than the half of its own mesh on which calibrations work.
+        mesh_size = 0.4 * building.mesh.size if mesh_size is None else mesh_size
+        building = _sensed(building, sensors)
     direction = building.sensors.direction
     channels: list[FloorChannel] = []
     places: list[str] = []
     for floor in building.floors:
-        points: tuple[Any, ...] = building.sensors.at.get(floor) or building.sensors.of(floor)[1]
-        numbers = [""] if len(points) == 1 else [str(n) for n in range(1, len(points) + 1)]
+        at: tuple[Any, ...] = building.sensors.at.get(floor) or building.sensors.of(floor)[1]
+        numbers = [""] if len(at) == 1 else [str(n) for n in range(1, len(at) + 1)]
         channels += [
             FloorChannel(channel_name(floor, n, direction), floor, n, direction) for n in numbers
         ]
-        places += [
-            p if isinstance(p, str) else f"({', '.join(f'{x:g}' for x in p)}) m" for p in points
-        ]
-    return tuple(channels), tuple(places)
+        places += [p if isinstance(p, str) else f"({', '.join(f'{x:g}' for x in p)}) m" for p in at]
+    return building, mesh_size, tuple(channels), tuple(places)
 
 
 def _sensed(building: FrameBuilding, sensors: SensorPoints | None) -> FrameBuilding:
     """Return the building with the points of every floor listed one by one."""
+    grid, sensing = building.grid, building.sensors
+    everywhere = tuple(f"{y}-{x}" for y in grid.y for x in grid.x)
+
+    def listed(points: tuple[str, ...]) -> tuple[str, ...]:
+        """All points for "*", in the order in which the mesh takes it."""
+        return everywhere if points == ALL else points
+
+    def lines(point: str) -> frozenset[str]:
+        """An intersection may be named in either order."""
+        return frozenset(part.strip() for part in point.split("-"))
+
     wanted = {
-        floor: _listed(building, building.sensors.floors.get(floor) or building.sensors.points)
-        for floor in building.floors
+        floor: listed(sensing.floors.get(floor) or sensing.points) for floor in building.floors
     }
     if sensors is None:
-        x, y = (
-            sorted(lines, key=lines.__getitem__) for lines in (building.grid.x, building.grid.y)
-        )
+        x, y = (sorted(axis, key=axis.__getitem__) for axis in (grid.x, grid.y))
         corners = f"{y[0]}-{x[0]}", f"{y[-1]}-{x[-1]}"
         more = {}
         for floor, points in wanted.items():
-            known = [_lines(point) for point in points]
-            more[floor] = (*points, *(corner for corner in corners if _lines(corner) not in known))
+            known = [lines(point) for point in points]
+            more[floor] = (*points, *(corner for corner in corners if lines(corner) not in known))
         sensed = _with_points(building, more)
         try:
             mesh_building(sensed)
@@ -116,20 +117,8 @@ def _sensed(building: FrameBuilding, sensors: SensorPoints | None) -> FrameBuild
                 f"sensors of {floor!r}: the building {building.name} has no such floor; its floors "
                 f"are {', '.join(building.floors)}"
             )
-    asked = {floor: _listed(building, tuple(points)) for floor, points in sensors.items()}
+    asked = {floor: listed(tuple(points)) for floor, points in sensors.items()}
     return _with_points(building, {**wanted, **asked}, asked)
-
-
-def _listed(building: FrameBuilding, points: tuple[str, ...]) -> tuple[str, ...]:
-    """Spell out "*", in the order in which the mesh takes it."""
-    if points != ALL:
-        return points
-    return tuple(f"{y}-{x}" for y in building.grid.y for x in building.grid.x)
-
-
-def _lines(point: str) -> frozenset[str]:
-    """An intersection may be named in either order."""
-    return frozenset(part.strip() for part in point.split("-"))
 
 
 def _with_points(

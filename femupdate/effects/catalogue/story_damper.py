@@ -63,8 +63,20 @@ class StoryDamper(Effect):
         """
         floor, _, point = place.partition("/")
         story = structure.floors.index(floor)
-        sway = Sway(0.0, *structure.fundamental)
-        return Terms(port=_port(structure, story, point), constants=(self.unit(sway, story),))
+        sway, foot = Sway(0.0, *structure.fundamental), structure.building.below[story]
+        row = np.zeros(structure.floor_means.shape[1])
+        for level, sign in ((story, 1.0), (foot, -1.0)):
+            if level < 0:  # the base
+                continue
+            at_floor = structure.floor_means[level]
+            if point and isinstance(structure.building, FrameBuilding):
+                grid, (x, _, y) = structure.building.grid, point.partition("-")
+                here = _at(structure, level, grid.x[x], grid.y[y])
+                at_floor = np.asarray(structure.points.motion[here].mean(axis=0)).ravel()
+            row += sign * at_floor
+        # A rigid rotation does not stretch it.
+        port = Port(row, np.zeros(2))
+        return Terms(port=port, constants=(self.unit(sway, story),))
 
     def unit(self, sway: Sway, place: int) -> float:
         """The dashpot, N s/m."""
@@ -80,18 +92,3 @@ def _at(structure: Structure, floor: int, x: float, y: float) -> Flags:
     """(m,) which points are the translation along the motion of a floor where two lines meet."""
     here = np.isclose(structure.points.position[:, :2], (x, y)).all(axis=1)
     return structure.along_floor(floor) & here
-
-
-def _port(structure: Structure, story: int, point: str) -> Port:
-    """The drift of a story in the mean or at a point; a rigid rotation does not stretch it."""
-    foot = structure.building.below[story]
-    ends = [(floor, sign) for floor, sign in ((story, 1.0), (foot, -1.0)) if floor >= 0]
-    row = np.zeros(structure.floor_means.shape[1])
-    for floor, sign in ends:
-        at_floor = structure.floor_means[floor]
-        if point and isinstance(structure.building, FrameBuilding):
-            grid, (x, _, y) = structure.building.grid, point.partition("-")
-            here = _at(structure, floor, grid.x[x], grid.y[y])
-            at_floor = np.asarray(structure.points.motion[here].mean(axis=0)).ravel()
-        row += sign * at_floor
-    return Port(row, np.zeros(2))
