@@ -304,40 +304,26 @@ def test_cells_of_another_type_are_told(tmp_path):
 WRONG = {
     "no such file": ("own.vtu", "other.vtu", r"mesh\.file: there is no file .*other\.vtu"),
     "name too long": ("own.vtu", f"{'o' * 300}.vtu", r"mesh\.file: there is no file .*ooo\.vtu"),
-    "no such tags": (
-        'tags = "part"',
-        'tags = "story"',
-        r"mesh\.tags: .* no cell data 'story'.*part",
-    ),
+    "no such tags": ('tags = "part"', 'tags = "story"',
+        r"mesh\.tags: .* no cell data 'story'.*part"),
     "no such group": ('group = "2"', 'group = "3"', r"parts\[1\]\.group: no group .* '3' \(known"),
     "group twice": ('group = "2"\nsection', 'group = "1"\nsection', r"parts\[1\]\.group: no lines"),
-    "a group without a part": (
-        '[[parts]]\ngroup = "1"\nthickness = "200 mm"\n',
-        "",
-        r"parts: 4 triangle cells belong to no part, such as the one at .* in group '1'",
-    ),
+    "a group without a part": ('[[parts]]\ngroup = "1"\nthickness = "200 mm"\n', "",
+        r"parts: 4 triangle cells belong to no part, such as the one at .* in group '1'"),
     "wrong unit": ('unit = "m"', 'unit = "mm"', r"stories: no node .* level of RF, 3 m|mesh\."),
     "wrong height": ('"3 m"', '"3.2 m"', r"stories: no node .* 3\.2 m \(the nearest is 3 m\)"),
     "too low": ('height = "3 m"', 'height = "2 m"', r"stories: cells at .* outside the stories"),
     "wrong base": ('unit = "m"', 'unit = "m"\nbase = "1 m"', r"mesh\.base: no node lies at the"),
-    "thickness and section": (
-        'section = "column"\n\n[sensors]',
+    "thickness and section": ('section = "column"\n\n[sensors]',
         'section = "column"\nthickness = "1 m"\n\n[sensors]',
-        r"parts\[1\]\.thickness: give a thickness .* or a section",
-    ),
-    "kind that does not fit": (
-        'thickness = "200 mm"',
-        'thickness = "200 mm"\nkind = "column"',
-        r"parts\[0\]\.kind: 'column' does not fit shells",
-    ),
-    "unknown story": (
-        'thickness = "200 mm"',
-        'thickness = "200 mm"\nstory = "S2"',
-        r"parts\[0\]\.story: no story is named 'S2'",
-    ),
+        r"parts\[1\]\.thickness: give a thickness .* or a section"),
+    "kind that does not fit": ('thickness = "200 mm"', 'thickness = "200 mm"\nkind = "column"',
+        r"parts\[0\]\.kind: 'column' does not fit shells"),
+    "unknown story": ('thickness = "200 mm"', 'thickness = "200 mm"\nstory = "S2"',
+        r"parts\[0\]\.story: no story is named 'S2'"),
     "no sensor": ('[["0 m", "0 m"]]', "[]", r"sensors\.points: the list is empty"),
     "unknown key": ("[[parts]]", "[[parts]]\nthick = 1", r"parts\[0\]\.thick: unknown key"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("old", "new", "message"), WRONG.values(), ids=WRONG)

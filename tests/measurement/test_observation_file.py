@@ -147,10 +147,8 @@ HISTORY_ERRORS = {
     "blank unit": (GOOD.replace("s,gal,gal", "s,gal,"), "column '2F:1': the file does not say"),
     "wrong unit": (GOOD.replace(",mg", ",mm"), "unknown unit 'mm' for acceleration"),
     "no time": (GOOD.replace("time_s", "zeit"), "the first is 'zeit'; rename it or map it"),
-    "unknown column": (
-        GOOD.replace(",RF,", ",roof,"),
-        "unknown column 'roof' (did you mean 'RF'?); columns",
-    ),
+    "unknown column": (GOOD.replace(",RF,", ",roof,"),
+        "unknown column 'roof' (did you mean 'RF'?); columns"),
     "near miss": (GOOD.replace("base", "bse"), "unknown column 'bse' (did you mean 'base'?)"),
     "first floor": (GOOD.replace("2F:1", "1F"), "unknown column '1F'"),
     "repeated": (GOOD.replace("2F:2", "2F:1"), "line 2: two columns are called '2F:1'"),
@@ -162,11 +160,9 @@ HISTORY_ERRORS = {
     "two rows": ("\n".join(GOOD.split("\n")[:5]), "line 5: 2 rows are too short for a spectrum"),
     "short": ("\n".join(GOOD.split("\n")[:66]), "line 66: 63 rows are too short for a spectrum"),
     "gap": ("\n".join(GOOD.split("\n")[:40] + GOOD.split("\n")[41:]), "line 41, column 'time_s'"),
-    "818 g": (
-        histories_text(samples=SAMPLES / np.abs(SAMPLES[0]).max() * 818, units="s,g,g,g,g,g"),
-        "column 'base': the base peaks at 818 g",
-    ),
-}
+    "818 g": (histories_text(samples=SAMPLES / np.abs(SAMPLES[0]).max() * 818, units="s,g,g,g,g,g"),
+        "column 'base': the base peaks at 818 g"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "message"), HISTORY_ERRORS.values(), ids=HISTORY_ERRORS)
@@ -233,27 +229,21 @@ FRF_ERRORS = {
     "negative frequency": (frf_text([-1, 2, 3, 4], {"RF": H}), "line 2, column frequency_hz"),
     "zero": (frf_text(FREQUENCY, {"RF": [1, 0, 3, 4]}), "line 3, column 'RF': |H| is 0"),
     "negative": (frf_text(FREQUENCY, {"RF": [1, 2, -3, 4]}), "line 4, column 'RF': |H| is -3"),
-    "complex zero": (
-        frf_text(FREQUENCY, {"RF_re": [1, 0, 3, 4], "RF_im": [1, 0, 0, 0]}),
-        "line 3, column 'RF_re': |H| is 0",
-    ),
+    "complex zero": (frf_text(FREQUENCY, {"RF_re": [1, 0, 3, 4], "RF_im": [1, 0, 0, 0]}),
+        "line 3, column 'RF_re': |H| is 0"),
     "no imaginary part": (frf_text(FREQUENCY, {"RF_re": H}), "floor RF must have either"),
     "both": (frf_text(FREQUENCY, {"RF_re": H, "RF_im": H, "RF": H}), "floor RF must have either"),
     "noise alone": (frf_text(FREQUENCY, {"RF_sd": H}), "floor RF must have either"),
-    "zero noise": (
-        frf_text(FREQUENCY, {"RF": H, "RF_sd": [1, 2, 3, 0]}),
-        "line 5, column 'RF_sd': the standard deviation of ln|H| is 0",
-    ),
-    "nan noise": (
-        frf_text(FREQUENCY, {"RF": H, "RF_sd": [1, 2, np.nan, 4]}),
-        "line 4, column 'RF_sd': the cell is blank",
-    ),
+    "zero noise": (frf_text(FREQUENCY, {"RF": H, "RF_sd": [1, 2, 3, 0]}),
+        "line 5, column 'RF_sd': the standard deviation of ln|H| is 0"),
+    "nan noise": (frf_text(FREQUENCY, {"RF": H, "RF_sd": [1, 2, np.nan, 4]}),
+        "line 4, column 'RF_sd': the cell is blank"),
     "decibels": (frf_text(FREQUENCY, {"RF": H}, units="Hz,dB"), "a ratio without unit, not 'dB'"),
     "radians": (frf_text(FREQUENCY, {"RF": H}, units="rad/s,-"), "unknown unit 'rad/s'"),
     "base": (frf_text(FREQUENCY, {"base": H, "RF": H}), "unknown column 'base'"),
     "sensor": (frf_text(FREQUENCY, {"RF:1": H}), "unknown column 'RF:1'"),
     "frequencies alone": (frf_text(FREQUENCY, {}), "no column of a floor"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "message"), FRF_ERRORS.values(), ids=FRF_ERRORS)

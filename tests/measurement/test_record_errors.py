@@ -84,41 +84,26 @@ HEADERED = {
     "jma without unit": ("jma", lambda t: edited(t, " UNIT", " UNITED"), "does not give UNIT"),
     "jma without names": ("jma", lambda t: edited(t, " NS\n", ""), "row of channel names"),
     "jma without data": ("jma", lambda t: t[: t.index(" NS\n") + 4], "no data"),
-    "peer too few": (
-        "peer",
-        last_line_less,
-        "line 4: the header announces 40 values but 35 follow",
-    ),
+    "peer too few": ("peer", last_line_less,
+        "line 4: the header announces 40 values but 35 follow"),
     "peer text": ("peer", lambda t: edited(t, "E-02", "Exxx"), "is not a number"),
     "peer no count": ("peer", lambda t: edited(t, "NPTS=   40", "NPTS= many"), "NPTS is 'many'"),
     "peer zero step": ("peer", lambda t: edited(t, ".0100", "0"), "DT is '0'"),
-    "peer velocity": (
-        "peer",
-        lambda t: edited(t, "ACCELERATION", "VELOCITY"),
-        "take the .AT2 file",
-    ),
-    "csmip too few": (
-        "csmip_v1",
-        lambda t: edited(t, "  .003231", ""),
-        "line 5: the header announces 40 values in channel Up but 7 follow",
-    ),
-    "csmip too many": (
-        "csmip_v1",
-        lambda t: edited(t, "/&", "  .000001\n/&"),
-        "announces 40 values in channel Up but 41 follow",
-    ),
+    "peer velocity": ("peer", lambda t: edited(t, "ACCELERATION", "VELOCITY"),
+        "take the .AT2 file"),
+    "csmip too few": ("csmip_v1", lambda t: edited(t, "  .003231", ""),
+        "line 5: the header announces 40 values in channel Up but 7 follow"),
+    "csmip too many": ("csmip_v1", lambda t: edited(t, "/&", "  .000001\n/&"),
+        "announces 40 values in channel Up but 41 follow"),
     "csmip cut off": ("csmip_v1", lambda t: t[: t.index("/&") - 30], "values in channel Up but"),
     "csmip text": ("csmip_v1", lambda t: edited(t, ".003231", "*******"), "line 6, column 2"),
     "csmip unit": ("csmip_v1", lambda t: edited(t, "of g.", "of volt."), "unknown unit 'volt'"),
-    "csmip v2 row less": (
-        "csmip_v2",
-        lambda t: "\n".join(t.split("\n")[:4] + t.split("\n")[5:]),
-        "line 4: the header announces 40 values in channel 270 Deg, Roof - center but 32 follow",
-    ),
+    "csmip v2 row less": ("csmip_v2", lambda t: "\n".join(t.split("\n")[:4] + t.split("\n")[5:]),
+        "line 4: the header announces 40 values in channel 270 Deg, Roof - center but 32 follow"),
     "knet too few": ("knet", last_line_less, "line 12: the header announces 40 values but 32"),
     "knet no direction": ("knet", lambda t: edited(t, "Dir.", "Dxr."), "does not give Dir."),
     "knet no scale": ("knet", lambda t: edited(t, "(gal)/", "(gal)/0*"), "'0'; it must be"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("kind", "spoil", "message"), HEADERED.values(), ids=HEADERED)
