@@ -169,9 +169,6 @@ def distinct(descent: Descent, log_mass: Tensor, *, nats: float, count: int) -> 
 
 
 _DAMPING, _LEAST_DAMPING = 1e-2, 1e-6  # of the curvature: at first, and at least
-# Share of the objective above which a step does not tell how the next one changes it. With .05 to 1
-# the six-story example takes 3,811 to 3,568 responses, and 5,088 with 0.
-_LARGE = 0.3
 
 
 class LeastSquares(Protocol):
@@ -276,6 +273,11 @@ def maximise(
         torch.full_like(now.objective, _DAMPING),
     )
     old = torch.zeros_like(active)  # whether a Jacobian is that of the point before
+
+    def renew(rows: Tensor) -> None:
+        if len(rows):
+            now.jacobian[rows] = problem.derivative(now.z[rows], now.residual[rows], 0)
+
     for left in reversed(range(how.iterations)):
         rows = active.nonzero()[:, 0]
         if not len(rows):
@@ -286,7 +288,7 @@ def maximise(
         # No step helps: a better Jacobian may, or shorter ones.
         stuck = rows[~better]
         again = stuck[mended[stuck]] if how.renewed else stuck[:0]
-        _renew(problem, now, again)
+        renew(again)
         shorter = stuck[~mended[stuck]] if how.renewed else stuck
         damping[shorter] *= 1000.0
         active[shorter] = damping[shorter] <= how.most_damping
@@ -302,13 +304,15 @@ def maximise(
         small = (share < how.small) | (0.5 * gain < how.small_nats)
         done = small & ~mended[moved] if how.renewed else small | (left == 0)
         active[moved[done]], old[moved[done]] = False, True
-        anew = (small | (share > _LARGE) | (not how.mended)) & ~done & how.renewed
-        _renew(problem, now, moved[anew])
+        # Above .3 of the objective a step does not tell how the next one changes it. With .05 to 1
+        # the six-story example takes 3,811 to 3,568 responses, and 5,088 with 0.
+        anew = (small | (share > 0.3) | (not how.mended)) & ~done & how.renewed
+        renew(moved[anew])
         follow = ~done & ~anew
         _mend(problem, now, was[follow.nonzero()[:, 0]], moved[follow], how)
         mended[again], mended[moved[anew]], mended[moved[follow]] = False, False, True
     if how.renewed:
-        _renew(problem, now, (mended | (old & (not how.mended))).nonzero()[:, 0])
+        renew((mended | (old & (not how.mended))).nonzero()[:, 0])
     return now
 
 
@@ -359,12 +363,6 @@ def _steps(problem: LeastSquares, now: Maxima, damping: Tensor) -> Tensor:
     step = torch.linalg.solve_ex(whole, right[:, :, None])[0][:, :, 0]
     # Where the response is no number, a search stays where it is.
     return step.nan_to_num(0.0, 0.0, 0.0).to(z)
-
-
-def _renew(problem: LeastSquares, now: Maxima, rows: Tensor) -> None:
-    """Make some Jacobians anew."""
-    if len(rows):
-        now.jacobian[rows] = problem.derivative(now.z[rows], now.residual[rows], 0)
 
 
 def _mend(problem: LeastSquares, now: Maxima, before: Maxima, rows: Tensor, how: Search) -> None:

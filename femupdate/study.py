@@ -35,7 +35,6 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,40}")
 
 _RUNNING: ContextVar[tuple[str, ...]] = ContextVar("words of the running command", default=())
 _READING = ("--unit", "--columns", "--mapping", "--sensors", "--band", "--force", "--mode-error")
-_LONGEST_SHOWN = 80  # characters of a wrong value in a message
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -145,7 +144,7 @@ def _artefact(entry: Mapping[str, Any]) -> Artefact:
     for key, can_be in _SETTINGS.items():
         if key in artefact.settings and not can_be(artefact.settings[key]):
             value = repr(artefact.settings[key])
-            value = value if len(value) < _LONGEST_SHOWN else f"{value[:_LONGEST_SHOWN]} ..."
+            value = value if len(value) < 80 else f"{value[:80]} ..."
             raise ValueError(f"{key} of {artefact.file} is {value}, which no command wrote")
     return artefact
 
@@ -502,7 +501,18 @@ def locked(folder: Path, what: str) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire(blocking=False)
     except Timeout:
-        raise StudyError(_taken(folder)) from None
+        try:
+            other = json.loads((folder / _OWNER).read_text(encoding="utf-8"))
+            who = (
+                f"`femupdate {other['command']}` (process {other['process']} on"
+                f" {other['machine']}, since {other['since']})"
+            )
+        except (OSError, ValueError, KeyError, TypeError):
+            who = "another process"
+        raise StudyError(
+            f"{who} is writing into the study {folder}; wait until it has ended, or choose another "
+            "folder with --study"
+        ) from None
     except OSError as error:
         raise StudyError(write_failure(folder / _LOCK, error)) from error
     try:
@@ -526,18 +536,3 @@ def locked(folder: Path, what: str) -> Iterator[None]:
         with contextlib.suppress(OSError):
             for path in made:
                 path.rmdir()
-
-
-def _taken(folder: Path) -> str:
-    try:
-        owner = json.loads((folder / _OWNER).read_text(encoding="utf-8"))
-        who = (
-            f"`femupdate {owner['command']}` (process {owner['process']} on {owner['machine']}, "
-            f"since {owner['since']})"
-        )
-    except (OSError, ValueError, KeyError, TypeError):
-        who = "another process"
-    return (
-        f"{who} is writing into the study {folder}; wait until it has ended, or choose another "
-        "folder with --study"
-    )

@@ -29,7 +29,6 @@ from femupdate.inference.likelihood import Likelihood
 from femupdate.seeds import spawn, torch_generator
 from femupdate.workers import in_threads
 
-_STARTS = 2  # draws from which every effect that is followed is fitted
 _SEARCHED = 6  # effects that are fitted
 _ROUGH_STEPS = 10
 
@@ -60,7 +59,7 @@ def global_fit(
         together = (*base.placed, placed)
         z = _draws(rough, alone, together, seed, cheap or placed.label in most)
         nearest = misfits(rough.with_effects(together), z).sort()
-        return float(nearest.values[0]), together, z[nearest.indices[:_STARTS]]
+        return float(nearest.values[0]), together, z[nearest.indices[:2]]
 
     others = [score.placed for score in scores if not score.placed.exchange]
     first = sorted(in_threads(screened, others), key=lambda begin: begin[0])[:_SEARCHED]
@@ -103,7 +102,14 @@ def _draws(
     other. Of few, theta is as it is but for the story in which the effect sits; for a place in
     none, such as "all", every story in turn.
     """
-    drawn = _from_prior(problem, alone, together, 192 if many else 32, seed)
+    of = problem.with_effects(together)
+    known, added = alone.z[alone.steps.first_size :], len(together[-1].effect.parameters)
+    in_stories, in_sizes = spawn(seed, 3)[1:]
+    count, begun = 192 if many else 32, torch.cat([known, known.new_zeros(added)])
+    drawn = prior_draws(of, begun, count, in_stories)
+    generator = torch_generator(in_sizes)
+    drawn[:, -added:] = 1.5 * torch.randn(count, added, generator=generator, dtype=torch.float64)
+    drawn = of.prior.steps.inside(drawn)
     stories = torch.arange(96 if many else 32) % alone.steps.stories
     structure, place = problem.reduced.structure, together[-1].place.split("/")[-1]
     for names in (structure.floors, structure.building.story_names):
@@ -115,20 +121,6 @@ def _draws(
     near[:, :first] = alone.z[:first]
     near[rows, stories] = drawn[rows, stories]
     return torch.cat([near, drawn[half:]])
-
-
-def _from_prior(
-    problem: Likelihood, alone: Fit, together: tuple[Placed, ...], count: int, seed: int
-) -> Tensor:
-    """Unknowns (count, d) with theta, zeta and the last effect from their priors."""
-    of = problem.with_effects(together)
-    known, added = alone.z[alone.steps.first_size :], len(together[-1].effect.parameters)
-    stories, sizes = spawn(seed, 3)[1:]
-    drawn = prior_draws(of, torch.cat([known, known.new_zeros(added)]), count, stories)
-    generator = torch_generator(sizes)
-    size = torch.randn(count, added, generator=generator, dtype=torch.float64)
-    drawn[:, -added:] = 1.5 * size
-    return of.prior.steps.inside(drawn)
 
 
 Promise = tuple[float, Placed, Tensor]
@@ -185,7 +177,7 @@ def promising(
     promises = []
     for number in misfit.amin(dim=1).argsort()[:3].tolist():
         together = (*alone.placed, exchanges[number])
-        nearest = z[misfit[number].argsort()[:_STARTS]]
+        nearest = z[misfit[number].argsort()[:2]]
         fits = in_threads(partial(fit, wide, together, iterations=_ROUGH_STEPS), nearest)
         best = min(fits, key=lambda fitted: fitted.chi2)
         moved = base.z.clone()

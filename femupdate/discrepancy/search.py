@@ -1,5 +1,6 @@
 """The search for what a model lacks, from its fit to its diagnosis, wherever theta may lie."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -151,10 +152,11 @@ def structure_near(
         bases: keeps the last basis in which every effect may act; None keeps nothing.
     """
     whole = reduction_target(building)
-    target = replace(whole, zeta=max(float(_rounded(zeta, 0.3)), whole.zeta))
+    damping = math.exp(0.3 * round(math.log(zeta) / 0.3))
+    target = replace(whole, zeta=max(damping, whole.zeta))
     if present is not None or structure.operators is None:
         return local_structure(structure, theta, target, progress, present=present)
-    middle = _rounded(theta, 0.1)  # a basis serves .2 in ln theta to both sides
+    middle = np.exp(0.1 * np.round(np.log(theta) / 0.1))  # a basis serves .2 to both sides
 
     def make() -> Floats:
         # As it is kept, in single precision: the next run gives the same to the last digit.
@@ -162,11 +164,6 @@ def structure_near(
 
     basis = make() if bases is None else bases(structure, middle, target.zeta, make)
     return reduced_on(structure, basis.astype(np.float64))
-
-
-def _rounded(value: Floats | float, spacing: float) -> Floats:
-    """The nearest value whose logarithm is a multiple of a spacing."""
-    return np.asarray(np.exp(spacing * np.round(np.log(value) / spacing)), dtype=np.float64)
 
 
 def prepared(

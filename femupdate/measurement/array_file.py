@@ -201,7 +201,15 @@ def _modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> ColumnTable |
     if not {FREQUENCY, _SHAPE} <= set(given):
         return None
     count = np.size(given[FREQUENCY])
-    shape = _by_modes(given[_SHAPE], count)
+
+    def by_modes(array: NDArray[Any]) -> NDArray[Any] | None:
+        # One mode is a column, and columns are modes where both could be.
+        array = array if array.ndim != 1 else array[:, None] if count == 1 else array[None]
+        if array.ndim != 2:
+            return None
+        return array if array.shape[1] == count else array.T if array.shape[0] == count else None
+
+    shape = by_modes(given[_SHAPE])
     if given[FREQUENCY].ndim > 1 or shape is None:
         return None
     columns = {}
@@ -215,17 +223,8 @@ def _modes_in_arrays(file: TextFile, arrays: Mapping[str, Any]) -> ColumnTable |
             columns[name] = np.atleast_1d(given[name]).astype(np.float64)
     names = [str(sensor) for sensor in np.atleast_1d(given.get(_SENSORS, np.array([])))]
     names = names if len(names) == len(shape) else [str(k + 1) for k in range(len(shape))]
-    spread = _by_modes(given[_SHAPE_SD], count) if _SHAPE_SD in given else None
+    spread = by_modes(given[_SHAPE_SD]) if _SHAPE_SD in given else None
     columns |= dict(zip(names, shape, strict=True))
     if spread is not None:
         columns |= {f"{name}_sd": row for name, row in zip(names, spread, strict=True)}
     return ColumnTable.of_arrays(file, columns, {})
-
-
-def _by_modes(array: NDArray[Any], count: int) -> NDArray[Any] | None:
-    """Shapes (c, m): one mode is a column, and columns are modes where both could be."""
-    if array.ndim == 1:
-        return array[:, None] if count == 1 else array[None] if array.size == count else None
-    if array.ndim != 2:
-        return None
-    return array if array.shape[1] == count else array.T if array.shape[0] == count else None

@@ -230,7 +230,14 @@ def _of_group(group: Sequence[_Sensor]) -> Iterator[str]:
     if len(group) < 2 or group[0].values.size < 1024:
         return
     based = group[0].floor == BASE
-    mode = _mode_of_all(group) if based else None
+    mode = None
+    if based:
+        # The first mode, whichever sensor is the base.
+        frequency, power = _powers(group)
+        quiet = power.min(axis=0)
+        shown = quiet > 1e-4 * quiet.max()
+        size = np.where(shown, np.sqrt(power.max(axis=0) / np.maximum(quiet, 1e-300)), 0.0)
+        mode = _first_peak(frequency, size, 2.0, True)
     if mode is not None:
         levels = {s.number: _level(group[0], s, mode) for s in group[1:]}
         order = list(_out_of_order(group[0], group[1:], levels, mode))
@@ -369,10 +376,6 @@ def _agreement(
     return float(sums[best]) / total, delay
 
 
-def _is_peak(size: Floats, k: int, least: float) -> bool:
-    return bool(size[k] > least and size[k] >= size[k - 1 : k + 2].max())
-
-
 def _level(reference: _Sensor, sensor: _Sensor, first: float) -> float | None:
     """Amplitude towards zero frequency, where floors move with the base; None where none shows."""
     count = reference.values.size
@@ -440,18 +443,6 @@ def _response(reference: _Sensor, sensor: _Sensor, part: int, parts: int) -> _Re
     return _Response(frequency, cross / power * scale, power, seen, averages)
 
 
-def _mode_of_all(group: Sequence[_Sensor]) -> float | None:
-    """Frequency of the first mode, Hz, whichever sensor is the base."""
-    frequency, power = _powers(group)
-    quiet = power.min(axis=0)
-    shown = quiet > 1e-4 * quiet.max()
-    size = np.where(shown, np.sqrt(power.max(axis=0) / np.maximum(quiet, 1e-300)), 0.0)
-    lowest = size[shown][:_LEAST_BINS]
-    size /= max(float(np.median(lowest)), 1e-300)  # of another gain
-    peak = next((k for k in range(1, len(size) - 1) if _is_peak(size, k, 2.0)), None)
-    return None if peak is None else float(frequency[peak])
-
-
 def _first_mode(top: _Response, based: bool) -> float | None:
     """Frequency of the first mode, Hz, from the response of a high floor; or None."""
     if not based:
@@ -460,13 +451,23 @@ def _first_mode(top: _Response, based: bool) -> float | None:
         velocity = np.where(seen, top.power / np.maximum(top.frequency_hz, 1e-12) ** 2, 0.0)
         return float(top.frequency_hz[velocity.argmax()]) if seen.any() else None
     size = np.where(top.coherence > 0.7, np.abs(top.values), 0.0)
+    # A peak of 1.25 times the base is a mode. Less than the base anywhere is another gain.
+    return _first_peak(top.frequency_hz, size, 1.25, bool(size.max() < 1.25))
+
+
+def _first_peak(frequency: Floats, size: Floats, least: float, anew: bool) -> float | None:
+    """The lowest frequency at which a size peaks.
+
+    Args:
+        least: of a peak.
+        anew: take it relative to the size at the lowest frequencies.
+    """
     lowest = size[size > 0.0][:_LEAST_BINS]
-    if size.max() < 1.25 and lowest.size:  # less than the base anywhere: another gain
-        size /= float(np.median(lowest))
+    if anew and lowest.size:
+        size = size / float(np.median(lowest))
     for k in range(1, size.size - 1):
-        # A peak of 1.25 times the base is a mode.
-        if _is_peak(size, k, 1.25):
-            return float(top.frequency_hz[k])
+        if size[k] > least and size[k] >= size[k - 1 : k + 2].max():
+            return float(frequency[k])
     return None
 
 

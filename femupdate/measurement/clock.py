@@ -164,7 +164,10 @@ def even_step(
     steps = np.diff(time)
     if (steps <= 0).mean() > 0.5 and (time[-1] <= time[0] or (steps < 0).any()):
         raise file.error("the times do not increase; sort the rows by time", None, title)
-    digit = 10.0 ** -_decimals(time)
+    # As many decimals as all times are printed with.
+    scale = np.abs(time).max() * 1e-14
+    printed = (d for d in range(_DECIMALS) if np.abs(np.round(time, d) - time).max() <= scale)
+    digit = 10.0 ** -next(printed, _DECIMALS)
     since = time - time[0]
     step, start = np.polyfit(np.arange(time.size), since, 1)
     # A hundredth of a step turns the phase at half the Nyquist frequency by less than a degree;
@@ -234,15 +237,6 @@ def interpolated(values: Floats, time: Floats, even: Floats) -> Floats:
     bridged = time[behind] - time[behind - 1] < (BRIDGED + 1.5) * step
     found = CubicSpline(time, values, axis=0)(even)
     return np.where((near | bridged)[:, None], found, np.nan)
-
-
-def _decimals(time: Floats) -> int:
-    """Number of decimals that the times are printed with."""
-    scale = np.abs(time).max() * 1e-14
-    for decimals in range(_DECIMALS):
-        if np.abs(np.round(time, decimals) - time).max() <= scale:
-            return decimals
-    return _DECIMALS
 
 
 def rate_ratio(step: float, other: float, samples: int) -> Fraction | None:

@@ -99,21 +99,41 @@ def _observation(
     if not floors:
         raise table.file.error(f"there is no column of a floor; columns are {FRF_COLUMNS}")
     columns = {column.name: i for column, i in table.frfs.items()}
+
+    def require_possible(
+        position: int, values: Floats, what: str, least: float, most: float
+    ) -> None:
+        wrong = np.flatnonzero(values <= 0)
+        if wrong.size:
+            raise table.file.error(
+                f"{what} is {values[wrong[0]]:g} and must be above zero; give |H| or both its parts"
+                " (modes are told by a column mode), or remove the row",
+                int(table.lines[wrong[0]]),
+                table.title(position),
+            )
+        odd = np.flatnonzero((values < least) | (values > most))
+        if odd.size:
+            raise table.file.error(
+                f"{what} is {values[odd[0]]:g}, and no measurement has one beyond {least:g} to"
+                f" {most:g}; correct or remove the row",
+                int(table.lines[odd[0]]),
+                table.title(position),
+            )
+
     curves: list[NDArray[np.inexact]] = []
     noise = np.full((len(floors), frequency.size), default)
     for row, floor in enumerate(floors):
         at, imaginary = whole_or_parts(table.file, floor, columns, f"|H| of floor {floor}")
         curve = values[at] if imaginary is None else values[at] + 1j * values[imaginary]
         size = values[at] if imaginary is None else np.abs(curve)
-        _require_possible(table, at, size, "|H|", possible)
+        require_possible(at, size, "|H|", *possible)
         curves.append(curve)
         stated = columns.get(f"{floor}_sd")
         if stated is not None:
             noise[row] = _ratio(table, stated)
-            # Nothing is measured to 1e-5.
-            what, least = "the standard deviation of ln|H|", 1e-5
-            # And nothing of a standard deviation of 100 in ln|H| is a measurement.
-            _require_possible(table, stated, noise[row], what, (least, 100.0))
+            # Nothing is measured to 1e-5, and nothing of 100 is a measurement.
+            what = "the standard deviation of ln|H|"
+            require_possible(stated, noise[row], what, 1e-5, 100.0)
     without = [floor for floor in floors if f"{floor}_sd" not in columns]
     note = f"Noise on ln|H| taken as {default:g} for {', '.join(without)}."
     # Signs of columns in |H| are not known, so that phases are those of complex floors together.
@@ -197,28 +217,6 @@ def _ratio(table: ColumnTable, position: int) -> Floats:
             column=table.title(position),
         )
     return table.values[:, position]
-
-
-def _require_possible(
-    table: ColumnTable, position: int, values: Floats, what: str, possible: tuple[float, float]
-) -> None:
-    least, most = possible
-    wrong = np.flatnonzero(values <= 0)
-    if wrong.size:
-        raise table.file.error(
-            f"{what} is {values[wrong[0]]:g} and must be above zero; give |H| or both its parts"
-            " (modes are told by a column mode), or remove the row",
-            int(table.lines[wrong[0]]),
-            table.title(position),
-        )
-    odd = np.flatnonzero((values < least) | (values > most))
-    if odd.size:
-        raise table.file.error(
-            f"{what} is {values[odd[0]]:g}, and no measurement has one beyond {least:g} to"
-            f" {most:g}; correct or remove the row",
-            int(table.lines[odd[0]]),
-            table.title(position),
-        )
 
 
 def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> ColumnTable:

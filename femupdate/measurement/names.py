@@ -193,10 +193,18 @@ def floors_of(texts: Sequence[str]) -> tuple[str | None, ...]:
     beside = any(re.search(r"free|pit", text, re.IGNORECASE) for text in grounds)
     based = 0 in below or (1 in below and not beside)
     shift = 1 if based and 1 in numbers and not others else 0
-    floors = [
-        _floor(text, None if number is None else number + (shift if number else 0))
-        for text, number in zip(texts, numbers, strict=True)
-    ]
+    floors: list[str | None] = []
+    for text, number in zip(texts, numbers, strict=True):
+        channel = parse_channel(text)
+        if channel is not None:
+            floors.append(channel.floor)
+        elif _ROOF.search(text.replace("_", " ")):
+            floors.append("RF")
+        elif number is not None:
+            above = number + (shift if number else 0)
+            floors.append(f"{above}F" if above > 1 else BASE)
+        else:
+            floors.append(BASE if base_rank(text) < 2 else None)
     counted = sorted({number for number in numbers if number})
     whole = shift and counted == list(range(1, len(counted) + 1)) and len(counted) > 1
     short = all(len(text) <= 12 for text in texts)  # of a station each sensor's place is told
@@ -211,17 +219,6 @@ def base_rank(text: str) -> int:
     if number in (0, 1) or (number is None and _BELOW.search(words)):
         return 0
     return 1 if number is None and _BESIDE.search(words) else 2
-
-
-def _floor(text: str, number: int | None) -> str | None:
-    channel = parse_channel(text)
-    if channel is not None:
-        return channel.floor
-    if _ROOF.search(text.replace("_", " ")):
-        return "RF"
-    if number is not None:
-        return f"{number}F" if number > 1 else BASE
-    return BASE if base_rank(text) < 2 else None
 
 
 def _number(text: str) -> int | None:

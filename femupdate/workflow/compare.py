@@ -20,8 +20,6 @@ from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import Column, Table
 from femupdate.workflow.calibration_report import kept_summary
 
-_ALIKE = 0.5  # probability from which all changed alike
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -74,7 +72,7 @@ class CompareReport(Result):
     @property
     def named(self) -> tuple[str, ...]:
         """Names of the factors that changed, by the verdict; none where all changed alike."""
-        if self.verdict != "changed" or self.changes.alike > _ALIKE:
+        if self.verdict != "changed" or self.changes.alike > 0.5:
             return ()
         pairs = zip(self.names, self.changes.probability, strict=True)
         return tuple(name for name, probability in pairs if probability >= NAMED)
@@ -100,7 +98,7 @@ class CompareReport(Result):
                 f"is {_share(found.none)}. Most likely to have changed is {self.titles[likeliest]} "
                 f"({_share(found.probability[likeliest])}). {seen} be seen."
             )
-        if found.alike > _ALIKE:
+        if found.alike > 0.5:
             return (
                 f"All stiffnesses changed alike, by {_change(found.size[0], found.size_sd[0])}, "
                 f"with a probability of {_share(found.alike)}. Look for a common reason first: "
@@ -243,18 +241,7 @@ def compare_states(before: State, after: State) -> CompareReport:
             f"{before.name} and {after.name} come from the same measurement; compare posteriors of "
             "two measurements"
         )
-    return CompareReport(
-        before=before,
-        after=after,
-        names=first.names,
-        changes=changes(np.log(first.samples), np.log(second.samples)),
-        notes=_notes(before, after),
-    )
-
-
-def _notes(before: State, after: State) -> tuple[str, ...]:
-    """What bears on a comparison of two posteriors."""
-    states, notes = (before, after), []
+    notes = []
     ways = [state.posterior.drawn.likelihood for state in states]
     if ways[0] != ways[1]:
         notes.append(
@@ -267,8 +254,7 @@ def _notes(before: State, after: State) -> tuple[str, ...]:
             "The two building files differ: each factor is relative to its own file, so a "
             "difference between the files shows as a change."
         )
-    floors = [set(state.posterior.observation.floors) for state in states]
-    if floors[0] != floors[1]:
+    if set(seen.floors) != set(other.floors):
         notes.append("The floors measured differ, which can move factors where the model errs.")
     worst = max(state.summary.get("misfit") or 0.0 for state in states)
     if worst > 1.5:
@@ -276,7 +262,13 @@ def _notes(before: State, after: State) -> tuple[str, ...]:
             f"The model misses the data by {worst**0.5:.2g} times their noise: the probabilities "
             "are surer than they should be. `femupdate diagnose` looks for what is missing."
         )
-    return tuple(notes)
+    return CompareReport(
+        before=before,
+        after=after,
+        names=first.names,
+        changes=changes(np.log(first.samples), np.log(second.samples)),
+        notes=tuple(notes),
+    )
 
 
 def _share(value: float) -> str:

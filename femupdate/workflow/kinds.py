@@ -223,7 +223,18 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
     for path in source.paths:
         read = source.read(path, direction, building.observation.noise_sd)
         if isinstance(read, IdentifiedModes):
-            modes.append(_chosen(building, source, path, read))
+            require_floors_of_building(read.source, read.floors, building.floors)
+            if source.sensors:
+                read = read.of_floors([name for name in read.floors if name in source.sensors])
+            if source.band_hz is not None:
+                low, high = source.band_hz
+                inside = np.flatnonzero((read.frequency_hz >= low) & (read.frequency_hz <= high))
+                if not inside.size:
+                    raise MeasurementError(
+                        f"{path}: no mode lies between {low:g} and {high:g} Hz; widen --band"
+                    )
+                read = read.some(inside.tolist())
+            modes.append(read)
             continue
         found = (read,) if isinstance(read, Histories) else read
         if found[0].excitation.force:
@@ -304,24 +315,6 @@ def _forced(
         seen = in_band(given, building.floors, band)
     wanted = [name for name in seen.floors if name in (source.sensors or seen.floors)]
     return [select_floors(seen, wanted)] if wanted else []
-
-
-def _chosen(
-    building: Building, source: ObservationSource, path: Path, modes: IdentifiedModes
-) -> IdentifiedModes:
-    """Modes on the floors and in the band that are asked for."""
-    require_floors_of_building(modes.source, modes.floors, building.floors)
-    if source.sensors:
-        modes = modes.of_floors([name for name in modes.floors if name in source.sensors])
-    if source.band_hz is not None:
-        low, high = source.band_hz
-        inside = np.flatnonzero((modes.frequency_hz >= low) & (modes.frequency_hz <= high))
-        if not inside.size:
-            raise MeasurementError(
-                f"{path}: no mode lies between {low:g} and {high:g} Hz; widen --band"
-            )
-        modes = modes.some(inside.tolist())
-    return modes
 
 
 def no_base_motion(

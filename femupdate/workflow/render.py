@@ -12,7 +12,6 @@ from femupdate.building.document import Building
 from femupdate.building.mesh import mesh_building
 from femupdate.dynamics.tracking import mean_shape, node_displacements
 from femupdate.errors import StudyError
-from femupdate.inference.posterior import Posterior
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.write import write_modes_uff
 from femupdate.progress import SILENT, Progress
@@ -87,7 +86,18 @@ def render_study(
         table = mode_table(tracked, pictures * (len(tracked) // len(pictures)))
         path = study.result("tables", "shapes.uff")
         levels, along = levels_with_base(model.building)[1:], direction_of(model.building)
-        file = write_modes_uff(path, _recorded(model, posterior, tracked), levels.tolist(), along)
+        zeta = posterior.zeta_samples
+        recorded = [
+            RecordedMode(
+                name=mode.label,
+                frequency_hz=mode.tracked.frequency_mean,
+                damping=None if zeta is None else float(zeta.mean()),
+                sensors=model.reduced.floors,
+                shape=mode.at_floors(model).mean(axis=0),
+            )
+            for mode in tracked
+        ]
+        file = write_modes_uff(path, recorded, levels.tolist(), along)
         shapes = shape_table(model, posterior, tracked)
         told = [table, shapes, Notes((table.note,)), Note(f"  {file}", {"uff": file})]
     told += [Note(f"  {path}") for path in pictures]
@@ -97,23 +107,6 @@ def render_study(
         )
     told.append(Note("\n".join(f"  {path}" for path in at_one), {"at_factors_1": tuple(at_one)}))
     return Told(told)
-
-
-def _recorded(
-    model: StudyModel, posterior: Posterior, modes: Sequence[StudyMode]
-) -> list[RecordedMode]:
-    """Modes at the floors, for other programs."""
-    zeta = posterior.zeta_samples
-    return [
-        RecordedMode(
-            name=mode.label,
-            frequency_hz=mode.tracked.frequency_mean,
-            damping=None if zeta is None else float(zeta.mean()),
-            sensors=model.reduced.floors,
-            shape=mode.at_floors(model).mean(axis=0),
-        )
-        for mode in modes
-    ]
 
 
 def mode_pictures(
@@ -127,12 +120,15 @@ def mode_pictures(
     several = any(len(mode.tracked.frequency_hz) > 1 for mode in modes)
     if modes and model.reduced.node_shapes is None:
         shapes = [mode.at_floors(model) for mode in modes]
+        # The base stands still.
+        mean = np.array([[0.0, *shape.mean(axis=0)] for shape in shapes])
+        sd = np.array([[0.0, *shape.std(axis=0)] for shape in shapes])
         draw = partial(
             stick_mode_shapes,
             levels_with_base(model.building),
-            _with_base([shape.mean(axis=0) for shape in shapes]),
+            mean,
             [_heading(mode) for mode in modes],
-            shapes_sd=_with_base([shape.std(axis=0) for shape in shapes]) if several else None,
+            shapes_sd=sd if several else None,
             floors=("base", *model.reduced.floors),
             title="Mode shapes of the posterior" if several else "Mode shapes, all factors 1",
         )
@@ -140,25 +136,25 @@ def mode_pictures(
     geometry = cache(partial(_geometry, model))  # one mesh for all pictures
 
     def drawn(mode: StudyMode) -> Figure:
+        name, frequency, share = _heading(mode).split("\n")
+        title = f"{name}: {frequency}, {share}{'' if several else ', all factors 1'}"
         levels = levels_with_base(model.building)
         floors = list(zip(("base", *model.building.floors), levels, strict=True))
         mean, spread = mean_shape(node_displacements(model.reduced, mode.tracked.recognised))
         sd = spread if several else None
-        shown: dict[str, Any] = {"shape_sd": sd, "floors": floors, "title": _title(mode)}
+        shown: dict[str, Any] = {"shape_sd": sd, "floors": floors, "title": title}
         return mode_shape_figure(geometry(), mean, **shown)
 
-    return [Picture(f"{name}_{_file_label(mode)}", partial(drawn, mode)) for mode in modes]
+    # A mode without a number of its own has its frequency in tenths of 1 Hz.
+    labels = [mode.number or f"{mode.tracked.frequency_mean:.1f}_Hz" for mode in modes]
+    return [
+        Picture(f"{name}_{label}", partial(drawn, mode))
+        for label, mode in zip(labels, modes, strict=True)
+    ]
 
 
 def _geometry(model: StudyModel) -> Geometry:
     return Geometry.of_model(mesh_building(model.building).model)
-
-
-def _title(mode: StudyMode) -> str:
-    """Over a picture of one mode."""
-    name, frequency, share = _heading(mode).split("\n")
-    at_one = ", all factors 1" if len(mode.tracked.frequency_hz) == 1 else ""
-    return f"{name}: {frequency}, {share}{at_one}"
 
 
 def _heading(mode: StudyMode) -> str:
@@ -168,11 +164,6 @@ def _heading(mode: StudyMode) -> str:
     if len(tracked.frequency_hz) > 1:
         frequency = plus_minus(tracked.frequency_mean, tracked.frequency_sd)
     return f"{capital(mode.name)}\n{frequency} Hz\n{100.0 * mode.effective_mass:.1f} % of the mass"
-
-
-def _file_label(mode: StudyMode) -> str:
-    """Number of a mode in the name of its picture, or its frequency in tenths of 1 Hz."""
-    return str(mode.number or f"{mode.tracked.frequency_mean:.1f}_Hz")
 
 
 def levels_with_base(building: Building) -> Floats:

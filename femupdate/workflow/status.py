@@ -185,8 +185,23 @@ def _holding(
         state = MISSING
     elif file_hash(path) != artefact.sha256:
         state = DAMAGED
-    elif changed := _changed(study, building, artefacts, name, artefact):
-        state, reason = STALE, f"the {' and the '.join(dict.fromkeys(changed))} changed since"
+    else:
+        seen, changed = Study(study.folder, owner_of(name)), []
+        for key, value in artefact.made_from.items():
+            other = artefacts.get(seen.key(key))
+            if key != "building":
+                differs = other is not None and other.sha256 != value
+            else:
+                # The finder's basis is made from the building without its effects.
+                both = [] if building is None else [building, without_effects(building)]
+                differs = bool(both) and value not in map(mechanics_hash, both)
+            changed += [key] if differs else []
+        # Sources that are still where they were but have another content.
+        hashes = set(artefact.made_from.values())
+        there = [file for file in map(Path, (*sources, *beside.values())) if file.is_file()]
+        changed += [f"file {file.name}" for file in there if file_hash(file) not in hashes]
+        if changed:
+            state, reason = STALE, f"the {' and the '.join(dict.fromkeys(changed))} changed since"
     return Holding(
         name=name,
         file=artefact.file,
@@ -198,31 +213,6 @@ def _holding(
         sources=sources,
         again=shlex.join(words),
     )
-
-
-def _changed(
-    study: Study,
-    building: Building | None,
-    artefacts: Mapping[str, Artefact],
-    name: str,
-    artefact: Artefact,
-) -> list[str]:
-    """What an item was made from and is another now."""
-    seen, changed = Study(study.folder, owner_of(name)), []
-    for key, value in artefact.made_from.items():
-        other = artefacts.get(seen.key(key))
-        if key != "building":
-            differs = other is not None and other.sha256 != value
-        else:
-            # The finder's basis is made from the building without its effects.
-            both = [] if building is None else [building, without_effects(building)]
-            differs = bool(both) and value not in map(mechanics_hash, both)
-        changed += [key] if differs else []
-    # Sources that are still where they were but have another content.
-    hashes = set(artefact.made_from.values())
-    files = map(Path, (*sources_of(artefact), *files_beside_of(artefact).values()))
-    there = [file for file in files if file.is_file()]
-    return changed + [f"file {file.name}" for file in there if file_hash(file) not in hashes]
 
 
 def _next(
