@@ -12,9 +12,6 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-# Number of starts whose derivatives are held in memory at a time.
-_CHUNK = 16
-
 
 @dataclass(frozen=True)
 class LatentData:
@@ -124,7 +121,8 @@ class _InNormal:
         return raw
 
     def derivative(self, z: Tensor, residual: Tensor, first: int) -> Tensor:
-        parts = zip(z.split(_CHUNK), residual.split(_CHUNK), strict=True)
+        # Derivatives of 16 starts are held in memory at a time.
+        parts = zip(z.split(16), residual.split(16), strict=True)
         return torch.cat([self.misfit.derivative(*both)[:, :, first:] for both in parts])
 
 

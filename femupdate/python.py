@@ -43,17 +43,14 @@ class NotebookBars:
             self._bar.close()
 
 
-def _in_notebook() -> bool:
-    shell = sys.modules.get("IPython")
-    return shell is not None and hasattr(shell.get_ipython(), "kernel")
-
-
 def _spoken(verb: Callable[P, T]) -> Callable[P, T]:
     shows = "progress" in verb.__annotations__
 
     @functools.wraps(verb)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> T:
-        bars = NotebookBars() if shows and "progress" not in kwargs and _in_notebook() else None
+        shell = sys.modules.get("IPython")
+        in_notebook = shell is not None and hasattr(shell.get_ipython(), "kernel")
+        bars = NotebookBars() if shows and "progress" not in kwargs and in_notebook else None
         try:
             if bars is not None:
                 kwargs["progress"] = bars

@@ -91,9 +91,6 @@ def capital(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}"
 
 
-_ENDINGS = {1: "st", 2: "nd", 3: "rd"}
-
-
 def factor(unit: str, kind: str) -> float:
     """Return the SI factor of a unit.
 

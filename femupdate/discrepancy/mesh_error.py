@@ -48,8 +48,6 @@ _MEMBERS = (
 _NUMBERS = ("left", "effect", "shape", "share", "share_sd")
 # Within which modes of two meshes are one: ln f, ln of the size shown, 1 - cosine of the shapes.
 _SAME_FREQUENCY, _SAME_EFFECT, _SAME_SHAPE = 0.06, 0.4, 0.05
-_PART = 0.02  # of a step, along which responses are differentiated
-_STEP = 0.01  # of what the floors show of a mode, likewise
 _LEFT_FACTOR = 2.0  # on what the mean correction leaves where it was learned
 
 
@@ -350,7 +348,8 @@ class OpenMesh:
 
         Along tangents: a whole step bends at peaks, and data would tell it from stiffness factors.
         """
-        steps = torch.from_numpy(_PART * self.mesh.steps)
+        part = 0.02  # of a step, along which responses are differentiated
+        steps = torch.from_numpy(part * self.mesh.steps)
         steps, count = torch.cat([torch.zeros_like(steps[:1]), steps]), len(steps) + 1
         placed = (*system.placed, *self.mesh.placed)
         wide = replace(system, placed=placed, terms=(*system.terms, *terms))
@@ -361,7 +360,7 @@ class OpenMesh:
         )
         found = _predicted(data, wide, both)
         parts = zip(data, found, strict=True)
-        return [member.moved(all_[:1], all_[1:]) / _PART for member, all_ in parts]
+        return [member.moved(all_[:1], all_[1:]) / part for member, all_ in parts]
 
     def _frequencies(
         self,
@@ -393,13 +392,13 @@ class OpenMesh:
         model = system.model
         for vector in modes.vectors.T:
             shown = model.floor_shapes @ vector
-            step = _STEP * np.linalg.norm(shown)
-            shapes = model.floor_shapes + step * vector
+            part = 0.01  # of what the floors show of the mode
+            shapes = model.floor_shapes + part * np.linalg.norm(shown) * vector
             other = replace(system, model=replace(model, floor_shapes=shapes))
             moved = _moved(data, here, _predicted(data, other, values))
             share = torch.from_numpy(shown / np.linalg.norm(shown))
             alone = [
-                _LEFT_FACTOR / _STEP * kind.by_floor(changes[0])
+                _LEFT_FACTOR / part * kind.by_floor(changes[0])
                 for kind, changes in zip(data, moved, strict=True)
             ]
             alike = [

@@ -290,38 +290,34 @@ def structure_of(
         BuildingError, StructureError: the building cannot be meshed or stand.
     """
     if isinstance(building, ShearBuilding):
-        return _stick(building)
+        lumped = shear_operators(building)
+        count = len(lumped.mass)
+        heights = np.cumsum([story.height or 1.0 for story in building.stories])
+        shapes = np.column_stack([np.ones(count), heights])
+        masses = np.diag(lumped.mass)
+        position = np.column_stack([np.zeros((count, 2)), heights])
+        axis = np.zeros(count, dtype=np.int64)
+        return Structure(
+            building=building,
+            stiffness_terms=tuple(csc_matrix(term) for term in lumped.stiffness_terms),
+            stiffness_constant=csc_matrix((count, count)),
+            mass=csc_matrix(lumped.mass),
+            rigid_shapes=shapes,
+            rigid_force=masses[:, None] * shapes,
+            rigid_mass=shapes.T @ (masses[:, None] * shapes),
+            floor_rows=np.eye(count),
+            levels=heights,
+            position=position,
+            axis=axis,
+            points=NodeMotions(position, axis, masses, shapes, csr_matrix(np.eye(count))),
+            direction=0,
+            dashpots=np.zeros((0, count)),
+        )
     if halved and isinstance(building, FrameBuilding):
         mesh_size = 0.5 * building.mesh.size
     mesh = mesh_building(building, mesh_size)
     split = halved and isinstance(building, MeshBuilding) and not is_large(mesh)
     return _frame(building, split_mesh(mesh) if split else mesh, mesh_size)
-
-
-def _stick(building: ShearBuilding) -> Structure:
-    lumped = shear_operators(building)
-    count = len(lumped.mass)
-    heights = np.cumsum([story.height or 1.0 for story in building.stories])
-    shapes = np.column_stack([np.ones(count), heights])
-    masses = np.diag(lumped.mass)
-    position = np.column_stack([np.zeros((count, 2)), heights])
-    axis = np.zeros(count, dtype=np.int64)
-    return Structure(
-        building=building,
-        stiffness_terms=tuple(csc_matrix(term) for term in lumped.stiffness_terms),
-        stiffness_constant=csc_matrix((count, count)),
-        mass=csc_matrix(lumped.mass),
-        rigid_shapes=shapes,
-        rigid_force=masses[:, None] * shapes,
-        rigid_mass=shapes.T @ (masses[:, None] * shapes),
-        floor_rows=np.eye(count),
-        levels=heights,
-        position=position,
-        axis=axis,
-        points=NodeMotions(position, axis, masses, shapes, csr_matrix(np.eye(count))),
-        direction=0,
-        dashpots=np.zeros((0, count)),
-    )
 
 
 def _frame(

@@ -20,11 +20,6 @@ if TYPE_CHECKING:
 
 HANN_BANDWIDTH = 1.5
 """Equivalent noise bandwidth of the Hann window times its length (Harris 1978)."""
-# The spectra of Hann segments of length T at frequencies x / T apart are correlated by 1, 2/3, 1/6,
-# 0 at x = 0, 1, 2, 3, as base and noise both are: the errors of H1, their product over a mean
-# power, by the squares of that. A mean over many frequencies, and with it what changes slowly with
-# frequency, is known as from independent points 1 + 2 (4/9 + 1/36) = 1.94 times 1 / T apart.
-_INDEPENDENT = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
 _OF_FLOORS = ("log_frf", "noise_sd", "valid", "phase", "coherence", "scatter")
 
 
@@ -256,7 +251,12 @@ def resolved_share(frequency_hz: Floats, resolution_hz: float | None, *, estimat
     """
     if resolution_hz is None or len(frequency_hz) < 2:
         return 1.0
-    apart = resolution_hz * (_INDEPENDENT / HANN_BANDWIDTH if estimated else 1.0)
+    # The spectra of Hann segments of length T at frequencies x / T apart are correlated by 1, 2/3,
+    # 1/6, 0 at x = 0, 1, 2, 3, as base and noise both are: the errors of H1, their product over a
+    # mean power, by the squares of that. A mean over many frequencies, and with it what changes
+    # slowly with frequency, is known as from independent points that much times 1 / T apart.
+    independent = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
+    apart = resolution_hz * (independent / HANN_BANDWIDTH if estimated else 1.0)
     return min(1.0, float(np.median(np.diff(frequency_hz))) / apart)
 
 

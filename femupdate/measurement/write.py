@@ -16,11 +16,10 @@ from femupdate.measurement.text import closest, read_text
 from femupdate.storage import atomic_path, toml_content
 
 _TIME_FORMAT = "%.10g"
-DIGITS = 9  # significant ones of accelerations
 
 
 def write_observation_histories(
-    path: str | Path, histories: Histories, comments: Sequence[str] = (), digits: int = DIGITS
+    path: str | Path, histories: Histories, comments: Sequence[str] = (), digits: int = 9
 ) -> Path:
     """Write histories as an observation file in s and m/s2, and return its path.
 

@@ -26,8 +26,6 @@ from femupdate.progress import SILENT, Progress
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, direction_of
 
-_SILENT = 1e-300
-
 
 def level_between(model: StudyModel, first: ObservationSource, second: ObservationSource) -> float:
     """Doublings from the first to the second record's level, over the floors of both.
@@ -47,8 +45,9 @@ def level_between(model: StudyModel, first: ObservationSource, second: Observati
 def doublings(first: Mapping[str, float], second: Mapping[str, float]) -> float:
     """Doublings from the first to the second level (m/s2 by floor), the median over the floors."""
     common = sorted(set(first) & set(second))
-    ratio = [max(second[floor], _SILENT) / max(first[floor], _SILENT) for floor in common]
-    return float(np.log2(np.median(ratio)))
+    levels = np.array([[of[floor] for floor in common] for of in (first, second)])
+    before, after = np.maximum(levels, 1e-300)  # a floor may be silent
+    return float(np.log2(np.median(after / before)))
 
 
 def record_levels(model: StudyModel, source: ObservationSource) -> dict[str, float]:

@@ -126,15 +126,26 @@ def compare_frfs(before: str, after: str, study: Study) -> Told:
         MeasurementError: a file holds none, or they share no floor or too few frequencies.
         StudyError: there is no such posterior.
     """
-    files = {name: _measured(Path(name)) for name in (before, after) if Path(name).is_file()}
+    files: dict[str, Histories | Observation] = {}
     models = {}
+    for name, path in ((name, Path(name)) for name in (before, after)):
+        if not path.is_file():
+            continue
+        kind = kind_in(read_measured(path))
+        if isinstance(kind, IdentifiedModes):
+            raise MeasurementError(f"{path} holds modes; compare it with another file of modes")
+        files[name] = kind if isinstance(kind, Histories) else kind[0]
+        if files[name].excitation.force:
+            raise MeasurementError(
+                f"{path} holds responses to a force; FRAC compares those under base motion"
+            )
     grids = [data.frequency_hz for data in files.values() if isinstance(data, Observation)]
     for name in {before, after} - set(files):
         opened = Study(name) if Path(name).is_dir() else Study(study.folder, name)
         model = open_calibrated(opened, SILENT)
         models[name] = model, kept_posterior(opened, model.building)
         grids.append(model.frequency_hz.numpy())
-    grid = max(grids, key=len) if grids else np.arange(*_BAND, _STEP)
+    grid = max(grids, key=len) if grids else np.arange(0.3, 20.0, 0.1)
     low, high = max([g[0] for g in grids] or [0.0]), min([g[-1] for g in grids] or [np.inf])
     grid = grid[(grid >= low) & (grid <= high)]
     if grid.size < 10:
@@ -192,16 +203,3 @@ def frac(first: Complexes, second: Complexes) -> Floats:
     both = np.abs((first * second.conj()).sum(axis=1)) ** 2
     sizes = [(np.abs(h) ** 2).sum(axis=1) for h in (first, second)]
     return np.asarray(both / (sizes[0] * sizes[1]))
-
-
-def _measured(path: Path) -> Histories | Observation:
-    """What moves with the base in a file."""
-    data = kind_in(read_measured(path))
-    if isinstance(data, IdentifiedModes):
-        raise MeasurementError(f"{path} holds modes; compare it with another file of modes")
-    first = data if isinstance(data, Histories) else data[0]
-    if first.excitation.force:
-        raise MeasurementError(
-            f"{path} holds responses to a force; FRAC compares those under base motion"
-        )
-    return first

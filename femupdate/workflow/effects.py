@@ -119,7 +119,6 @@ def finder_basis(
 
 MESH_ERROR = "mesh error"
 _THETAS = 8  # sets of factors at which meshes are compared
-_INNER = 1.5  # by which the ends of the prior are left out
 
 
 def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT) -> StudyModel:
@@ -212,10 +211,8 @@ MESH_ERROR_PART = StudyPart(
 def _thetas(building: Building) -> Floats:
     """Stiffness factors (n, p), even in their logarithm over the inner part of the prior."""
     prior = theta_prior(building)
-    low, high = (
-        np.log(prior.lower.numpy() * _INNER),
-        np.log(prior.upper.numpy() / _INNER),
-    )
+    # Its ends are left out, by a factor of 1.5.
+    low, high = np.log(prior.lower.numpy() * 1.5), np.log(prior.upper.numpy() / 1.5)
     unit = even_points(_THETAS, len(low), 4)
     return np.asarray(np.exp(low + (high - low) * unit))
 

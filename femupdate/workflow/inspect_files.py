@@ -117,9 +117,6 @@ def draw_inspection(file: Inspection, path: Path) -> Path:
     return save_figure(inspected(file), path)
 
 
-_LARGEST = 1e9  # of any unit, that a channel may hold
-
-
 def identify(
     path: Path,
     output: Path,
@@ -158,9 +155,9 @@ def identify(
             raise file.error(
                 f"channel {channel.name!r} is dead: all its values are the same; leave it out"
             )
-        if np.abs(channel.values).max() > _LARGEST:
+        if np.abs(channel.values).max() > 1e9:  # of any unit
             raise file.error(
-                f"channel {channel.name!r} holds values above {_LARGEST:g}; remove the spikes"
+                f"channel {channel.name!r} holds values above 1e+09; remove the spikes"
             )
     if None in units and len(units) > 1:
         raise file.error("some channels have a unit and some have none; give every one its unit")

@@ -220,6 +220,9 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
     forced: list[Observation] = []
     doubts: list[str] = []
     direction = direction_of(building)
+    grid = building.frequency_grid.frequencies_hz()
+    low, high = source.band_hz or (0.0, np.inf)
+    band = max(low, float(grid[0])), min(high, float(grid[-1]))
     for path in source.paths:
         read = source.read(path, direction, building.observation.noise_sd)
         if isinstance(read, IdentifiedModes):
@@ -227,18 +230,26 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
             if source.sensors:
                 read = read.of_floors([name for name in read.floors if name in source.sensors])
             if source.band_hz is not None:
-                low, high = source.band_hz
-                inside = np.flatnonzero((read.frequency_hz >= low) & (read.frequency_hz <= high))
-                if not inside.size:
+                within = (read.frequency_hz >= low) & (read.frequency_hz <= high)
+                if not within.any():
                     raise MeasurementError(
                         f"{path}: no mode lies between {low:g} and {high:g} Hz; widen --band"
                     )
-                read = read.some(inside.tolist())
+                read = read.some(np.flatnonzero(within).tolist())
             modes.append(read)
             continue
         found = (read,) if isinstance(read, Histories) else read
         if found[0].excitation.force:
-            forced += [seen for given in found for seen in _forced(building, source, given)]
+            for given in found:
+                # On the floors and in the band that are asked for.
+                if isinstance(given, Histories):
+                    inside = grid[(grid >= band[0]) & (grid <= band[1])]
+                    seen = observation_for(building.floors, given, inside, direction)
+                    seen = with_halves(seen, direction)
+                else:
+                    seen = in_band(given, building.floors, band)
+                wanted = [name for name in seen.floors if name in (source.sensors or seen.floors)]
+                forced += [select_floors(seen, wanted)] if wanted else []
         else:
             base.append((path, found[0]))
             if isinstance(read, Histories):
@@ -298,23 +309,6 @@ def read_both(
     first, further = (with_rest(study, model, seen, progress) for seen in (measured, other))
     level = 0.0 if abs(level) < 0.25 else level
     return replace(first, rest=first.rest or further.rest, second=further, level=level)
-
-
-def _forced(
-    building: Building, source: ObservationSource, given: Histories | Observation
-) -> list[Observation]:
-    """Responses to a force, on the floors and in the band that are asked for; none of no floor."""
-    grid = building.frequency_grid.frequencies_hz()
-    low, high = source.band_hz or (0.0, np.inf)
-    band = max(low, float(grid[0])), min(high, float(grid[-1]))
-    if isinstance(given, Histories):
-        inside, direction = grid[(grid >= band[0]) & (grid <= band[1])], direction_of(building)
-        seen = observation_for(building.floors, given, inside, direction)
-        seen = with_halves(seen, direction)
-    else:
-        seen = in_band(given, building.floors, band)
-    wanted = [name for name in seen.floors if name in (source.sensors or seen.floors)]
-    return [select_floors(seen, wanted)] if wanted else []
 
 
 def no_base_motion(
