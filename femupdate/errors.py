@@ -30,15 +30,14 @@ class FemupdateError(Exception):
     """
 
     def __init__(self, message: str = "") -> None:
+        def shortened(text: str, longest: int) -> str:
+            # Its end says what to do.
+            half = (longest - 5) // 2
+            return text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}"
+
         line = _NOT_SHOWN.sub(" ", message).strip()
-        words = " ".join(_shortened(word, 300) for word in line.split(" ") if word)
-        super().__init__(_shortened(words, 2000))
-
-
-def _shortened(text: str, longest: int) -> str:
-    """Text whose middle is left out where it is too long: its end says what to do."""
-    half = (longest - 5) // 2
-    return text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}"
+        words = " ".join(shortened(word, 300) for word in line.split(" ") if word)
+        super().__init__(shortened(words, 2000))
 
 
 def close(name: str, known: Iterable[str]) -> str:

@@ -133,22 +133,6 @@ def owner_of(key: str) -> str:
     return owner if owner and name in _OF_A_POSTERIOR else MAIN_POSTERIOR
 
 
-def _artefact(entry: Mapping[str, Any]) -> Artefact:
-    """An entry of the record; its file lies in the study's folder."""
-    artefact = Artefact(**entry)
-    path = PurePath(artefact.file)
-    if path.is_absolute() or ".." in path.parts:
-        raise ValueError(f"{artefact.file} lies outside the study")
-    if not all(isinstance(value, str) for value in artefact.made_from.values()):
-        raise ValueError(f"what {artefact.file} was made from is not told by hashes")
-    for key, can_be in _SETTINGS.items():
-        if key in artefact.settings and not can_be(artefact.settings[key]):
-            value = repr(artefact.settings[key])
-            value = value if len(value) < 80 else f"{value[:80]} ..."
-            raise ValueError(f"{key} of {artefact.file} is {value}, which no command wrote")
-    return artefact
-
-
 @contextmanager
 def as_written(path: Path) -> Iterator[None]:
     """Use of what an artefact holds.
@@ -295,7 +279,20 @@ class Study:
         try:
             content = json.loads(read_file(manifest, 10_000_000, StudyError))
             self._check_layout(content)
-            return {name: _artefact(entry) for name, entry in content["artefacts"].items()}
+            found = {name: Artefact(**entry) for name, entry in content["artefacts"].items()}
+            for artefact in found.values():
+                path = PurePath(artefact.file)
+                if path.is_absolute() or ".." in path.parts:
+                    raise ValueError(f"{artefact.file} lies outside the study")
+                if not all(isinstance(value, str) for value in artefact.made_from.values()):
+                    raise ValueError(f"what {artefact.file} was made from is not told by hashes")
+                for key, can_be in _SETTINGS.items():
+                    if key in artefact.settings and not can_be(artefact.settings[key]):
+                        value = repr(artefact.settings[key])
+                        value = value if len(value) < 80 else f"{value[:80]} ..."
+                        said = f"{key} of {artefact.file} is {value}"
+                        raise ValueError(f"{said}, which no command wrote")
+            return found
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise StudyError(
                 f"{manifest} cannot be read ({error}); move it away and run the commands again"

@@ -220,38 +220,32 @@ def posterior_modes(
     found = reduced_modes(model.reduced, theta)
     reference = ReducedModes(found.frequency_hz[[nearest]], found.vectors[[nearest]])
     origin = modes_at_one(model.reduced, theta[nearest])
-    influence = _influence(model, posterior, reference)
     chosen = _heaviest(model, reference, count)
     if wanted:
         numbers = _numbers(model, full, origin)
         chosen = [numbers.index(number) for number in wanted if number in numbers]
     named = _named(model, full, found, reference, chosen, origin)
-    if influence is None:
-        return named
-    order = np.argsort(-influence).tolist()
-    return tuple(
-        replace(mode, influence=float(influence[k]), rank=order.index(k) + 1)
-        for mode, k in zip(named, chosen, strict=True)
-    )
-
-
-def _influence(model: StudyModel, posterior: Posterior, at: ReducedModes) -> Floats | None:
-    """(r,) rms change of ln|H| over its noise at the points used, if a mode were left out."""
     seen = on_all_floors(posterior.observation, model.building.floors)
     if not seen.valid.any():
-        return None
-    vectors, natural = at.vectors[0], at.frequency_hz[0][:, None]
+        return named
+    # Rms change of ln|H| over its noise at the points used, if a mode were left out.
+    vectors, natural = reference.vectors[0], reference.frequency_hz[0][:, None]
     ratio = float(posterior.zeta.mean())
     gain = (model.reduced.floor_shapes @ vectors) * (model.reduced.excitation @ vectors)
     f = seen.frequency_hz
     terms = f**2 / (natural**2 - f**2 + 2j * ratio * natural * f)
     whole = 1.0 + gain @ terms
     used, noise = seen.valid, seen.noise_sd
-    return np.array(
+    influence = np.array(
         [
             np.sqrt(np.mean((np.log(np.abs(1.0 - part / whole)[used]) / noise[used]) ** 2))
             for part in gain.T[:, :, None] * terms[:, None, :]
         ]
+    )
+    order = np.argsort(-influence).tolist()
+    return tuple(
+        replace(mode, influence=float(influence[k]), rank=order.index(k) + 1)
+        for mode, k in zip(named, chosen, strict=True)
     )
 
 
