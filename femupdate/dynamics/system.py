@@ -256,7 +256,11 @@ class System:
         """
         sizes = self.split(parameters)[1].to(modal.omega)
         omega = 2.0 * torch.pi * frequency_hz.to(modal.omega)
-        step = batch or fast_batch(modal, len(frequency_hz))
+        # Intermediate arrays of a MB stay in a processor's cache: larger ones are up to seven times
+        # slower there. Of many modes a fourth are summed at all frequencies of a band.
+        room = 2**20 if omega.device.type == "cpu" else 2**29
+        points = min(len(omega), 128) if omega.dtype == torch.float64 else len(omega)
+        step = batch or max(1, room // (modal.omega.shape[1] * points * omega.element_size()))
         for start in range(0, len(modal), step):
             rows = slice(start, start + step)
             ratio = self.ratio(modal[rows].omega, zeta[rows].to(modal.omega), sizes[rows])
@@ -550,18 +554,6 @@ def _different(values: Tensor) -> tuple[Tensor, Tensor]:
 def parameters_of(placed: Sequence[Placed]) -> list[EffectParameter]:
     """The parameters of effects, one effect after the other."""
     return [parameter for listed in placed for parameter in listed.effect.parameters]
-
-
-def fast_batch(modal: ModalData, points: int) -> int:
-    """Samples at a time whose intermediate arrays stay in the processor's cache.
-
-    Larger batches are up to seven times slower on a CPU; a GPU wants larger ones.
-    """
-    # Bytes of one intermediate array (samples x modes x frequencies). Of many modes a fourth are
-    # summed at all frequencies of a band: 9 of 100 modes at a time take .4 of the time of one.
-    room = 2**20 if modal.omega.device.type == "cpu" else 2**29
-    together = min(points, 128) if modal.omega.dtype == torch.float64 else points
-    return max(1, room // (modal.omega.shape[1] * together * modal.omega.element_size()))
 
 
 def _on_flexible_base(
