@@ -18,6 +18,8 @@ from contextvars import ContextVar
 from functools import cache, lru_cache
 from typing import Any, TypeVar
 
+from threadpoolctl import ThreadpoolController, threadpool_limits
+
 from femupdate import __version__
 from femupdate.errors import WorkersError
 from femupdate.progress import SILENT, Progress
@@ -38,6 +40,8 @@ _CONFIGURATION = {
     "distributed.admin.large-graph-warning-threshold": "100 GiB",
 }
 _NOISY = ("distributed", "tornado", "asyncio")
+# What sets the threads of numerical libraries; to find these takes ten milliseconds.
+_libraries = cache(ThreadpoolController)
 A = TypeVar("A")
 T = TypeVar("T")
 
@@ -120,14 +124,6 @@ def _submitted(
     finally:
         for future in places:
             future.cancel()
-
-
-@cache
-def _libraries() -> Any:
-    """What sets the threads of numerical libraries; to find these takes ten milliseconds."""
-    from threadpoolctl import ThreadpoolController
-
-    return ThreadpoolController()
 
 
 def _by_threads(task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[tuple[int, T]]:
@@ -279,7 +275,6 @@ def _done(version: str, task: bytes, argument: bytes) -> Any:
     import torch
     from distributed import get_worker
     from distributed.protocol.pickle import loads
-    from threadpoolctl import threadpool_limits
 
     if version != __version__:
         raise _another(version, get_worker().address, __version__)
