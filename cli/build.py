@@ -16,6 +16,7 @@ from .common import (
     device_option,
     flag,
     option,
+    overwrite_option,
     study_options,
 )
 from .group import GroupedCommand
@@ -25,7 +26,7 @@ from .parameters import BUILDING_NAME
 @click.command("build-model", cls=GroupedCommand)
 @click.argument("building", type=BUILDING_NAME, required=False)
 @option(
-    "--units",
+    "--units --unit",
     "Units of another program's model, such as N,mm, where it does not tell them.",
     metavar="FORCE,LENGTH",
 )
@@ -45,6 +46,7 @@ from .parameters import BUILDING_NAME
     click.Choice(["ASDShellQ4", "ShellMITC4", "ShellDKGQ"]),
     "ASDShellQ4",
 )
+@overwrite_option
 @study_options(shares=True)
 def build_model(
     building: str | None,
@@ -52,6 +54,7 @@ def build_model(
     draft: Path | None,
     export: str | None,
     shell: Any,
+    overwrite: bool,
     study: Study,
     seed: int,
     bars: Bars,
@@ -74,7 +77,7 @@ def build_model(
     if draft is not None:
         if building is None:
             raise click.UsageError("--draft needs another program's model: name its file")
-        check_free(draft, overwrite=False)
+        check_free(draft, overwrite)
         building = str(write_draft(building, units, draft))
     report = build_study(study, building, bars, units)
     files = [] if draft is None else [draft]

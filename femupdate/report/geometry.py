@@ -69,6 +69,21 @@ class Geometry:
         return self.nodes[used]
 
 
+def at_levels(floors: Sequence[tuple[str, float]], size: float) -> list[tuple[str, float]]:
+    """Names and heights, m, of floors, those together that are nearer than a letter is high.
+
+    Args:
+        size: of the building, m.
+    """
+    levels: list[tuple[str, float]] = []
+    for name, height in sorted(floors, key=lambda floor: floor[1]):
+        if levels and height - levels[-1][1] < 0.035 * size:
+            levels[-1] = (f"{levels[-1][0]}, {name}", levels[-1][1])
+        else:
+            levels.append((name, height))
+    return levels
+
+
 @dataclass(frozen=True)
 class Landmarks:
     """What says where things are: names at places (k, 3), and axes (3, 2, 3) from end to tip."""
@@ -87,7 +102,7 @@ class Landmarks:
             moved: how far the building moves as it is drawn, m, clear of the names.
         """
         low, high = geometry.nodes.min(axis=0), geometry.nodes.max(axis=0)
-        gap = 0.05 * geometry.size
+        floors, gap = at_levels(floors, geometry.size), 0.05 * geometry.size
         left, back = low[0] - gap - moved, high[1] + gap + moved
         beside = [[left, back, low[2] + height] for _, height in floors]
         corner = np.array([high[0] + 3.5 * gap, low[1] - gap, low[2]])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
-from femupdate.report.geometry import Geometry, outline
+from femupdate.report.geometry import Geometry, at_levels, outline
 from femupdate.report.glyphs import Glyphs
 from femupdate.report.style import MAGNITUDE_MAP, SPREAD_MAP
 
@@ -124,7 +124,7 @@ def scene_content(
         ],
         "labels": [
             {"text": name, "places": [[*corner, float(height)] for corner in plan]}
-            for name, height in floors
+            for name, height in at_levels(floors, geometry.size)
         ],
         # Red, green and blue, 0 to 255, at even steps of every colour map.
         "maps": {

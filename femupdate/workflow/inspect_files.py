@@ -33,26 +33,26 @@ class InspectedFiles(Result):
     Attributes:
         files: those that could be read.
         refused: a sentence on each of the others.
-        models: what is in other programs' models among them.
+        models: other programs' models among them, what is in each, and the next command.
     """
 
     files: tuple[Inspection, ...]
     refused: tuple[str, ...] = ()
-    models: tuple[tuple[Path, tuple[str, ...]], ...] = ()
+    models: tuple[tuple[Path, tuple[str, ...], str], ...] = ()
 
     def items(self) -> Iterator[Item]:
         """Every file in words, then the command to run next on it."""
         files = [file.as_dict() for file in self.files]
         models = [
-            {"path": path, "program": program_of(path), "notes": notes}
-            for path, notes in self.models
+            {"path": path, "program": program_of(path), "notes": notes, "next": command}
+            for path, notes, command in self.models
         ]
         more = {"decks": models} if models else {}
         yield Note(content={"files": files, "refused": self.refused} | more)
-        for path, notes in self.models:
+        for path, notes, command in self.models:
             yield Note(f"{path}: a model of {program_of(path)}")
             yield Notes(notes)
-            yield Note(f"Next: femupdate build-model {path}")
+            yield Note(f"Next: {command}")
         head = ("channel", "direction", "quantity", "rate", "samples", "length", "peak")
         for file in self.files:
             yield Note(f"{file.path}: {file.summary}")
@@ -93,7 +93,9 @@ def inspect_files(
     for path in paths:
         try:
             if program_of(path):
-                models.append((path, model_words(path, unit)))
+                units = f" --units {unit}" if unit else ""
+                command = f"femupdate build-model {path}{units} --draft {path.stem}.toml"
+                models.append((path, model_words(path, unit), command))
             else:
                 files.append(inspect_file(path, unit, columns))
         except (BuildingError, MeasurementError) as error:

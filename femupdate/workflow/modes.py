@@ -266,11 +266,19 @@ def _named(
     origin: np.ndarray,
 ) -> tuple[StudyMode, ...]:
     numbers, moved = _numbers(model, full, origin), model.reduced.excitation
+    # Shares of the whole mass, as in the table of all modes: supports have some of it.
+    at_one = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters))).vectors[0]
+    mass = (moved @ at_one) ** 2
+    heaviest = int(mass.argmax())
+    (number,) = full.numbers_of(model.reduced, at_one[:, [heaviest]])
+    axis = "xy".index(direction_of(model.building))
+    share = 0.0 if number is None else full.effective_mass[number - 1, axis]
+    whole = mass[heaviest] / share if share > 0.0 else moved @ moved
     return tuple(
         StudyMode(
             number=numbers[k],
             direction=full.direction_of(numbers[k]),
-            effective_mass=float(((tracked.recognised @ moved) ** 2).mean() / (moved @ moved)),
+            effective_mass=float(((tracked.recognised @ moved) ** 2).mean() / whole),
             tracked=tracked,
         )
         for k in chosen

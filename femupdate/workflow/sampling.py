@@ -219,6 +219,7 @@ def sample_exact(
     enough. Many parameters take Hamiltonian moves.
     """
     first, second = spawn(seed, 2)
+    show.start("Looking for the maxima of the likelihood", 1)
     target = _target(study, model, measured, settings, first, fitted)
     many = model.parameters.size > FEW
     sampled = None

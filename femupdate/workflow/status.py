@@ -1,5 +1,6 @@
 """status: what a study holds, what is stale, and what to do next. Reads only, and fast."""
 
+import json
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -230,12 +231,18 @@ def _next(
         files = shlex.join(sources_of(artefacts[shown.key("posterior")]))
         reason = "The posterior is to be used with care; this looks for what is missing."
         return ((_typed(study, f"diagnose {files}"), reason),)
+    diagnosis, repaired = artefacts.get("diagnosis"), study.path(REPAIRED)
+    if diagnosis is not None and repaired not in studies:
+        told = json.loads(study.path(diagnosis.file).read_text(encoding="utf-8"))
+        if told.get("verdict") in ("named", "partly"):
+            files = shlex.join(sources_of(diagnosis))
+            reason = "The diagnosis names what is missing; this adds it to the model."
+            return ((_typed(study, f"repair {files}"), reason),)
     if shown.key("prediction") not in artefacts:
         reason = "Nothing is predicted yet; RECORD is a ground motion."
         return ((_typed(study, f"predict --record RECORD{option}"), reason),)
     reason = "Everything is current; this writes the page to hand on."
     report = (_typed(study, f"report{option}"), reason)
-    repaired = study.path(REPAIRED)
     if repaired not in studies:
         return (report,)
     command = typed("report", repaired / BUILDING_FILE)
