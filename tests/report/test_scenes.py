@@ -9,7 +9,7 @@ import pytest
 
 from femupdate.report import Geometry
 from femupdate.report.drawing import probe, rendering
-from femupdate.report.geometry import outline
+from femupdate.report.geometry import at_levels, outline
 from femupdate.report.scenes import mode_shape_figure
 
 
@@ -131,3 +131,8 @@ def test_rendering_writes_nothing_to_the_terminal():
         env={**os.environ, "DISPLAY": ""},
     )
     assert done.stdout + done.stderr == b""
+
+
+def test_floors_that_would_be_written_over_each_other_share_a_name():
+    floors = [("base", 0.0), ("2F", 4.0), ("3F", 7.0), ("4F", 4.0), ("RF", 7.3)]
+    assert at_levels(floors, 18.0) == [("base", 0.0), ("2F, 4F", 4.0), ("3F, RF", 7.0)]

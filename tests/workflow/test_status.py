@@ -99,6 +99,14 @@ def test_interrupted_work_and_inner_studies_are_named(look):
     assert report.studies == (study.path("repaired"),)
 
 
+def test_a_named_effect_asks_for_a_repair(look):
+    study, _ = look
+    for verdict, command in {"named": "repair 'run 1.csv'", "none": "predict"}.items():
+        write_text(study.path("diagnosis.json"), f'{{"verdict": "{verdict}"}}')
+        study.record("diagnosis", "diagnosis.json", "diagnose", {}, {"file": "run 1.csv"})
+        assert study_status(study).next[0][0].startswith(f"femupdate {command}")
+
+
 def test_without_a_posterior_the_way_to_one_is_shown(tmp_path, tower_file):
     from femupdate.workflow import open_study
 
