@@ -63,14 +63,13 @@ def driven_shapes(
     # The observed rows start shapes as well: the error of a response is the product of both errors.
     fresh = factorization.apply(np.column_stack([forces, rows.T]))
     room = most + fresh.shape[1]
-    basis, image = (np.empty((len(forces), room), order="F") for _ in range(2))
+    basis = np.empty((len(forces), room), order="F")
     small = np.zeros((room, room))  # the stiffness on the basis
     last: list[Floats] | None = None
     count, looked = 0, 0
     while count < most:
-        block, moved = orthonormal(fresh, basis[:, :count], mass, image[:, :count])
+        block, moved = orthonormal(fresh, basis[:, :count], mass)
         basis[:, count : count + block.shape[1]] = block
-        image[:, count : count + block.shape[1]] = moved
         count += block.shape[1]
         exhausted = block.shape[1] == 0
         # The response is checked every sixteen shapes.
@@ -105,32 +104,21 @@ def driven_shapes(
     raise StructureError(f"{most} shapes do not give the response up to {top_hz:g} Hz; lower that")
 
 
-def orthonormal(
-    fresh: Floats, basis: Floats, mass: csc_matrix, image: Floats | None = None
-) -> tuple[Floats, Floats]:
-    """Vectors (n, c) orthonormal in the mass to each other and to a basis, and mass times them.
-
-    Args:
-        image: mass times the basis, where it is known, which spares further products.
-    """
+def orthonormal(fresh: Floats, basis: Floats, mass: csc_matrix) -> tuple[Floats, Floats]:
+    """Vectors (n, c) orthonormal in the mass to each other and to a basis, and mass times them."""
     moved = symmetric_times(mass, fresh)
     before = np.einsum("ij,ij->j", fresh, moved)
     scale = 1.0 / np.sqrt(np.where(before > 0.0, before, 1.0))
     fresh, moved = fresh * scale, moved * scale
     # K^-1 M is symmetric in the mass: but for rounding, it leads from a block to that before it, to
     # itself and on. What rounding has brought along the others goes in the second pass.
-    near = slice(-2 * fresh.shape[1], None)
-    for part in (near, slice(None)):
-        known = basis[:, part]
+    for known in (basis[:, -2 * fresh.shape[1] :], basis):
         askew = along(known, moved)
         fresh = fresh - combined(known, askew)
         # Without so little along others, unit vectors are as long as before to the last digit.
-        if part is not near and np.abs(askew).max(initial=0.0) < 1e-9:
+        if known is basis and np.abs(askew).max(initial=0.0) < 1e-9:
             break
-        if image is None:
-            moved = symmetric_times(mass, fresh)
-        else:
-            moved = moved - combined(image[:, part], askew)
+        moved = symmetric_times(mass, fresh)
         energy, directions = np.linalg.eigh(fresh.T @ moved)
         # A direction with a smaller share of a block's energy adds nothing new.
         kept = energy > 1e-12

@@ -67,6 +67,7 @@ class FrfData:
         log_frf: (f, k) observed; zero where not valid.
         phase: (f, k) observed, rad, or None.
         sd: (f, k) of ln|H| and phase; infinite where not valid.
+        leaking: (f, k) the same with what leaks; None where it is not known.
         rest: static displacement under a force that the reduced model lacks; None of a stick.
         halves: the data in two parts that err independently; none where they cannot be parted.
         table: what the model may err by.
@@ -86,6 +87,7 @@ class FrfData:
     halves: "tuple[FrfData, ...]" = ()
     table: ErrorTable = MODEL_ERROR
     logs: Responses | None = None
+    leaking: Tensor | None = None
 
     @property
     def at_once(self) -> int:
@@ -177,7 +179,31 @@ class FrfData:
             table=self.table if several or not self.table.sizes else NOISE_ALONE,
             parts=self._parts,
             cancelled=self._cancelled,
+            leaking=self._leaking,
+            shared=self._shared,
         )
+
+    @property
+    def _shared(self) -> Tensor | None:
+        """(f, k) share of the noise (sd) that all floors have from that of the excitation.
+
+        None where it is not known, and of one floor.
+        """
+        parts = [
+            self.sd.new_zeros(block.points)
+            if block.estimator is None or not block.estimator.shared.size
+            else torch.from_numpy(block.estimator.shared)
+            for block in self.blocks
+        ]
+        shared = torch.cat(parts) / self.sd
+        return shared.clamp_max(0.99) if len(self.rows) > 1 and shared.any() else None
+
+    @property
+    def _leaking(self) -> Tensor | None:
+        """(f, k) noise with what leaks over that without, one or above; None of tables."""
+        if self.leaking is None:
+            return None
+        return torch.where(self.valid, self.leaking / self.sd, 1.0).clamp_min(1.0)
 
     @property
     def _cancelled(self) -> Tensor | None:
@@ -466,6 +492,7 @@ def frf_data(
     valid = torch.from_numpy(observation.valid)
     noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
     turn, phase = observation.rotation, observation.phase if use_phase else None
+    leaking = observation.leaking_sd
     block = Block(
         observation.frequency_hz.size,
         independent_share(observation),
@@ -485,6 +512,7 @@ def frf_data(
         rest=rest,
         halves=tuple(halves),
         table=table,
+        leaking=None if leaking is None else torch.from_numpy(np.nan_to_num(leaking)),
     )
 
 
@@ -585,6 +613,7 @@ def together(first: FrfData, second: FrfData) -> FrfData:
         return torch.cat(parts, dim=1)
 
     phases = first.phase is not None and second.phase is not None
+    leaks = [record.leaking is not None for record in (first, second)]
     return replace(
         first,
         frequency_hz=torch.cat([first.frequency_hz, second.frequency_hz]),
@@ -592,6 +621,7 @@ def together(first: FrfData, second: FrfData) -> FrfData:
         log_frf=joined("log_frf", 0.0),
         phase=joined("phase", 0.0) if phases else None,
         sd=joined("sd", torch.inf),
+        leaking=joined("leaking", torch.inf) if all(leaks) else None,
         blocks=(*first.blocks, *second.blocks),
         halves=tuple(together(*parts) for parts in zip(first.halves, second.halves, strict=False)),
     )

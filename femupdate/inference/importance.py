@@ -406,16 +406,18 @@ def importance_sample(
         return whole if solutions == 1 else whole.joined(first, 0.1)
 
     best = 0.0, proposal
-    for turn in range(8):
+    for turn in range(12):
+        # A thin bent ridge takes several Students, and these more draws.
+        size *= 4 if turn == 8 else 1
         tried = drawn(proposal, size)
-        best = max(best, (tried.effective, proposal), key=lambda judged: judged[0])
+        best = max(best, (tried.effective / size, proposal), key=lambda judged: judged[0])
         proposal = refitted(tried, turn)
         if tried.effective > 0.5 * size:
             break
     else:
         proposal = best[1]
     found = drawn(proposal, count)
-    if found.effective < 0.5 * count and best[0] > 0.3 * size:
+    if found.effective < 0.5 * count and best[0] > 0.3:
         # The fit to few draws was worse than what it came from.
         found = drawn(refitted(found, 0), count)
     return replace(found, points=prior.from_normal(found.points))

@@ -251,6 +251,11 @@ class LearnedError:
             that many; by default every point counts whole.
         cancelled: (f, k) by how much more than the noise a point errs at random where the model
             errs, one or above; by default nowhere.
+        leaking: (f, k) by how much more than the noise a point errs with what leaks, one or above.
+            A model that errs, as by errors known beforehand, errs in that as well.
+        shared: (f, k) share of the noise's standard deviation that all floors have in common at a
+            frequency, as that of the base's sensor; by default nothing. Rows with an error count
+            it whole at every floor, which is never too sure.
 
     Attributes:
         levels: rows of the table that are summed over.
@@ -266,6 +271,8 @@ class LearnedError:
         parts: int = 1,
         wild: float = math.inf,
         cancelled: Tensor | None = None,
+        leaking: Tensor | None = None,
+        shared: Tensor | None = None,
     ) -> None:
         seen = frequency_hz[(weight > 0).any(0)]
         self._table = table
@@ -275,15 +282,27 @@ class LearnedError:
         self._points = float(parts * (weight > 0).sum()) if points is None else points
         self._weight, self._wild = weight.flatten().repeat(parts), wild
         # (e, p f k): of residuals by rows without an error, then by those with one if that differs.
-        scale = torch.ones_like(weight)[None]
-        if cancelled is not None:
-            scale = torch.cat([scale, 1.0 / cancelled[None]])
+        scale, determinant, self._together = torch.ones_like(weight)[None], 0.0, None
+        wider = torch.ones_like(weight) if leaking is None else leaking
+        if leaking is not None and known is not None:
+            scale, shared = 1.0 / leaking[None], None
+        if shared is not None:
+            wider = torch.maximum(wider, (1.0 - shared**2 + shared * shared.sum(0)).sqrt())
+            column = shared.T[:, :, None]
+            covariance = torch.diag_embed(1.0 - shared.T**2) + column @ column.mT
+            values, vectors = torch.linalg.eigh(covariance)
+            self._together = (vectors / values[:, None].sqrt()) @ vectors.mT  # (k, f, f)
+            determinant = float(values.log().sum())
+        if cancelled is not None or leaking is not None or shared is not None:
+            wider = wider if cancelled is None else wider * cancelled
+            scale = torch.cat([scale, 1.0 / wider[None]])
         self._scale = scale.flatten(1).repeat(1, parts)
         # (e, f, k, j): what the harmonics of a floor do to its residuals.
         root = scale * weight.sqrt()
         self._wide = root[..., None] * self.harmonics.at(frequency_hz)
         share = self._points / max(parts * float((weight > 0).sum()), 1.0)
         self._narrower = share * (self._scale.log() * (self._weight > 0)).sum(1)
+        self._narrower[0] -= 0.5 * share * parts * determinant
         if known is None:
             known = weight.new_zeros(0, parts * weight.numel())
         else:
@@ -291,7 +310,7 @@ class LearnedError:
             # half are.
             variance, directions = torch.linalg.eigh(known @ known.T)
             known = directions[:, variance > table.lost].T @ known
-        self._known = self._scale[:, None] * known
+        self._known = torch.stack([self._apart(known, errs) for errs in range(len(self._scale))])
         self._normal = self._wide.mT @ self._wide
         self._across = torch.stack(
             [self._beside(beside, k) for k, beside in enumerate(self._known)]
@@ -396,13 +415,21 @@ class LearnedError:
         level = self.levels[row]
         return int(len(self._scale) > 1 and level.common + level.own > 0.0)
 
+    def _apart(self, residuals: Tensor, errs: int) -> Tensor:
+        """Residuals (..., p f k) in units in which the noise of floors is independent."""
+        scaled = residuals.to(self._wide) * self._scale[errs]
+        if errs or self._together is None:
+            return scaled
+        of_floors = scaled.unflatten(-1, (self._parts, self.floors, -1))
+        return torch.einsum("kij,...jk->...ik", self._together, of_floors).flatten(-3)
+
     def _densities(self, residuals: Tensor, rows: tuple[int, ...]) -> Tensor:
         """Log density (n, r) of residuals (n, p f k) by some rows, alike in `_errs`."""
         tamed = residuals.to(self._wide)[None]
         if math.isfinite(self._wild) and not self._calm(tamed, rows):
             tamed = torch.cat([self.tame(tamed, row) for row in rows])
         errs, factor, noise = self._errs(rows[0]), self._factor(rows), self._of(rows, "noise")
-        tamed = tamed * self._scale[errs]
+        tamed = self._apart(tamed, errs)
         first, rest = factor.forward(*self._scaled(rows, *self._along(tamed, errs)))
         explained = first.square().sum((1, 2)) + rest.square().sum(1)  # (r, n)
         squares = (tamed.square().sum(2) - explained / noise[:, None] ** 2) / noise[:, None] ** 2
@@ -448,9 +475,9 @@ class LearnedError:
         errs = self._errs(row)
         if level.common == level.own == 0.0 and not self.knows:
             none = residuals.new_zeros(len(residuals), self._coefficients, dtype=torch.float64)
-            return torch.cat([residuals.to(self._wide) / level.noise, none], dim=1)
+            return torch.cat([self._apart(residuals, errs) / level.noise, none], dim=1)
         alone, shared = self._standard(residuals, row)
-        left = residuals.to(self._wide) * self._scale[errs]
+        left = self._apart(residuals, errs)
         left = left - self._along_back(*self._scaled((row,), alone, shared), errs)
         return torch.cat([left / level.noise, alone[0].flatten(0, 1).T, shared[0].T], dim=1)
 
@@ -557,7 +584,7 @@ class LearnedError:
     def _standard(self, residuals: Tensor, row: int) -> tuple[Tensor, Tensor]:
         """Likeliest coefficients (1, g, j, n) and (1, s, n), whose prior is of unit variance."""
         errs = self._errs(row)
-        scaled = residuals.to(self._wide) * self._scale[errs]
+        scaled = self._apart(residuals, errs)
         alone, shared = self._scaled((row,), *self._along(scaled[None], errs))
         squared = self.levels[row].noise ** 2
         return self._factor((row,)).solve(alone / squared, shared / squared)

@@ -63,7 +63,7 @@ class EventErrors:
         share = 0.6
         if errors is not None and scatter is not None:
             observation, count = self.posterior.observation, scatter.runs
-            apart = between_runs(observation, count, observation.floors, observation.frequency_hz)
+            apart = between_runs(observation, observation.floors, observation.frequency_hz)
             size = max(errors.amplitude.size, 1e-12)
             share = max(0.0, 1.0 - float(np.square(apart).mean()) / count / size**2)
         return share, np.sqrt(1.0 - share**2)
@@ -174,7 +174,7 @@ class EventErrors:
         shape = len(floors), len(frequency)
         if scatter is None or errors is None:
             return np.zeros((2, *shape))
-        sd = between_runs(self.posterior.observation, scatter.runs, floors, frequency)
+        sd = between_runs(self.posterior.observation, floors, frequency)
         length = float(np.median(errors.amplitude.levels[..., 2]))
         return sd * _alike(shape, frequency[1] / length, rng)
 
@@ -190,23 +190,18 @@ def _alike(shape: tuple[int, ...], step: float, rng: np.random.Generator) -> Flo
     return np.asarray(lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], white, axis=-1))
 
 
-def between_runs(
-    observation: Observation, runs: int, floors: tuple[str, ...], frequency_hz: Floats
-) -> Floats:
-    """Standard deviation (f, k) of ln|H| from run to run beside the noise, of pooled runs.
-
-    Squared deviations over the variance add up to one fewer than there are runs where noise alone
-    tells them apart; the rest is the runs' own (analysis of variance, with equal weights).
-    """
-    assert observation.scatter is not None
-    beyond = np.maximum(observation.scatter / (runs - 1) - 1.0, 0.0)
-    variance = beyond * runs * np.square(np.nan_to_num(observation.noise_sd))
+def between_runs(observation: Observation, floors: tuple[str, ...], frequency_hz: Floats) -> Floats:
+    """Standard deviation (f, k) of ln|H| from run to run beside the noise, of pooled runs."""
+    assert observation.between is not None
     rows = [
         # A running mean of nothing behind something is rounded to either side of nothing.
-        np.clip(uniform_filter1d(row[valid], 9, mode="nearest"), 0.0, _MOST_APART**2) ** 0.5
+        np.clip(
+            uniform_filter1d(np.maximum(row[valid], 0.0), 9, mode="nearest"), 0.0, _MOST_APART**2
+        )
+        ** 0.5
         if valid.any()
         else None
-        for row, valid in zip(variance, observation.valid, strict=True)
+        for row, valid in zip(observation.between, observation.valid, strict=True)
     ]
     return _on_floors(observation, rows, floors, frequency_hz)
 

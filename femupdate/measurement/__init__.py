@@ -7,7 +7,7 @@ __all__, __getattr__ = public(
     {
         "ambient": "identify_modes",
         "checks": "channel_findings pair_findings",
-        "estimated": "effective_averages mean_estimator Segments",
+        "estimated": "effective_averages mean_estimator noise_of_lines Segments",
         "frf": "estimate_frf observation_for on_grid",
         "frf_table": "in_band",
         "histories": "Histories rotation_of",

@@ -11,7 +11,7 @@ which translation and rotation fix together.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -186,11 +186,14 @@ class Estimator:
             the excitation: translation of the base or a force, and rotation where it was measured.
         run_levels: of the motion in parts of the run (see `dynamics.level.levels_in_run`); none
             where it is not known.
+        shared: (k,) standard deviation of ln|H| that all floors have in common; none where it is
+            not known.
     """
 
     frequency_hz: Floats
     columns: tuple[csr_array, ...]
     run_levels: tuple[float, ...] = ()
+    shared: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def turns(self) -> bool:
@@ -209,7 +212,9 @@ class Estimator:
     def at(self, used: Flags) -> "Estimator":
         """The estimate at some frequencies (k,) of its grid."""
         rows = np.flatnonzero(used)
-        return replace(self, columns=tuple(csr_array(means[rows]) for means in self.columns))
+        columns = tuple(csr_array(means[rows]) for means in self.columns)
+        shared = self.shared[rows] if self.shared.size else self.shared
+        return replace(self, columns=columns, shared=shared)
 
     @cached_property
     def _blocks(self) -> list[list[tuple[slice, Tensor]]]:
@@ -229,8 +234,53 @@ class Estimator:
         return found
 
 
+def noise_of_lines(
+    inputs: Floats, floors: Floats, time_step: float, top_hz: float
+) -> tuple[Floats, Complexes]:
+    """Density of what does not follow the excitation, without what leaks, by no model.
+
+    About every third line of the whole record's spectrum Y D = N X + T, with polynomials D of first
+    and N and T of second degree over fifteen lines: T is what the motion at both ends of the record
+    leaks, with the poles of the response (local rational method: McKelvey and Guerin 2012, IFAC
+    Proc. 45(16), 424; Pintelon and Schoukens 2012, ch. 7).
+
+    Args:
+        inputs: (q, n) motion that drives the building.
+        floors: (f, n) of each floor.
+
+    Returns:
+        Frequencies (l,), Hz, and one-sided cross densities (f, f, l).
+    """
+    half, degree = 7 if len(inputs) == 1 else 9, 2
+    spectra = np.fft.rfft(inputs - inputs.mean(axis=1, keepdims=True))
+    fine = np.asarray(np.fft.rfftfreq(inputs.shape[1], time_step), dtype=np.float64)
+    last = min(int(top_hz / fine[1]), fine.size - 1) - half
+    middle = np.arange(half + 1, last, half // 2)
+    away = np.arange(-half, half + 1)
+    near, powers = middle[:, None] + away, (away[:, None] / half) ** np.arange(degree + 1)
+    columns = [row[near][:, :, None] * powers for row in spectra]
+    columns.append(np.broadcast_to(powers, (len(middle), *powers.shape)))
+    left = []
+    for floor in floors:
+        motion = np.fft.rfft(floor - floor.mean())[near]
+        system = np.concatenate([*columns, (motion * away)[:, :, None]], axis=2)
+        size = np.linalg.norm(system, axis=1, keepdims=True)
+        basis = np.linalg.qr(system / np.maximum(size, np.finfo(float).tiny))[0]
+        follows = np.einsum("lwp,lvp,lv->lw", basis, basis.conj(), motion, optimize=True)
+        left.append(motion - follows)
+    free = away.size - columns[0].shape[2] * len(columns) - 1
+    rest = np.reshape(left, (len(floors), *near.shape))
+    across = np.einsum("ilw,jlw->ijl", rest, rest.conj())
+    return fine[middle], 2.0 * time_step / inputs.shape[1] / free * across
+
+
 def estimator_of(
-    inputs: Floats, time_step: float, segments: Segments, grid: Floats, bins: csr_array
+    inputs: Floats,
+    time_step: float,
+    segments: Segments,
+    grid: Floats,
+    bins: csr_array,
+    noise: Floats,
 ) -> Estimator:
     """The means that Welch's estimate takes of a building at rest before the record.
 
@@ -239,6 +289,8 @@ def estimator_of(
             acceleration below.
         grid: (k,) frequencies of the estimate, evenly spaced, Hz.
         bins: (k, b) that brings estimates at the bins of the spectra to the grid.
+        noise: (b,) share of the first input's power that is noise, which the building does not
+            follow.
     """
     length, padded = segments.length, inputs.shape[1] + 2 * segments.length
     fine = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
@@ -276,9 +328,15 @@ def estimator_of(
         believed = np.abs(parts[0].sum(axis=1, keepdims=True) - of_all) < 0.2 * of_all
         size = np.abs(parts[0])
         whole = np.where(believed, parts[0], size).sum(axis=1, keepdims=True)
-        for column, part, share in zip(values, parts, shares, strict=True):
+        # The building does not follow the noise, whose own means are those of white noise.
+        means_of_noise = np.where(inside, np.square(np.abs(seen)), 0.0)
+        means_of_noise /= means_of_noise.sum(axis=1, keepdims=True)
+        noisy = noise[some, None]
+        for number, (part, share) in enumerate(zip(parts, shares, strict=True)):
             means = np.where(believed, part, size * share[some, None]) / whole
-            column.append(means.ravel())
+            if number == 0:
+                means = (means - noisy * means_of_noise) / (1.0 - noisy)
+            values[number].append(means.ravel())
         rows.append(np.repeat(some, offsets.size))
         columns.append(near.ravel())
     shape = (len(bin_hz), len(fine))
@@ -309,7 +367,11 @@ def mean_estimator(
             totals[number] = csr_array(totals[number] + diags_array(share) @ means @ onto)
     levels = [part.run_levels for part in known if part.run_levels]
     middle = tuple(float(level) for level in np.mean(levels, axis=0)) if levels else ()
-    return Estimator(dense, tuple(totals), middle)
+    shared = np.zeros(len(grid))
+    for part, share in zip(parts, shares, strict=True):
+        if part is not None and part.shared.size:
+            shared += (share * part.shared) ** 2
+    return Estimator(dense, tuple(totals), middle, np.sqrt(shared))
 
 
 def _window_spectrum(angle: Floats, total: int) -> Complexes:
@@ -329,8 +391,8 @@ def _window_spectrum(angle: Floats, total: int) -> Complexes:
 def _dense(grid: Floats, reach: float, seconds: float) -> Floats:
     """Evenly spaced frequencies over a grid and beyond, above zero."""
     step = float(np.median(np.diff(grid))) if grid.size > 1 else reach
-    # Cubics lie between three frequencies in 1 / T.
-    fine = step / max(1, int(np.ceil(3.0 * step * seconds - 1e-9)))
+    # Cubics lie between three frequencies in 1 / T and in a step, which resolves the peaks.
+    fine = step / int(np.ceil(3.0 * max(1.0, step * seconds) - 1e-9))
     below = min(int(np.ceil(reach / fine)) + 2, int(np.floor(grid[0] / fine - 1e-9)))
     below = max(below, 0)
     count = int(np.round((grid[-1] - grid[0]) / fine)) + int(np.ceil(reach / fine)) + 3

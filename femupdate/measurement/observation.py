@@ -20,7 +20,16 @@ if TYPE_CHECKING:
 
 HANN_BANDWIDTH = 1.5
 """Equivalent noise bandwidth of the Hann window times its length (Harris 1978)."""
-_OF_FLOORS = ("log_frf", "noise_sd", "valid", "phase", "coherence", "scatter")
+_OF_FLOORS = (
+    "log_frf",
+    "noise_sd",
+    "valid",
+    "phase",
+    "coherence",
+    "scatter",
+    "between",
+    "leaking_sd",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +58,10 @@ class Observation:
             is coarser than the grid; None where it is not known. See `independent_share`.
         scatter: (f, m) of several runs pooled into one (see `pooled`): sum of their squared
             deviations from what is pooled, each over the noise of its own run; None for one run.
+        between: (f, m) variance of ln|H| from run to run beside the noise, below zero where runs
+            are more alike than their noise; None for one run.
+        leaking_sd: (f, m) like `noise_sd`, with what leaks: where the model errs, it errs in that
+            as well; None where it is not known.
         estimator: what the estimate makes of an FRF; None for a table.
         rotation: (m,) complex rotation of the base that goes with its unit translation, 1/m, for
             pictures; None where none was measured. Fits go through the estimator, which has all
@@ -70,6 +83,8 @@ class Observation:
     source: str = "observation"
     notes: tuple[str, ...] = ()
     scatter: Floats | None = None
+    between: Floats | None = None
+    leaking_sd: Floats | None = None
     estimator: "Estimator | None" = None
     rotation: Complexes | None = None
     excitation: Excitation = BASE_MOTION

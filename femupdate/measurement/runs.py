@@ -80,6 +80,7 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
     total = precision.sum(axis=0)
     mean = _mean(values, precision)
     deviation = np.where(precision > 0.0, values - mean, 0.0)
+    scatter = (precision * deviation**2).sum(axis=0)
     # Share (r, m) of every run in all floors together; alike where there is nothing.
     of_run = precision.sum(axis=1)
     of_all = of_run.sum(axis=0)
@@ -102,11 +103,32 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
         coherence=_mean(coherence, precision[seen]) if seen else None,
         resolution_hz=resolution,
         source=", ".join(run.source for run in runs),
-        scatter=(precision * deviation**2).sum(axis=0),
+        scatter=scatter,
+        between=_between(precision, scatter),
+        leaking_sd=_leaking(wide, precision) if estimated else None,
         estimator=mean_estimator([run.estimator for run in runs], shares, grid),
         rotation=rotation,
         excitation=max((run.excitation for run in runs), key=lambda excitation: excitation.turns),
     )
+
+
+def _between(precision: Floats, scatter: Floats) -> Floats:
+    """Variance (f, m) from run to run (DerSimonian and Laird 1986, Control. Clin. Trials 7, 177).
+
+    The least noisy run rules the mean, and is near it whatever the others are.
+    """
+    free = np.maximum((precision > 0.0).sum(axis=0) - 1.0, 0.0)
+    total = np.maximum(precision.sum(axis=0), _TINY)
+    apart = np.maximum(total - (precision**2).sum(axis=0) / total, _TINY)
+    return np.asarray(np.where(free > 0.0, (scatter - free) / apart, 0.0))
+
+
+def _leaking(runs: Sequence[Observation], precision: Floats) -> Floats:
+    """Standard deviation (f, m) with what leaks; of a table as much as its noise."""
+    leaks = [run.noise_sd if run.leaking_sd is None else run.leaking_sd for run in runs]
+    ratio = np.stack(leaks) / np.stack([run.noise_sd for run in runs])
+    counted = np.where(precision > 0.0, precision * ratio**2, 0.0).sum(axis=0)
+    return np.asarray(np.sqrt(counted) / np.maximum(precision.sum(axis=0), _TINY))
 
 
 def _mean(values: Floats, precision: Floats) -> Floats:

@@ -13,7 +13,7 @@ __all__, __getattr__ = public(
         "diagnose": "diagnose_study",
         "effects": "kept_mesh_error open_structure open_system with_finer_mesh",
         "kinds": "measured_of",
-        "likelihoods": "CalibrationSettings",
+        "likelihoods": "CalibrationSettings settled_likelihood",
         "model": (
             "CertifiedModel choose_building DEFAULT_BUILDING open_study reduce_building REDUCED "
             "StudyModel"

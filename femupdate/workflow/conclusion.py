@@ -41,7 +41,7 @@ from femupdate.workflow.likelihoods import (
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import direction_of
 
-_ZETA_GRID, _ZETA_SAMPLES = 25, 48  # damping ratios that are looked at, at draws of theta
+_ZETA_GRID, _ZETA_SAMPLES = 16, 24  # damping ratios that are looked at, at draws of theta
 _CHECKED = 100  # draws that are held against the data
 
 
@@ -109,17 +109,26 @@ def draw_zeta(model: StudyModel, likelihood: Likelihood, theta: Floats, seed: Se
     """Damping ratios (n,) for posterior draws theta (n, p).
 
     p(zeta | theta, x) by the data-space likelihood on a grid, averaged over some draws of theta:
-    the height of the resonance peaks tells zeta almost regardless of theta.
+    the height of the resonance peaks tells zeta almost regardless of theta. A grid of whose cells
+    fewer than six count becomes one of these.
     """
     damping = model.damping
+    low, high = damping.lower, damping.upper
     rng = np.random.default_rng(seed)
     some = torch.from_numpy(theta[rng.permutation(len(theta))[:_ZETA_SAMPLES]])
-    grid = torch.linspace(damping.lower, damping.upper, _ZETA_GRID, dtype=torch.float64)
-    both = torch.cat([some.repeat_interleave(len(grid), 0), grid.repeat(len(some))[:, None]], dim=1)
-    log_density = likelihood(both).reshape(len(some), len(grid))
-    density = torch.softmax(log_density, dim=1).mean(dim=0).numpy()
+    for _ in range(6):
+        grid = torch.linspace(low, high, _ZETA_GRID, dtype=torch.float64)
+        beside = grid.repeat(len(some))[:, None]
+        both = torch.cat([some.repeat_interleave(len(grid), 0), beside], dim=1)
+        log_density = likelihood(both).reshape(len(some), len(grid))
+        density = torch.softmax(log_density, dim=1).mean(dim=0).numpy()
+        counted = np.flatnonzero(density > 1e-3 * density.max())
+        if counted[-1] - counted[0] >= 5:
+            break
+        low = float(grid[max(counted[0] - 1, 0)])
+        high = float(grid[min(counted[-1] + 1, _ZETA_GRID - 1)])
     # Within a cell of the grid zeta is uniform.
-    width = (damping.upper - damping.lower) / (_ZETA_GRID - 1)
+    width = float(grid[1] - grid[0])
     drawn = grid.numpy()[rng.choice(_ZETA_GRID, size=len(theta), p=density)]
     spread = drawn + width * (rng.random(len(theta)) - 0.5)
     return np.clip(spread, damping.lower, damping.upper)

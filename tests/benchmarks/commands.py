@@ -148,6 +148,15 @@ def calibration(job: Job, latent: bool, beside: int | None, **plan: Any) -> Repo
     return run_calibration(job, CalibrationPlan(beside=compared, **plan))
 
 
+@benchmark("records")
+@count("--records", 12, 2, "Records of every kind.")
+def records(job: Job, records: int) -> Report:
+    """Errors over stated standard deviations of a right model, by records of eleven kinds."""
+    from .records import run_records
+
+    return run_records(job, records)
+
+
 @benchmark("hidden-effects")
 @building_option("shear_4dof", "Shipped name or file.")
 @count("--clean", 100, 0, "Cases without an effect.")

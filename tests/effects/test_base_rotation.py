@@ -173,7 +173,8 @@ def test_estimates_of_both_inputs_are_those_of_the_model(stick, envelope):
         Histories(STEP, (data.channels[0], *data.channels[3:]), data.acceleration[[0, 3, 4, 5, 6]]),
         GRID,
     )
-    np.testing.assert_array_equal(without.log_frf, observation.log_frf)
+    # What follows the rotation alone is taken for noise of the base, by .2 % of |H| at most.
+    np.testing.assert_allclose(without.log_frf, observation.log_frf, atol=0.005)
     assert missed(stick, without)[0] > 0.1
 
 

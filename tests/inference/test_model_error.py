@@ -91,6 +91,37 @@ def test_where_parts_cancel_rows_with_an_error_have_more_noise(with_known):
 
 
 @pytest.mark.parametrize("with_known", [False, True])
+def test_noise_that_floors_share_ties_them_and_counts_whole_beside_an_error(with_known):
+    """Beside an error every floor has noise that is nowhere less than that which ties them."""
+    rng = np.random.default_rng(13)
+    seen = (weight() > 0).flatten().numpy()
+    shared = torch.from_numpy(rng.uniform(0.2, 0.95, SHAPE)) * (weight() > 0)
+    known = torch.from_numpy(rng.normal(0.0, 0.1, (3, *SHAPE))) if with_known else None
+    steps = None if known is None else (known * weight().sqrt()).flatten(1)
+    error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW, shared=shared)
+    plain, whitened = residuals()
+    wider = (1.0 - shared**2 + shared * shared.sum(0)).sqrt().flatten()
+    both = (shared / weight().clamp_min(1e-30).sqrt()).numpy()
+    across = np.diag(both[0] * both[1])
+    tied = np.block([[np.zeros_like(across), across], [across, np.zeros_like(across)]])
+    tied = tied[np.ix_(seen, seen)]
+    noise = 1.0 / weight().flatten().numpy()[seen]
+    more = np.diag(noise * (wider.numpy()[seen] ** 2 - 1.0)) - tied
+    assert np.linalg.eigvalsh(more).min() > -1e-9
+    stated = 0.5 * (weight().flatten()[seen].log() - np.log(2.0 * np.pi)).sum()
+    flat, found = plain.flatten(1)[:, seen].numpy(), error.log_densities(whitened)
+    for row in (0, 1, 7, len(error.levels) - 1):
+        level = error.levels[row]
+        cover, _ = covariance(error, row, known, wider)
+        if level.common + level.own == 0.0:
+            cover = cover + level.noise**2 * tied
+        expected = multivariate_normal(cov=cover).logpdf(flat) - float(stated)
+        np.testing.assert_allclose(found[:, row] - level.log_weight, expected, rtol=1e-8)
+        squares = np.einsum("ni,ij,nj->n", flat, np.linalg.inv(cover), flat)
+        np.testing.assert_allclose(error.whiten(whitened, row).square().sum(1), squares, rtol=1e-7)
+
+
+@pytest.mark.parametrize("with_known", [False, True])
 def test_densities_are_those_of_dense_normal_distributions(with_known):
     known = torch.from_numpy(np.random.default_rng(2).normal(0.0, 0.1, (3, *SHAPE)))
     known = known if with_known else None

@@ -56,7 +56,7 @@ def test_differences_of_runs_beyond_their_noise_are_told_from_it():
         )
         for _ in range(5)
     ]
-    found = between_runs(pooled(runs, ("2F", "RF")), 5, ("2F", "3F", "RF"), grid)
+    found = between_runs(pooled(runs, ("2F", "RF")), ("2F", "3F", "RF"), grid)
     # Variances of 4,000 degrees of freedom are known to 2 %; that of noise alone is cut at zero.
     assert np.sqrt((found[2] ** 2).mean()) == pytest.approx(0.1, rel=0.05)
     assert np.sqrt((found[0] ** 2).mean()) < 0.035
@@ -77,12 +77,12 @@ def test_runs_that_differ_over_a_part_of_the_band_differ_there_alone():
         )
         for sign in (-1.0, 1.0)
     ]
-    found = between_runs(pooled(runs, ("RF",)), 2, ("RF",), grid)
+    found = between_runs(pooled(runs, ("RF",)), ("RF",), grid)
     assert (found[0, :150] > 0.3).all()
     np.testing.assert_allclose(found[0, 160:], 0.0, atol=1e-6)
 
 
-def learned(runs=0, deviations=None, floors=("RF",)):
+def learned(runs=0, between=None, floors=("RF",)):
     """RF was measured and the model 20 % low there, half of it (in variance) at all floors."""
     measured = Observation(
         frequency_hz=GRID,
@@ -90,7 +90,7 @@ def learned(runs=0, deviations=None, floors=("RF",)):
         log_frf=np.zeros((len(floors), 10)),
         noise_sd=np.full((len(floors), 10), 0.1),
         valid=np.array([[floor == "RF"] * 10 for floor in floors]),
-        scatter=deviations,
+        between=between,
     )
     mean = np.full((len(floors), 10), 0.2)
     sizes = SizeDraws(np.full((1, 1, 4), 0.1) * [1.0, 1.0, 10.0, 10.0], mean)
@@ -118,8 +118,8 @@ def test_a_share_of_the_error_of_one_event_stays_in_the_next():
 
 
 def test_what_runs_agree_in_stays_whole_and_what_they_differ_in_does_not():
-    alike = learned(4, np.full((1, 10), 3.0))  # by no more than their noise
+    alike = learned(4, np.zeros((1, 10)))  # by no more than their noise
     assert gain(alike, 5.0)[1] == pytest.approx(0.2, rel=0.01)
     # Means of four runs that differ by twice the learned sd err as much as was learned.
-    apart = learned(4, np.full((1, 10), 9.0))
+    apart = learned(4, np.full((1, 10), 0.08))
     assert gain(apart, 5.0)[1] == pytest.approx(0.0, abs=1e-6)

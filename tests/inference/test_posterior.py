@@ -41,7 +41,7 @@ def observation():
         resolution_hz=0.3,
         source="shaking.csv",
         notes=("Two sensors averaged.", "ω up to 6 Hz; “as filed”."),
-        scatter=rng.random(shape),
+        between=rng.random(shape),
     )
 
 
@@ -87,7 +87,7 @@ def test_round_trip(posterior, tmp_path):
 def test_round_trip_of_the_least(posterior, observation, tmp_path):
     """Latent likelihood, fixed damping, an observation of magnitudes alone, one chain."""
     plain = replace(
-        observation, phase=None, coherence=None, resolution_hz=None, notes=(), scatter=None
+        observation, phase=None, coherence=None, resolution_hz=None, notes=(), between=None
     )
     least = replace(
         posterior,

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.measurement import Histories, estimate_frf, mean_estimator, parse_channel
+from femupdate.measurement import (
+    Histories,
+    estimate_frf,
+    mean_estimator,
+    noise_of_lines,
+    parse_channel,
+)
 
 STEP, GRID = 0.02, np.arange(1, 201) * 0.05
 
@@ -75,6 +81,78 @@ def test_an_frf_that_is_one_everywhere_stays_one():
     seen = estimate_frf(shaken(0.02), GRID).estimator
     one = torch.ones(1, 1, len(seen.frequency_hz), dtype=torch.complex128)
     np.testing.assert_allclose(seen(one)[0, 0].numpy(), 1.0, rtol=1e-9)
+
+
+# A tower in motion when the record begins, and a quake that strikes it at rest: s, noise over the
+# base's rms, damping.
+NOISY = [(120.0, 0.1, 0.02, False), (20.0, 0.02, 0.01, False), (40.0, 0.05, 0.005, True)]
+
+
+def measured_tower(seconds, noise, zeta, quake, seed):
+    """Noisy histories of three equal stories by exact responses, FRF, density of the noise.
+
+    The motion is periodic over four times the record, of which the last quarter is measured.
+    """
+    rng, count, step = np.random.default_rng(seed), int(seconds / 0.01), 0.01
+    chain = 3000.0 * (np.diag([2.0, 2.0, 1.0]) - np.eye(3, k=1) - np.eye(3, k=-1))
+    squares, shapes = np.linalg.eigh(chain)
+    part = shapes * shapes.sum(axis=0)
+
+    def frf(frequency_hz):
+        omega = 2.0 * np.pi * np.asarray(frequency_hz)
+        below = squares[:, None] - omega**2 + 2j * zeta * np.sqrt(squares)[:, None] * omega
+        return 1.0 + part @ (omega**2 / below)
+
+    base = rng.standard_normal(4 * count)
+    if quake:
+        time = step * np.arange(4 * count) - 3.0 * seconds
+        rise = np.clip((time - 0.1 * seconds) / (0.05 * seconds), 0.0, 1.0)
+        base *= rise * np.exp(-np.clip((time - 0.2 * seconds) / (0.12 * seconds), 0.0, None))
+    spectrum = np.fft.rfft(base)
+    fine = np.fft.rfftfreq(4 * count, step)
+    spectrum[(fine < 0.3) | (fine > 40.0)] = 0.0
+    motion = np.fft.irfft(np.vstack([spectrum, frf(fine) * spectrum]), 4 * count)[:, -count:]
+    sd = noise * motion[0].std()
+    channels = tuple(parse_channel(name) for name in ("base", "2F", "3F", "RF"))
+    rows = motion + sd * rng.standard_normal(motion.shape)
+    return Histories(step, channels, rows, "tower"), frf, 2.0 * step * sd**2
+
+
+@pytest.mark.parametrize("case", NOISY)
+def test_noise_is_told_from_what_leaks_without_a_model(case):
+    """Of each floor that of its sensor, and that of the base which it does not follow."""
+    histories, frf, density = measured_tower(*case, seed=1)
+    base, floors, _ = histories.means("x")
+    frequency, across = noise_of_lines(base[None], floors, histories.time_step, 20.0)
+    left = np.einsum("iil->il", across).real
+    ratio = left / (density * (1.0 + np.abs(frf(frequency)) ** 2))
+    # Some 90 to 800 windows of eight degrees of freedom, half of them apart; coherence has 2 to 400
+    # times as much beside the peaks. At a few lines a peak ends within a window.
+    assert ratio.mean() == pytest.approx(1.0, abs=0.15)
+    assert np.median(ratio) == pytest.approx(0.95, abs=0.12)
+
+
+@pytest.mark.parametrize("case", NOISY)
+def test_errors_of_estimates_are_those_stated_and_floors_share_what_the_base_has(case):
+    grid, squares, common = np.arange(6, 481) * 0.05, [], []
+    for seed in range(6):
+        histories, frf, _ = measured_tower(*case, seed=seed)
+        observation = estimate_frf(histories, grid)
+        seen = observation.estimator
+        expected = seen(torch.from_numpy(frf(seen.frequency_hz))[None])[0].numpy()
+        used = observation.valid.all(axis=0)
+        away = (observation.log_frf - np.log(np.abs(expected)))[:, used]
+        noise, shared = observation.noise_sd[:, used], seen.shared[used]
+        for miss, sd, of_all in zip(away.T, noise.T, shared, strict=True):
+            cover = np.diag(sd**2 - of_all**2) + of_all**2
+            values, vectors = np.linalg.eigh(cover)
+            white = (vectors.T @ miss) ** 2 / values
+            squares.append(white[:-1].mean())
+            common.append(white[-1])
+    # Of some 600 independent points; the least noise that is believed is more than there is at a
+    # few. Counted as independent, errors of floors would come out at .3 and at 2.
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
+    assert np.mean(common) == pytest.approx(1.0, abs=0.25)
 
 
 def test_runs_together_are_the_means_of_their_estimates():

@@ -118,12 +118,12 @@ def test_what_is_kept_names_every_file(tmp_path, tower_model, tables):
     assert kept.settings["further"] == [str(tables[1])]
     stored = load_posterior(report.path).observation
     assert stored.source == "one.csv, two.csv"
-    np.testing.assert_array_equal(stored.scatter, report.posterior.observation.scatter)
+    np.testing.assert_array_equal(stored.between, report.posterior.observation.between)
     summary = json.loads((tmp_path / "posterior_summary.json").read_text())
     assert summary["source"] == "one.csv, two.csv"
     alone = calibrate_study(study, tower_model, source_of(tables[0]), QUICK)
     assert "observation 2" not in study.artefacts()["posterior"].made_from
-    assert alone.posterior.observation.scatter is None
+    assert alone.posterior.observation.between is None
 
 
 def test_runs_that_do_not_agree_are_told_and_gone_on_with(tmp_path, tower_model, tables):
