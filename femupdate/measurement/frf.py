@@ -384,7 +384,7 @@ def _of_base(across: Complexes, valid: Flags) -> float:
     power = np.einsum("iim->im", across[..., seen]).real
     weight = 1.0 / np.maximum(power[first] * power[second], _TINY)
     common = (weight * across[first, second][:, seen].real).sum() / max(weight.sum(), _TINY)
-    # Of towers with noise of 1 to 20 %, 20 to 600 s long: .8 to 1.1 of the truth.
+    # Of towers with noise of 1 to 20 %, 20 to 600 s long: .7 to .95 of the truth.
     return max(float(common), 0.0)
 
 
