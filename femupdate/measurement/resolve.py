@@ -83,7 +83,7 @@ def positions(
             [name == plain for name in folded],
             [name.split(",")[0] == wanted for name in folded],
             [name.split()[:1] == [wanted] for name in folded],
-            [name.partition(", ")[2] == wanted for name in folded],  # where the sensor stands
+            [name.partition(", ")[2] == wanted != "" for name in folded],  # where it stands
         )
         best = next((match for match in tries if any(match)), ())
         at = [k for k, fits in enumerate(best) if fits]

@@ -352,7 +352,7 @@ def test_a_deck_is_inspected_drafted_and_cut(tmp_path):
     broken = tmp_path / "broken.nas"
     broken.write_text("BEGIN BULK\n")
     report = inspect(path, broken)
-    assert [deck for deck, _ in report.models] == [path]
+    assert [deck for deck, *_ in report.models] == [path]
     assert "Units N and mm" in " ".join(report.lines())
     assert report.refused[0].startswith("broken.nas: it has no GRID")
     draft = write_draft(path, None, tmp_path / "own" / "mine.toml")

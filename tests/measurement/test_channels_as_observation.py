@@ -45,9 +45,9 @@ def test_bad_mapping(station, columns, message):
 
 
 def test_channels_of_other_length_and_short_ones(write, texts):
-    channels = {"Up": WAVES[0], "N": WAVES[1, :70], "E": WAVES[2, :63], "W": -WAVES[2, :63]}
+    channels = {"S": WAVES[0], "N": WAVES[1, :70], "E": WAVES[2, :63], "W": -WAVES[2, :63]}
     path = write(texts["csmip_v1"](channels), "a.v1")
-    with pytest.raises(MeasurementError, match=r"'N' has 70 values every 0.01 s, 'Up' 80 every"):
-        read_observation_file(path, columns={"base": "Up", "RF": "N"})
+    with pytest.raises(MeasurementError, match=r"'N' has 70 values every 0.01 s, 'S' 80 every"):
+        read_observation_file(path, columns={"base": "S", "RF": "N"})
     with pytest.raises(MeasurementError, match="63 rows are too short for a spectrum"):
         read_observation_file(path, columns={"base": "E", "RF": "W"})

@@ -92,10 +92,10 @@ HEADERED = {
     "peer velocity": ("peer", lambda t: edited(t, "ACCELERATION", "VELOCITY"),
         "take the .AT2 file"),
     "csmip too few": ("csmip_v1", lambda t: edited(t, "  .003231", ""),
-        "line 5: the header announces 40 values in channel Up but 7 follow"),
+        "line 5: the header announces 40 values in channel 180 Deg but 7 follow"),
     "csmip too many": ("csmip_v1", lambda t: edited(t, "/&", "  .000001\n/&"),
-        "announces 40 values in channel Up but 41 follow"),
-    "csmip cut off": ("csmip_v1", lambda t: t[: t.index("/&") - 30], "values in channel Up but"),
+        "announces 40 values in channel 180 Deg but 41 follow"),
+    "csmip cut off": ("csmip_v1", lambda t: t[: t.index("/&") - 30], "values in channel 180 Deg"),
     "csmip text": ("csmip_v1", lambda t: edited(t, ".003231", "*******"), "line 6, column 2"),
     "csmip unit": ("csmip_v1", lambda t: edited(t, "of g.", "of volt."), "unknown unit 'volt'"),
     "csmip v2 row less": ("csmip_v2", lambda t: "\n".join(t.split("\n")[:4] + t.split("\n")[5:]),
@@ -111,7 +111,7 @@ def test_bad_record_of_a_known_format(write, texts, kind, spoil, message):
     good = {
         "jma": lambda: texts["jma"]({"NS": VALUES}),
         "peer": lambda: texts["peer"](VALUES / 981),
-        "csmip_v1": lambda: texts["csmip_v1"]({"Up": VALUES / 10000}),
+        "csmip_v1": lambda: texts["csmip_v1"]({"180 Deg": VALUES / 10000}),
         "csmip_v2": lambda: texts["csmip_v2"](VALUES),
         "knet": lambda: texts["knet"](np.round(VALUES * 100).astype(int), "0.4"),
     }[kind]()

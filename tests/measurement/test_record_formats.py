@@ -38,14 +38,14 @@ def test_csmip_volume_1_reads_columns_by_width(write, texts, wave):
     values = np.round(wave / 981, 6)
     wide = -1.234567 - np.arange(19) * 0.01  # nine characters: neighbours touch
     path = write(
-        texts["csmip_v1"]({" 90 Deg": values, "360 Deg": wide, " Up": -values[:16]}), "a.v1"
+        texts["csmip_v1"]({" 90 Deg": values, "360 Deg": wide, " 180 Deg": -values[:16]}), "a.v1"
     )
     assert "-1.234567-1.244567" in path.read_text()
-    first, second, third = (read_record(path, channel=i) for i in (1, "360", "up"))
+    first, second, third = (read_record(path, channel=i) for i in (1, "360", "180"))
     np.testing.assert_allclose(first.acceleration, values * STANDARD_GRAVITY, **EXACT)
     np.testing.assert_allclose(second.acceleration, wide * STANDARD_GRAVITY, **EXACT)
     np.testing.assert_allclose(third.acceleration, -values[:16] * STANDARD_GRAVITY, **EXACT)
-    assert [one.name for one in read_measured(path).channels] == ["90 Deg", "360 Deg", "Up"]
+    assert [one.name for one in read_measured(path).channels] == ["90 Deg", "360 Deg", "180 Deg"]
     assert (read_measured(path).format, first.time_step) == ("csmip", 0.01)
 
 
