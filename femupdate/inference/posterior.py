@@ -236,7 +236,7 @@ def _posterior(tree: Any) -> Posterior:
         tree[group].to_dataset()
         for group in ("posterior", "sample_stats", "constant_data", "observed_data")
     )
-    if "prior_kind" not in constants:
+    if "prior_kind" not in constants or "scatter" in measured:
         raise ValueError("an earlier version wrote it")
     rows = zip(*(constants[f"prior_{of}"].values.tolist() for of in _OF_PRIOR), strict=True)
     known = Parameters(

@@ -10,6 +10,7 @@ __all__, __getattr__ = public(
         "calibrate": "calibrate_study check_calibration",
         "calibration_report": "kept_posterior",
         "compare": "compare_states find_state open_state",
+        "conclusion": "draw_zeta",
         "diagnose": "diagnose_study",
         "effects": "kept_mesh_error open_structure open_system with_finer_mesh",
         "kinds": "measured_of",

@@ -22,14 +22,14 @@ def weight(seed=0):
     return torch.from_numpy(values)
 
 
-def covariance(error, row, known=None, cancelled=1.0):
+def covariance(error, row, known=None, cancelled=1.0, everywhere=False):
     """Dense covariance of ln|H|, the noise of the table's row included, where there are points."""
     level, seen = error.levels[row], (error_weight := weight()).flatten() > 0
     values = error.harmonics.at(FREQUENCY)
     one = values @ torch.diag(error.harmonics.spread(level.length_hz) ** 2) @ values.T
     floors = level.own**2 * torch.eye(2).double() + level.common**2
     whole = torch.kron(floors, one)
-    if level.common == level.own == 0.0:
+    if level.common == level.own == 0.0 and not everywhere:
         cancelled = 1.0
     noise = (level.noise * cancelled) ** 2 / error_weight.flatten().clamp_min(1e-30)
     whole = whole + torch.diag(noise)
@@ -69,12 +69,14 @@ def test_a_phase_is_a_second_part_that_only_known_errors_tie_to_the_first():
 
 
 @pytest.mark.parametrize("with_known", [False, True])
-def test_where_parts_cancel_rows_with_an_error_have_more_noise(with_known):
-    rng = np.random.default_rng(11)
+@pytest.mark.parametrize("name", ["cancelled", "leaking"])
+def test_where_parts_cancel_or_leak_rows_with_an_error_have_more_noise(name, with_known):
+    """And where an error is known beforehand what leaks counts in every row."""
+    rng, everywhere = np.random.default_rng(11), name == "leaking" and with_known
     cancelled = torch.from_numpy(rng.uniform(1.0, 8.0, SHAPE))
     known = torch.from_numpy(rng.normal(0.0, 0.1, (3, *SHAPE))) if with_known else None
     steps = None if known is None else (known * weight().sqrt()).flatten(1)
-    error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW, cancelled=cancelled)
+    error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW, **{name: cancelled})
     plain, whitened = residuals()
     seen = (weight() > 0).flatten()
     stated = 0.5 * (weight().flatten()[seen].log() - np.log(2.0 * np.pi)).sum()
@@ -82,7 +84,7 @@ def test_where_parts_cancel_rows_with_an_error_have_more_noise(with_known):
     kept = error.kept([len(error.levels) - 1, 0, 7, 1])
     found = kept.log_densities(whitened)
     for row, level in enumerate(kept.levels):
-        cover, _ = covariance(kept, row, known, cancelled.flatten())
+        cover, _ = covariance(kept, row, known, cancelled.flatten(), everywhere)
         flat = plain.flatten(1)[:, seen].numpy()
         expected = multivariate_normal(cov=cover).logpdf(flat) - float(stated)
         np.testing.assert_allclose(found[:, row] - level.log_weight, expected, rtol=1e-8)

@@ -134,11 +134,17 @@ def test_thinned_draws_keep_their_damping_and_come_once(posterior):
     assert len(posterior.thinned(10_000, seed=0)) == CHAINS * DRAWS
 
 
-def test_a_posterior_of_an_earlier_version_is_refused(posterior, tmp_path):
-    """It does not say what kinds its parameters are."""
+@pytest.mark.parametrize(
+    ("lacks", "has"), [("constant_data/prior_kind", ""), ("observed_data/between", "scatter")]
+)
+def test_a_posterior_of_an_earlier_version_is_refused(posterior, tmp_path, lacks, has):
+    """It does not say what kinds its parameters are, or how runs differ whose noise is unlike."""
     save_posterior(posterior, tmp_path / "p.nc")
     with h5py.File(tmp_path / "p.nc", "a") as file:
-        del file["constant_data/prior_kind"]
+        if has:
+            file.move(lacks, lacks.replace("between", has))
+        else:
+            del file[lacks]
     assert "an earlier version wrote it" in one_sentence(tmp_path / "p.nc")
 
 

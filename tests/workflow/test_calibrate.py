@@ -15,8 +15,10 @@ from femupdate.workflow import (
     CalibrationSettings,
     ObservationSource,
     calibrate_study,
+    draw_zeta,
     measured_of,
     open_study,
+    settled_likelihood,
     train_study,
 )
 from femupdate.workflow.calibration_report import predictive_log_frf
@@ -85,6 +87,29 @@ def test_the_exact_posterior_is_that_of_quadrature(
     assert report.misfit == pytest.approx(1.0, abs=0.3)  # 120 points: sd .13
     assert report.invalid == 0
     assert not any("misses" in note for note in report.notes)
+
+
+def test_damping_is_drawn_as_sharply_as_the_data_tell_it(tmp_path, tower_model, tower_frf):
+    """A hundredth of the prior: against quadrature of its density at the true factors."""
+    rows = np.abs(tower_frf(TRUTH, ZETA, GRID)) * np.exp(
+        0.01 * np.random.default_rng(6).standard_normal((2, GRID.size))
+    )
+    table = [f"{f:.1f},{a:.12g},{b:.12g},0.01,0.01" for f, a, b in zip(GRID, *rows, strict=True)]
+    path = tmp_path / "frf.csv"
+    path.write_text("\n".join(["frequency_hz,2F,RF,2F_sd,RF_sd", *table]) + "\n")
+    measured = measured_of(tower_model.building, ObservationSource(path))
+    likelihood = settled_likelihood(tower_model, measured, QUICK).likelihood
+    drawn = draw_zeta(tower_model, likelihood, np.tile(TRUTH, (4000, 1)), 0)
+    fine = np.linspace(0.045, 0.055, 2001)
+    missed = [np.log(np.abs(tower_frf(TRUTH, zeta, GRID))) - np.log(rows) for zeta in fine]
+    weight = np.square(missed).sum(axis=(1, 2)) / 0.01**2
+    weight = np.exp(-0.5 * (weight - weight.min()))
+    mean = weight @ fine / weight.sum()
+    sd = np.sqrt(weight @ (fine - mean) ** 2 / weight.sum())
+    assert sd < 0.01 * 0.09
+    # A cell of the grid is at most a fifth of what counts, some six sd: that widens by a twentieth.
+    assert drawn.mean() == pytest.approx(mean, abs=0.3 * sd)
+    assert drawn.std() == pytest.approx(sd, rel=0.15)
 
 
 def test_the_posterior_of_the_tower(tower, tower_observation):
