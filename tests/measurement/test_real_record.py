@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femupdate.errors import MeasurementError
 from femupdate.measurement import read_record
 from femupdate.units import STANDARD_GRAVITY
 
@@ -15,7 +16,7 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "examples/records/ridgecrest_201
 # What the file's own headers state (three decimals of g).
 @pytest.mark.parametrize(
     ("channel", "count", "peak_g", "at_s"),
-    [(1, 31932, 0.344, 234.36), ("360 Deg", 32080, 0.511, 235.70), ("up", 32190, 0.347, 234.39)],
+    [(1, 31932, 0.344, 234.36), ("360 Deg", 32080, 0.511, 235.70)],
 )
 def test_header_peak_comes_out(shared_file, channel, count, peak_g, at_s):
     motion = read_record(shared_file(RECORD), channel=channel)
@@ -24,6 +25,11 @@ def test_header_peak_comes_out(shared_file, channel, count, peak_g, at_s):
     at = int(np.argmax(np.abs(motion.acceleration)))
     assert motion.peak / STANDARD_GRAVITY == pytest.approx(peak_g, abs=5e-4)
     assert motion.time[at] == pytest.approx(at_s, abs=1e-9)
+
+
+def test_the_vertical_channel_is_refused(shared_file):
+    with pytest.raises(MeasurementError, match="'Up' is vertical, as the file says"):
+        read_record(shared_file(RECORD), channel="up")
 
 
 def test_shipped_part_is_the_original_less_its_quiet_mean(shared_file):
