@@ -71,20 +71,19 @@ def build_model(
       femupdate build-model my_building.toml --study mine
       femupdate build-model tower.bdf --units N,mm --draft tower.toml --study tower
     """
-    from femupdate.building.model_draft import write_draft
-    from femupdate.workflow.build import build_study, export_nastran, export_opensees
+    from femupdate import interface
+    from femupdate.workflow.build import EXPORTS
 
+    files = []
     if draft is not None:
         if building is None:
             raise click.UsageError("--draft needs another program's model: name its file")
         check_free(draft, overwrite)
-        building = str(write_draft(building, units, draft))
-    report = build_study(study, building, bars, units)
-    files = [] if draft is None else [draft]
-    if export == "opensees":
-        files.append(export_opensees(study, report.model.building, shell=shell))
-    elif export:
-        files.append(export_nastran(study, report.model.building))
+        files.append(draft)
+    if export is not None:
+        files.append(study.path(EXPORTS[export]))
+    how: dict[str, Any] = {"units": units, "draft": draft, "export": export, "shell": shell}
+    report = interface.build_model(study, building, progress=bars, **how)
     return Answer(report, {"exported": files, "study": study.folder}, files=tuple(files))
 
 

@@ -67,7 +67,9 @@ def inspect(
         raise Failure(f"{write_mapping} is there already; choose another name, or remove it")
     report = interface.inspect(*files, unit=unit, columns=columns)
     pictures = None
-    problems = list(report.refused)
+    problems = [f"{len(report.refused)} of {len(files)} files cannot be read"] * bool(
+        report.refused
+    )
     if picture is not None and report.files:
         try:
             pictures = (draw_inspection(report.files[0], picture),)
@@ -78,8 +80,7 @@ def inspect(
         written = (propose_mapping(report.files[0], write_mapping, unit),)
     answer = Answer(report, pictures=pictures, files=written)
     if problems:
-        if report.files or report.models:
-            answer.show(click.get_current_context().params["as_json"])
+        answer.show(click.get_current_context().params["as_json"])
         raise Failure("\n".join(problems))
     return answer
 
@@ -113,10 +114,10 @@ def identify(
       femupdate identify ambient.csv -o modes.csv
       femupdate calibrate modes.csv --building my_building.toml
     """
-    from femupdate.workflow.inspect_files import identify as identify_file
+    from femupdate import interface
 
     check_free(output, overwrite)
-    report = identify_file(record, output, columns=columns, band_hz=band, order=order)
+    report = interface.identify(record, output, columns=columns, band_hz=band, order=order)
     if no_pictures:
         return Answer(report)
     from femupdate.report.figure import save_figure

@@ -122,8 +122,6 @@ def render(study: Study, bars: Bars, **asked: Any) -> Answer:
       femupdate render
       femupdate render --mode 3 --mode 11
     """
-    from femupdate.workflow.model import open_calibrated
-    from femupdate.workflow.render import render_study
+    from femupdate import interface
 
-    model = open_calibrated(study, bars)
-    return Answer(render_study(study, model, progress=bars, **asked), {"study": study.folder})
+    return Answer(interface.render(study, progress=bars, **asked), {"study": study.folder})

@@ -31,10 +31,6 @@ _NOUNS = {
     "Surrogate": "surrogate.storage",
     "System": "dynamics.system",
 }
-_VERBS = (
-    *("calibrate", "compare", "diagnose", "inspect", "predict", "reduce", "repair", "simulate"),
-    *("status", "train", "write_report"),
-)
 
 if _TYPE_CHECKING:
     from femupdate.building.common import Building
@@ -45,32 +41,31 @@ if _TYPE_CHECKING:
     from femupdate.inference.likelihood import Likelihood, ModelError
     from femupdate.inference.parameters import Parameters
     from femupdate.inference.posterior import Posterior
-    from femupdate.measurement.observation import Observation
-    from femupdate.measurement.record import GroundMotion
-    from femupdate.measurement.recording import Recording
-    from femupdate.python import (
+    from femupdate.interface import (
+        build_model,
         calibrate,
+        catalogue,
         compare,
+        demo,
         diagnose,
+        examples,
+        identify,
         inspect,
         predict,
         reduce,
+        render,
         repair,
         simulate,
         status,
         train,
         write_report,
     )
+    from femupdate.measurement.observation import Observation
+    from femupdate.measurement.record import GroundMotion
+    from femupdate.measurement.recording import Recording
     from femupdate.report.prediction import Prediction
     from femupdate.study import Study
     from femupdate.surrogate.storage import Surrogate
-
-
-__getattr__ = _lazily(__name__, {**_NOUNS, **dict.fromkeys(_VERBS, "python")})
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_NOUNS, *_VERBS})
 
 
 __all__ = [
@@ -89,15 +84,28 @@ __all__ = [
     "Study",
     "Surrogate",
     "System",
+    "build_model",
     "calibrate",
+    "catalogue",
     "compare",
+    "demo",
     "diagnose",
+    "examples",
+    "identify",
     "inspect",
     "predict",
     "reduce",
+    "render",
     "repair",
     "simulate",
     "status",
     "train",
     "write_report",
 ]
+
+_VERBS = [_name for _name in __all__ if _name.islower()]
+__getattr__ = _lazily(__name__, {**_NOUNS, **dict.fromkeys(_VERBS, "python")})
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__", "__doc__", "__path__"]

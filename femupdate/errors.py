@@ -2,25 +2,77 @@
 
 import difflib
 import re
+import shlex
 from collections.abc import Iterable
 
 _NOT_SHOWN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 
 
-# Commands that functions have another name for.
-_VERBS = {"report": "write_report", "build-model": "reduce"}
-_COMMAND = re.compile(r"`femupdate ([a-z-]+)[^`]*`")
-_OPTION = re.compile(r"--([a-z][a-z-]*)")
-_KEYWORDS = {"band": "band_hz", "floor-spectra": "spectrum_damping"}
+# Commands that functions have another name for; those that take no study, and those named alone.
+_VERBS = {"report": "write_report", "build-model": "build_model", "list": "catalogue"}
+_FREE, _ALONE = ("identify", "inspect", "list", "examples"), ("list", "status", "report", "train")
+_COMMAND = re.compile(
+    r"(`?)femupdate (build-model|calibrate|compare|demo|diagnose|examples|identify|inspect|list|"
+    r"predict|render|repair|report|simulate|status|train)\b([^`\n;]*?)(\.?)(?:`|(?=[;\n]|$))"
+)
+_PAIRS = r"(?:time_s|frequency_hz|(?:base|force|RF|\d+F)[\w/.:@-]*)=[^\s,;]+"
+_PAIRS += f"(?:,{_PAIRS})*"
+_OPTION = re.compile(
+    rf"--([a-z][a-z-]*)(?:[ =]({_PAIRS}|\"[^\"]*\"|[A-Z]{{4,}}|m/s2\S*|[\d.]*\d))?"
+)
+_KEYWORDS = {"band": "band_hz", "rms": "rms_m_s2", "mode": "wanted", "member": "members"}
+_FLAGS = ("anyway", "exact", "fresh", "thorough")
+_CORRECTED = ", or write them to a file that you can correct, by --write-mapping"
+
+
+def _value(text: str, key: str = "") -> str:
+    """A word, or the value of an option, as Python writes it."""
+    if key == "columns":
+        pairs = (pair.partition("=")[::2] for pair in text.split(","))
+        return "{" + ", ".join(f'"{ours}": "{theirs}"' for ours, theirs in pairs) + "}"
+    if key == "band":
+        return f"({text})"
+    # What the user is to put in, or a number.
+    return text if re.fullmatch(r"[A-Z]+|-?[\d.]+(e-?\d+)?", text) else f'"{text}"'
+
+
+def _keyword(key: str, text: str) -> str:
+    value = _value(text, key) if text else "True" * (key in _FLAGS)
+    return f"{_KEYWORDS.get(key, key.replace('-', '_'))}={value}"
+
+
+def _call(found: re.Match[str]) -> str:
+    """A command as it is called."""
+    ticks, command, rest, end = found.groups()[:4]
+    words, given, named = shlex.split(rest), list[str](), dict[str, str]()
+    while words:
+        word = words.pop(0)
+        if word.startswith("--") and word[2:] != "record":
+            named[word[2:]] = words.pop(0) if words and word[2:] not in _FLAGS else ""
+        elif word[0] != "-":
+            given.append(_value(word))
+    study = _value(named.pop("study")) if "study" in named else "study"
+    if posterior := named.pop("posterior", ""):
+        study = f"femupdate.Study({study}, {_value(posterior)})"
+    listed = [study][command in _FREE :] + given + [_keyword(*pair) for pair in named.items()]
+    listed += [] if rest or command in _ALONE else ["..."]
+    return f"{ticks}femupdate.{_VERBS.get(command, command)}({', '.join(listed)}){end}{ticks}"
 
 
 def in_python(text: str) -> str:
     """A message in the words of Python: functions for commands, keywords for options."""
-    text = text.replace("; -v tells more", "; `print` of the result tells more")
-    text = _COMMAND.sub(lambda found: f"`{_VERBS.get(found[1], found[1])}(study, ...)`", text)
-    return _OPTION.sub(
-        lambda found: f"`{_KEYWORDS.get(found[1], found[1].replace('-', '_'))}=`", text
-    )
+
+    def option(found: re.Match[str]) -> str:
+        value = (found[2] or "").strip('"')
+        if found[1] == "posterior":
+            return "`Study(folder, posterior)`"
+        return f"`{_keyword(found[1], value.rstrip('.'))}`" + "." * value.endswith(".")
+
+    text = text.replace("; -v tells more", "").replace(_CORRECTED, "")
+    text = re.sub(r"the (band|columns|force|unit) option", r"--\1", text)
+    text = _OPTION.sub(option, _COMMAND.sub(_call, text))
+    some = rf"(such as |, or )({_PAIRS})"
+    return re.sub(some, lambda found: found[1] + _value(found[2], "columns"), text)
 
 
 class FemupdateError(Exception):

@@ -11,9 +11,11 @@ study its folder will do. All raise `FemupdateError`, whose text says what to do
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack, get_type_hints
 
-from femupdate.errors import FemupdateError, close
+from annotated_types import Ge, Interval
+
+from femupdate.errors import BuildingError, FemupdateError, close
 from femupdate.progress import SILENT, Progress
 from femupdate.study import MAIN_POSTERIOR, Study
 
@@ -21,8 +23,9 @@ if TYPE_CHECKING:
     from femupdate.measurement.observation import Observation
     from femupdate.measurement.record import GroundMotion
     from femupdate.report.prediction import Prediction
-    from femupdate.result import Told
+    from femupdate.result import Result, Told
     from femupdate.simulation.simulate import WrittenSimulation
+    from femupdate.workflow.build import BuildReport
     from femupdate.workflow.calibration_report import CalibrationReport
     from femupdate.workflow.compare import CompareReport
     from femupdate.workflow.diagnose import DiagnosisReport
@@ -40,8 +43,9 @@ class Reading(TypedDict, total=False):
     """How measured files are read."""
 
     unit: str | None  # of accelerations, where a file gives none
-    columns: Mapping[str, str] | None  # our column names to the file's
-    sensors: tuple[str, ...]  # floors to use
+    columns: Mapping[str, str] | None  # our column names to the file's names or numbers
+    rate: float | None  # samples a second, of a table without times
+    sensors: str | Sequence[str]  # floors to use
     band_hz: tuple[float, float] | None
     force: str | None  # floor at which a force acts
     mode_error: float | None  # of the model's own ln f
@@ -51,8 +55,8 @@ class Sampling(Reading, total=False):
     """How `calibrate` reads and samples, see `CalibrationSettings`."""
 
     exact: bool
-    particles: int
-    chains: int
+    particles: Annotated[int, Ge(200)]
+    chains: Annotated[int, Ge(1)]
     seed: int
     device: str
     anyway: bool
@@ -62,19 +66,19 @@ class Judging(Reading, total=False):
     """How `diagnose` and `repair` read and judge, see `DiagnosisSettings`."""
 
     seed: int
-    least_frequency: float
-    least_response: float
+    least_frequency: Annotated[float, Interval(ge=0.0, le=1.0)]
+    least_response: Annotated[float, Interval(ge=0.0, le=1.0)]
 
 
 class Predicting(TypedDict, total=False):
     """How `predict` works, see `PredictionSettings`."""
 
-    samples: int
-    damping: float | None
+    samples: Annotated[int, Ge(2)]
+    damping: Annotated[float, Interval(ge=0.0, le=1.0)] | None
     seed: int
-    spectrum_damping: float | None
+    spectrum_damping: Annotated[float, Interval(ge=0.0, lt=1.0)] | None
     members: tuple[Any, ...]
-    member_draws: int
+    member_draws: Annotated[int, Ge(2)]
     scatter: float | None
     damping_scatter: float | None
 
@@ -102,7 +106,7 @@ class Simulating(TypedDict, total=False):
     zeta: float | None
     mesh_size: float | None
     sensors: Any
-    base_motion: "GroundMotion | None"
+    base_motion: Any  # a GroundMotion
     duration_s: float
     sampling_hz: float
     rms_m_s2: float
@@ -130,6 +134,43 @@ def reduce(
     from femupdate.workflow.model import open_study
 
     return open_study(_study(study), _name(building), progress)
+
+
+def build_model(
+    study: Folder,
+    building: File | None = None,
+    *,
+    units: str | None = None,
+    draft: File | None = None,
+    export: str | None = None,
+    shell: str = "ASDShellQ4",
+    progress: Progress = SILENT,
+) -> "BuildReport":
+    """Build, check and reduce the model of a building; its modes and what was checked.
+
+    Args:
+        building: its file, another program's model or a shipped name; default: of the study.
+        units: force and length of another program's model, such as "N,mm".
+        draft: building file to write for such a model, and to build.
+        export: "opensees" or "nastran": write the model for it, into the study.
+        shell: element of the OpenSees script.
+
+    Raises:
+        BuildingError, StructureError: the building cannot be read or cannot stand.
+        StudyError: the study holds a posterior of another building.
+    """
+    from femupdate.building.model_draft import write_draft
+    from femupdate.workflow.build import build_study, export_model
+
+    opened, name = _study(study), _name(building)
+    if draft is not None:
+        if name is None:
+            raise BuildingError("a draft needs another program's model; name its file")
+        name = str(write_draft(name, units, Path(draft)))
+    report = build_study(opened, name, progress, units)
+    if export is not None:
+        export_model(opened, report.model.building, export, shell)
+    return report
 
 
 def train(
@@ -219,6 +260,7 @@ def predict(
     scale: float = 1.0,
     measured: File | None = None,
     columns: Mapping[str, str] | None = None,
+    rate: float | None = None,
     progress: Progress = SILENT,
     **settings: Unpack[Predicting],
 ) -> "Prediction":
@@ -232,6 +274,7 @@ def predict(
         scale: factor on the acceleration.
         measured: file with the floors measured in the same motion, to compare.
         columns: its column names, ours to the file's.
+        rate: samples a second, of a table without times.
         settings: see `Predicting`.
 
     Raises:
@@ -244,7 +287,7 @@ def predict(
     opened, (_, rest) = _study(study), _parted(settings, Predicting)
     (path,) = _files(opened, [record])
     before = opened.reading_of(path)
-    unit, columns = unit or before.get("unit"), columns or before.get("columns")
+    unit, columns = unit or before.get("unit"), _timed(columns, rate) or before.get("columns")
     return predict_study(
         opened,
         open_calibrated(opened, progress),
@@ -326,6 +369,33 @@ def repair(
     return repair_study(opened, model, source, kept_out, chosen, progress, use_phase, other)
 
 
+def render(
+    study: Folder,
+    *,
+    modes: int = 3,
+    wanted: Sequence[int] = (),
+    samples: int = 60,
+    seed: int = 0,
+    progress: Progress = SILENT,
+) -> "Told":
+    """Draw mode shapes of the posterior into the study, and write them as CSV and UFF.
+
+    Args:
+        modes: how many, of those that move most of the mass.
+        wanted: numbers of modes, as `build_model` lists them, to draw instead.
+        samples: draws of the posterior over which shapes are averaged.
+
+    Raises:
+        StudyError: there is no posterior, it is of another building, or no mode has the number.
+    """
+    from femupdate.workflow.model import open_calibrated
+    from femupdate.workflow.render import render_study
+
+    opened = _study(study)
+    how: dict[str, Any] = {"wanted": wanted, "seed": seed, "progress": progress}
+    return render_study(opened, open_calibrated(opened, progress), modes, samples, **how)
+
+
 def compare(study: Folder, before: str, after: str) -> "CompareReport | Told":
     """Which stories changed between two posteriors, or how alike two sets of modes or FRFs are.
 
@@ -380,17 +450,72 @@ def simulate(
 
 
 def inspect(
-    *files: File, unit: str | None = None, columns: Mapping[str, str] | None = None
+    *files: File,
+    unit: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    rate: float | None = None,
 ) -> "InspectedFiles":
-    """What is in measured files and what looks wrong; one that cannot be read is told.
+    """What is in measured files and what looks wrong; of several, one that cannot be read is told.
 
     Args:
         unit: of accelerations, where a file does not say it.
         columns: our column name to the file's column or channel.
+        rate: samples a second, of a table without times.
+
+    Raises:
+        MeasurementError: none can be read.
     """
     from femupdate.workflow.inspect_files import inspect_files
 
-    return inspect_files([Path(file) for file in files], unit, columns)
+    return inspect_files([Path(file) for file in files], unit, _timed(columns, rate))
+
+
+def identify(
+    record: File,
+    output: File,
+    *,
+    columns: Mapping[str, str] | None = None,
+    rate: float | None = None,
+    band_hz: tuple[float, float] | None = None,
+    order: int = 40,
+) -> "Told":
+    """Identify modes from floor motions alone (ambient vibration), and write them as a table.
+
+    Args:
+        output: CSV file, which `calibrate` reads.
+        columns: our column name to the file's column or channel.
+        rate: samples a second, of a table without times.
+        band_hz: in which modes are looked for.
+        order: the largest of the models.
+
+    Raises:
+        MeasurementError: the file cannot be used, or holds no modes.
+    """
+    from femupdate.workflow.inspect_files import identify as identify_file
+
+    how: dict[str, Any] = {"columns": _timed(columns, rate), "band_hz": band_hz, "order": order}
+    return identify_file(Path(record), Path(output), **how)
+
+
+def catalogue() -> "Told":
+    """Shipped buildings, effects with their places and units, and formats of measured files."""
+    from femupdate.workflow.shipped import list_all
+
+    return list_all()
+
+
+def examples(folder: File = "examples") -> "Told":
+    """Copy the shipped example and building files into a folder; files there stay as they are."""
+    from femupdate.workflow.shipped import copy_examples
+
+    return copy_examples(Path(folder))
+
+
+def demo(study: Folder, *, seed: int = 0, progress: Progress = SILENT) -> "Result":
+    """Run the whole chain on a shipped synthetic observation and a real ground motion."""
+    from femupdate.workflow.demo import run_demo
+
+    return run_demo(_study(study), seed, progress)
 
 
 def status(study: Folder) -> "StatusReport":
@@ -446,36 +571,70 @@ def _parted(settings: Mapping[str, Any], known: type[Any]) -> tuple[dict[str, An
     """Keywords that say how files are read, where a function reads some, and the others.
 
     Raises:
-        FemupdateError: one is not known.
+        FemupdateError: one is not known, or has a value that it cannot have.
     """
-    names = known.__annotations__
+    from pydantic import ConfigDict, ValidationError, create_model
+
+    names = get_type_hints(known, include_extras=True)
     for name in settings:
         if name not in names:
             raise FemupdateError(f"there is no keyword {name!r}{close(name, names)}")
+    coerced = ConfigDict(coerce_numbers_to_str=True)
+    fields: dict[str, Any] = {name: (names[name], ...) for name in settings}
+    plain = {k: v.tolist() if hasattr(v, "tolist") else v for k, v in settings.items()}
+    try:
+        model = create_model("Settings", __config__=coerced, **fields).model_validate(plain)
+    except ValidationError as error:
+        wrong = error.errors()[0]
+        raise FemupdateError(
+            f"{wrong['loc'][0]}={settings[str(wrong['loc'][0])]!r}: "
+            + wrong["msg"].replace("Input", "it")
+        ) from None
+    chosen = {name: getattr(model, name) for name in settings}
+    if (band := chosen.get("band_hz")) and not band[0] < band[1]:
+        raise FemupdateError(f"band_hz={band}: write the lowest frequency first")
+    if "sensors" in chosen and known is not Simulating:
+        floors = chosen["sensors"]
+        chosen["sensors"] = tuple(floors.split(",") if isinstance(floors, str) else floors)
+    if rate := chosen.pop("rate", None):
+        chosen["columns"] = _timed(chosen.get("columns"), rate)
     reads = set(Reading.__annotations__) if set(Reading.__annotations__) <= set(names) else set()
-    how = {name: value for name, value in settings.items() if name in reads}
-    return how, {name: value for name, value in settings.items() if name not in reads}
+    how = {name: value for name, value in chosen.items() if name in reads}
+    return how, {name: value for name, value in chosen.items() if name not in reads}
+
+
+def _timed(columns: Mapping[str, str] | None, rate: float | None) -> Mapping[str, str] | None:
+    """Names of columns, with the rate of a table without times."""
+    named = {ours: str(theirs) for ours, theirs in (columns or {}).items()}
+    return (named if rate is None else {**named, "time_s": f"{rate:g} Hz"}) or None
 
 
 def _files(study: Study, given: "Sequence[File | Observation | GroundMotion]") -> list[Path]:
     """Paths; arrays become files of the study, so that what is made from them can be made again."""
+    from femupdate.measurement.observation import Observation
+    from femupdate.measurement.record import GroundMotion
+    from femupdate.measurement.write import write_frfs, write_observation_histories
+
     paths = []
     for data in given:
         if isinstance(data, str | Path):
             paths.append(Path(data))
             continue
-        from femupdate.measurement.observation import Observation
-        from femupdate.measurement.record import GroundMotion
-        from femupdate.measurement.write import write_frfs, write_observation_histories
-
         if isinstance(data, GroundMotion):
             base = {"base": data.acceleration}
             data = Observation.from_accelerations(data.time_step, base, source=data.name)
+        if not isinstance(data, Observation):
+            raise FemupdateError(
+                f"a {type(data).__name__} is no measurement; give names of files one by one, or "
+                "arrays by Observation.from_accelerations or Observation.from_arrays"
+            )
         path, histories = study.path("measured", f"{Path(data.source).stem}.csv"), data.histories
         if histories is not None and not data.frequency_hz.size:
             paths.append(write_observation_histories(path, histories))
         else:
             paths.append(write_frfs(path, data))
+    if not paths:
+        raise FemupdateError("no measured file is named; give one or more after the study")
     return paths
 
 

@@ -1,19 +1,15 @@
-"""The functions of `femupdate` for people: messages in Python's words, progress in notebooks."""
+"""The functions of `femupdate` for people: messages in Python's words, progress in sessions."""
 
 import functools
 import sys
-from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 from femupdate import interface
 from femupdate.errors import FemupdateError, in_python
 
-P = ParamSpec("P")
-T = TypeVar("T")
 
-
-class NotebookBars:
-    """Progress as bars of a notebook."""
+class SessionBars:
+    """Progress as bars of a notebook or a prompt."""
 
     def __init__(self) -> None:
         self._bar: Any = None
@@ -43,18 +39,17 @@ class NotebookBars:
             self._bar.close()
 
 
-def _spoken(verb: Callable[P, T]) -> Callable[P, T]:
+def __getattr__(name: str) -> Any:
+    verb = getattr(interface, name)
     shows = "progress" in verb.__annotations__
 
     @functools.wraps(verb)
-    def wrapper(*args: P.args, **kwargs: P.kwargs) -> T:
-        shell = sys.modules.get("IPython")
-        in_notebook = shell is not None and hasattr(shell.get_ipython(), "kernel")
-        bars = NotebookBars() if shows and "progress" not in kwargs and in_notebook else None
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        # Someone waits: at a prompt, or in a notebook.
+        waits = hasattr(sys, "ps1") or "ipykernel" in sys.modules
+        bars = SessionBars() if shows and waits and "progress" not in kwargs else None
         try:
-            if bars is not None:
-                kwargs["progress"] = bars
-            return verb(*args, **kwargs)
+            return verb(*args, **kwargs, **({"progress": bars} if bars else {}))
         except FemupdateError as error:
             error.args = (in_python(str(error)),)
             raise
@@ -63,16 +58,3 @@ def _spoken(verb: Callable[P, T]) -> Callable[P, T]:
                 bars.close()
 
     return wrapper
-
-
-calibrate = _spoken(interface.calibrate)
-compare = _spoken(interface.compare)
-diagnose = _spoken(interface.diagnose)
-inspect = _spoken(interface.inspect)
-predict = _spoken(interface.predict)
-reduce = _spoken(interface.reduce)
-repair = _spoken(interface.repair)
-simulate = _spoken(interface.simulate)
-status = _spoken(interface.status)
-train = _spoken(interface.train)
-write_report = _spoken(interface.write_report)

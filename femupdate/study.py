@@ -18,6 +18,7 @@ from pathlib import Path, PurePath
 from typing import Any, Generic, TypeVar
 
 from femupdate import __version__
+from femupdate.arrays import brief
 from femupdate.errors import StudyError
 from femupdate.storage import atomic_path, read_file, remove_parts, write_failure
 
@@ -190,6 +191,8 @@ class Study:
     Raises:
         StudyError: a posterior cannot have this name.
     """
+
+    __repr__ = brief
 
     def __init__(self, folder: Path | str, posterior: str = MAIN_POSTERIOR) -> None:
         if _NAME.fullmatch(posterior) is None:

@@ -7,9 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click import Context
+from femupdate.cli.main import group
 
 import femupdate
-from femupdate.errors import BuildingError, MeasurementError, ReportError
+from femupdate.errors import (
+    BuildingError,
+    FemupdateError,
+    MeasurementError,
+    ReportError,
+    in_python,
+)
 from femupdate.measurement import read_observation_file
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "how-to" / "python.md"
@@ -56,6 +64,82 @@ def test_what_is_wrong_is_said_at_once(tmp_path):
     assert not (tmp_path / "new").exists()
     with pytest.raises(AttributeError, match="no attribute 'calibrated'"):
         _ = femupdate.calibrated
+    with pytest.raises(MeasurementError, match=r"missing\.csv: no such file"):
+        femupdate.inspect(tmp_path / "missing.csv")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"band": (1, 2)}, "there is no keyword 'band'; did you mean 'band_hz'"),
+        ({"band_hz": "1,12"}, "band_hz='1,12': it should be a valid tuple"),
+        ({"band_hz": (12, 1)}, "write the lowest frequency first"),
+        ({"particles": 3}, "particles=3: it should be greater than or equal to 200"),
+        ({"columns": ["base"]}, r"columns=\['base'\]: it should be a valid dictionary"),
+        ({"sensors": "9F"}, "there is no 9F to use"),
+    ],
+)
+def test_a_keyword_that_cannot_be_is_told_in_words_of_python(given, said, folder):
+    with pytest.raises(FemupdateError, match=said):
+        femupdate.calibrate(folder / "new", folder / "run.csv", building="shear_3dof", **given)
+    assert not (folder / "new").exists()
+
+
+@pytest.mark.parametrize("data", [(), (3,), (np.zeros((3, 3)),)])
+def test_what_is_no_measurement_is_refused(data, folder):
+    with pytest.raises(FemupdateError, match="no measure"):
+        femupdate.calibrate(folder / "new", *data, building="shear_3dof")
+
+
+@pytest.mark.parametrize(
+    ("command", "call"),
+    [
+        ("Next: femupdate calibrate a.csv --columns base=x,2F=2 --study house", "{house}"),
+        ("run `femupdate calibrate` first", "run `femupdate.calibrate(study, ...)` first"),
+        ("or give --rate 200", "or give `rate=200`"),
+        ("say it by --columns, such as base=1,RF=2", "{pairs}"),
+        ("give it by the unit option or", "give it by `unit=` or"),
+        ("`femupdate report --posterior roof`", "{roof}"),
+        ("that femupdate wrote; --exact does", "that femupdate wrote; `exact=True` does"),
+    ],
+)
+def test_messages_speak_python(command, call):
+    long = {
+        "{house}": 'Next: femupdate.calibrate("house", "a.csv", columns={"base": "x", "2F": "2"})',
+        "{pairs}": 'say it by `columns=`, such as {"base": "1", "RF": "2"}',
+        "{roof}": '`femupdate.write_report(femupdate.Study(study, "roof"))`',
+    }
+    assert in_python(command) == long.get(call, call)
+
+
+def test_results_and_nouns_fit_a_screen(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    model = femupdate.reduce("screen", "shear_3dof")
+    told = [model, model.system, model.reduced, femupdate.Study("screen"), model.building]
+    told += [femupdate.build_model("screen"), femupdate.inspect("run.csv", "none.csv")]
+    told += [read_observation_file("run.csv"), femupdate.GroundMotion.from_arrays([0, 1], 0.1)]
+    assert all(20 < len(repr(each)) < 1500 for each in told)
+    assert "none.csv: no such file" in repr(told[6])
+    assert "--" not in "".join(map(repr, [*told, femupdate.status("screen")]))
+
+
+def test_every_command_has_its_verb(tmp_path):
+    named = {"build-model": "build_model", "report": "write_report", "list": "catalogue"}
+    verbs = {named.get(name, name) for name in group.list_commands(Context(group))}
+    # Benchmarks are of a checkout.
+    assert verbs - {"benchmark"} <= {*femupdate.__all__}
+    assert femupdate.catalogue().buildings
+    assert femupdate.examples(tmp_path / "new").as_dict()
+
+
+def test_modes_are_identified_and_rendered_as_the_commands_do(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    femupdate.calibrate("drawn", "run.csv", building="shear_3dof", exact=True, particles=200)
+    rendered = femupdate.render("drawn", modes=2, samples=8)
+    assert rendered.to_dataframe().shape[0] == 2
+    pytest.importorskip("pyoma2")
+    modes = femupdate.identify("run.csv", "modes.csv", order=20)
+    assert "femupdate.calibrate(study, " in repr(modes)
 
 
 def test_arrays_of_accelerations_are_taken_as_a_file_is(tmp_path):

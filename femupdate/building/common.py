@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, brief
 from femupdate.building.entry import Complaint, Complaints, Entry, unknown
 from femupdate.building.members import (
     Base,
@@ -225,6 +225,8 @@ class Building(Entry):
         >>> building.floors, building.story_names
         (('2F', '3F', 'RF'), ('S1', 'S2', 'S3'))
     """
+
+    __repr__ = brief
 
     # A building of any kind by its file or its shipped name: put here by what knows all kinds.
     load: ClassVar[Callable[..., "Building"]]

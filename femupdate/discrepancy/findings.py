@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femupdate.arrays import brief
 from femupdate.discrepancy.evidence import Consequence, Tested, laplace
 from femupdate.discrepancy.fit import Cell, Fit, Remains, with_more
 from femupdate.discrepancy.further_measurements import MeasurementValue
@@ -165,6 +166,8 @@ class Diagnosis:
             sizes that they have together; empty where none was sought or found.
         allowed: the model with the usual tolerances, where they explain what no name may then.
     """
+
+    __repr__ = brief
 
     base: Fit
     verdict: str

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from torch import Tensor
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, brief
 from femupdate.effects.effect import (
     UNSCALED,
     Array,
@@ -67,6 +67,8 @@ class ReducedModel:
     u = V q, uniform base acceleration a_g in one direction with influence vector i:
         q'' + C q' + K(theta) q = -excitation a_g.
     """
+
+    __repr__ = brief
 
     stiffness_terms: Floats  # (p, r, r) one symmetric matrix a parameter, 1/s2
     stiffness_constant: Floats  # (r, r) the part that no parameter scales, 1/s2

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from femupdate.arrays import brief
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw
 from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.dynamics.force_response import RestFlexibility
@@ -95,6 +96,8 @@ class System:
     >>> system.log_frf(theta, zeta, frequency_hz).shape  # draws, floors, points
     torch.Size([2, 3, 20])
     """
+
+    __repr__ = brief
 
     model: ReducedModel  # the reduced model
     law: DampingLaw = field(default_factory=ConstantDamping)  # of the damping

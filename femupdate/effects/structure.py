@@ -14,7 +14,7 @@ from typing import TypeVar, cast
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
-from femupdate.arrays import Flags, Floats, Integers
+from femupdate.arrays import Flags, Floats, Integers, brief
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.document import Building
 from femupdate.building.frame import FrameBuilding
@@ -55,6 +55,8 @@ class Structure:
     >>> structure.stiffness([1.0, 0.9, 1.0]).shape, structure.levels.shape
     ((3, 3), (3,))
     """
+
+    __repr__ = brief
 
     building: Building  # what it is the model of
     stiffness_terms: tuple[csc_matrix, ...]  # one (n, n) matrix a story, N/m

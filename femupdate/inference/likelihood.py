@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 import torch
 from torch import Tensor
 
+from femupdate.arrays import brief
 from femupdate.building.document import Building
 from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.dynamics.system import System
@@ -177,6 +178,8 @@ class Likelihood:
             may have effects; None where `within` serves there.
         known: errors of the model about given parameters; None where there are none.
     """
+
+    __repr__ = brief
 
     data: tuple[Data, ...]
     system: System

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, brief
 from femupdate.building.document import Building
 from femupdate.building.parameters import factor_ranges
 from femupdate.dynamics.snapshots import ReductionTarget
@@ -103,6 +103,8 @@ class Parameters:
     Attributes:
         entries: the parameters in their order.
     """
+
+    __repr__ = brief
 
     entries: tuple[Parameter, ...]
     device: torch.device | str = "cpu"

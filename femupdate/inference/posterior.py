@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.arrays import Floats, Integers
+from femupdate.arrays import Floats, Integers, brief
 from femupdate.errors import StudyError
 from femupdate.inference.error_draws import ErrorDraws, errors_as_groups, errors_from_groups
 from femupdate.inference.event_scatter import LearnedScatter, scatter_as_group, scatter_from_group
@@ -83,6 +83,8 @@ class Posterior:
         scatter: of stiffness and damping between events; None where one run cannot tell.
         warnings: what whoever uses the draws should know, in sentences.
     """
+
+    __repr__ = brief
 
     parameters: Parameters
     values: Floats

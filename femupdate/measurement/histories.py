@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, brief
 from femupdate.dynamics.excitation import Excitation
 from femupdate.errors import MeasurementError
 from femupdate.measurement.clock import check_step
@@ -41,6 +41,8 @@ class Histories:
             would be, N.
         force: floor at which a force acts; empty where the base moves.
     """
+
+    __repr__ = brief
 
     time_step: float
     channels: tuple[FloorChannel, ...]

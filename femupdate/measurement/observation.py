@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femupdate.arrays import Complexes, Flags, Floats
+from femupdate.arrays import Complexes, Flags, Floats, brief
 from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.errors import MeasurementError
 from femupdate.measurement.names import BASE, floor_height, parse_channel
@@ -71,6 +71,8 @@ class Observation:
         halves: the data in two parts that err independently; none where they were not parted.
         histories: that the FRFs are an estimate of; None for a table.
     """
+
+    __repr__ = brief
 
     frequency_hz: Floats
     floors: tuple[str, ...]
@@ -166,9 +168,13 @@ class Observation:
 
         channels = {name: parse_channel(name) for name in accelerations}
         unknown = [name for name, channel in channels.items() if channel is None]
-        if unknown or len({np.size(values) for values in accelerations.values()}) != 1:
-            wrong = f"{unknown[0]!r} is no channel" if unknown else "the arrays differ in length"
-            raise MeasurementError(f"{source}: {wrong}; give base, 2F, ..., RF, all of one length")
+        unlike = len({np.size(values) for values in accelerations.values()}) != 1
+        if unknown or unlike or not time_step > 0.0:
+            wrong = "the arrays differ in length" if unlike else f"the time step is {time_step}"
+            wrong = f"{unknown[0]!r} is no channel" if unknown else wrong
+            raise MeasurementError(
+                f"{source}: {wrong}; give base, 2F, ..., RF, all of one length, and the step in s"
+            )
         rows = factor(unit, "acceleration") * np.array([*accelerations.values()], dtype=float)
         known = tuple(channel for channel in channels.values() if channel is not None)
         histories = Histories(time_step, known, rows, source)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, brief
 from femupdate.errors import MeasurementError
 from femupdate.measurement.clock import check_step, rate_ratio, resampled
 from femupdate.measurement.histories import LARGEST_PEAK, SMALLEST_PEAK, fault_of, rotation_of
@@ -48,6 +48,8 @@ class GroundMotion:
             measured.
         scale: by which the values of the file were multiplied.
     """
+
+    __repr__ = brief
 
     acceleration: Floats
     time_step: float

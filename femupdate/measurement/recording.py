@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Floats, brief
 from femupdate.errors import MeasurementError
 from femupdate.measurement.clock import (
     BRIDGED,
@@ -240,6 +240,8 @@ class Recording:
             NaN where a cell is blank.
         points: coordinates of its measuring points by their numbers, in the file's unit.
     """
+
+    __repr__ = brief
 
     file: TextFile
     channels: tuple[RecordedChannel, ...] = ()

@@ -49,7 +49,7 @@ class Image:
         Raises:
             ReportError: it is none.
         """
-        if not path.read_bytes()[:8].startswith((_PNG, _JPEG)):
+        if not path.is_file() or not path.read_bytes()[:8].startswith((_PNG, _JPEG)):
             raise ReportError(f"{path} is no picture; give a PNG or JPEG file")
         return cls(path)
 

@@ -15,6 +15,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
+from femupdate.arrays import brief
 from femupdate.building.document import Building, mechanics_hash
 from femupdate.errors import SurrogateError
 from femupdate.storage import write_bytes
@@ -78,6 +79,8 @@ class Surrogate:
     >>> found.surrogate.info.floors
     ('2F', '3F', 'RF')
     """
+
+    __repr__ = brief
 
     mvae: Mvae
     info: SurrogateInfo

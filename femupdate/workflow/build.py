@@ -16,7 +16,6 @@ from femupdate.effects.structure import structure_of
 from femupdate.errors import StudyError
 from femupdate.fe.export_nastran import bulk_data
 from femupdate.fe.export_opensees import opensees_script
-from femupdate.fe.model import FiniteElementModel
 from femupdate.progress import SILENT, Progress
 from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
 from femupdate.study import BUILDING_FILE, Study, atomic_path, typed, write_text
@@ -217,31 +216,27 @@ def write_mesh(mesh: BuildingMesh, path: Path, modes: FullModes) -> None:
         found.write(temporary, file_format="vtu")
 
 
-def export_nastran(study: Study, building: Building) -> Path:
-    """Write bulk data for Nastran in N and m, all stiffness factors 1."""
-    path = study.path("model.bdf")
-    write_text(path, bulk_data(_meshed(building)))
-    return path
+EXPORTS = {"nastran": "model.bdf", "opensees": "opensees_model.py"}
+"""Files of a study that other programs read, by the program."""
 
 
-def export_opensees(
-    study: Study, building: Building, modes: int = 12, shell: str = "ASDShellQ4"
-) -> Path:
-    """Write a Python script that rebuilds the building in OpenSeesPy, all stiffness factors 1."""
-    model = _meshed(building)
-    name = building.title or building.name
-    script = opensees_script(
-        model, np.ones(model.groups), name=name, modes=modes, types={"shell": shell}
-    )
-    path = study.path("opensees_model.py")
-    write_text(path, script)
-    return path
+def export_model(study: Study, building: Building, program: str, shell: str) -> None:
+    """Write bulk data in N and m, or a Python script for OpenSeesPy, all stiffness factors 1.
 
-
-def _meshed(building: Building) -> FiniteElementModel:
+    Raises:
+        StudyError: the building has no mesh, or there is no such program.
+    """
     if building.kind == "shear":
         raise StudyError(
             f"{building.name} is a shear building of lumped masses, which has no mesh to export; "
             "choose a frame building"
         )
-    return mesh_building(building).model
+    if program not in EXPORTS:
+        raise StudyError(f"{program!r} is no program to export to; choose nastran or opensees")
+    model, name = mesh_building(building).model, building.title or building.name
+    if program == "nastran":
+        text = bulk_data(model)
+    else:
+        types = {"shell": shell}
+        text = opensees_script(model, np.ones(model.groups), name=name, modes=12, types=types)
+    write_text(study.path(EXPORTS[program]), text)

@@ -53,6 +53,7 @@ class InspectedFiles(Result):
             yield Note(f"{path}: a model of {program_of(path)}")
             yield Notes(notes)
             yield Note(f"Next: {command}")
+        yield Notes(self.refused)
         head = ("channel", "direction", "quantity", "rate", "samples", "length", "peak")
         for file in self.files:
             yield Note(f"{file.path}: {file.summary}")
@@ -88,6 +89,9 @@ def inspect_files(
         paths: of the files; one that cannot be read does not keep the others back.
         unit: of accelerations, or of force and length of a model, where a file does not say it.
         columns: our column name to the file's column or channel, where the user says it.
+
+    Raises:
+        MeasurementError: none can be read.
     """
     files, refused, models = [], [], []
     for path in paths:
@@ -100,6 +104,8 @@ def inspect_files(
                 files.append(inspect_file(path, unit, columns))
         except (BuildingError, MeasurementError) as error:
             refused.append(str(error))
+    if not files and not models:
+        raise MeasurementError(". ".join(refused) or "no measured file is named; give one or more")
     return InspectedFiles(tuple(files), tuple(refused), tuple(models))
 
 

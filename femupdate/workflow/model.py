@@ -12,6 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from femupdate.arrays import brief
 from femupdate.building.document import Building, mechanics_hash, without_effects
 from femupdate.building.files import load_building, save_building
 from femupdate.building.frame import FrameBuilding
@@ -178,6 +179,8 @@ class StudyModel:
         shared: what the mesh of that system leaves open; None for a stick.
         finer: what the study keeps of a mesh twice as fine; None for a stick.
     """
+
+    __repr__ = brief
 
     building: Building
     reduced: ReducedModel

@@ -172,8 +172,3 @@ def levels_with_base(building: Building) -> Floats:
     for story, foot in zip(building.stories, building.below, strict=True):
         levels.append(levels[foot + 1] + (getattr(story, "height", None) or 1.0))
     return np.array(levels)
-
-
-def _with_base(shapes: Sequence[Floats]) -> Floats:
-    """Shapes (m, f) with the base, which stands still, before the floors."""
-    return np.array([[0.0, *shape] for shape in shapes])
