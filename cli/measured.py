@@ -1,5 +1,6 @@
 """femupdate inspect and identify: what measured files hold."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -67,9 +68,7 @@ def inspect(
         raise Failure(f"{write_mapping} is there already; choose another name, or remove it")
     report = interface.inspect(*files, unit=unit, columns=columns)
     pictures = None
-    problems = [f"{len(report.refused)} of {len(files)} files cannot be read"] * bool(
-        report.refused
-    )
+    problems = list(report.refused)
     if picture is not None and report.files:
         try:
             pictures = (draw_inspection(report.files[0], picture),)
@@ -78,7 +77,8 @@ def inspect(
     written: tuple[Path, ...] = ()
     if write_mapping is not None and report.files:
         written = (propose_mapping(report.files[0], write_mapping, unit),)
-    answer = Answer(report, pictures=pictures, files=written)
+    more = {"refused": report.refused}  # on stderr alone
+    answer = Answer(replace(report, refused=()), more, pictures=pictures, files=written)
     if problems:
         answer.show(click.get_current_context().params["as_json"])
         raise Failure("\n".join(problems))

@@ -253,7 +253,8 @@ def _of_group(group: Sequence[_Sensor]) -> Iterator[str]:
     if mode is not None:
         others = _set_by_clock(reference, others, mode)
     responses = {sensor.number: _response(reference, sensor, 0, 1) for sensor in others}
-    first = _first_mode(responses[others[-1].number], based)
+    # That of a single floor is another where its gain is.
+    first = mode or _first_mode(responses[others[-1].number], based)
     if first is None:
         return
     against = []
@@ -274,7 +275,7 @@ def _of_group(group: Sequence[_Sensor]) -> Iterator[str]:
         levels = {s.number: _level(reference, s, first) for s in others if based}
         if based:
             yield from _of_levels(reference, others, levels)
-        yield from _out_of_order(reference, others, levels, mode or first)
+        yield from _out_of_order(reference, others, levels, first)
     yield from _of_clocks(reference, [s for s in others if s not in against], responses, first)
 
 
@@ -402,11 +403,11 @@ def _of_levels(
     """Sentences on channels that have another gain or unit than the reference."""
     as_between = {9.80665: "g and m/s2", 980.665: "g and gal", 100.0: "m/s2 and gal"}
     as_between |= {1000.0: "g and mg", 101.97: "m/s2 and mg"}
-    # Amplifiers are set in steps of two; buildings stay within some percent at low frequency.
+    # Buildings stay within some percent at low frequency.
     odd = {
         sensor: level
         for sensor in others
-        if (level := levels[sensor.number]) is not None and abs(np.log(level)) > np.log(1.5)
+        if (level := levels[sensor.number]) is not None and abs(np.log(level)) > np.log(1.25)
     }
     several = list(odd.values())
     if len(odd) == len(others) > 1 and max(several) < 1.2 * min(several):

@@ -38,7 +38,7 @@ _NAMED = (MODE, FREQUENCY, FREQUENCY_SD, DAMPING, DAMPING_SD, PERIOD, PERIOD_SD,
 TELLING = (MODE, FREQUENCY_SD, DAMPING, DAMPING_SD)
 """Columns that no table of histories or of response functions has."""
 _DEVIATION = r"(std|sd|standarddeviation)"
-_FREQUENCY = rf"(f|fn|fid|(natural|modal|eigen)?({FREQUENCY_WORD}))"
+_FREQUENCY = rf"(f|fn|fid|ω|omega|(natural|modal|eigen|circular)?({FREQUENCY_WORD}))"
 _DAMPING = r"(xi|zeta|ξ|ζ|(modal)?damp(ing)?(ratios?)?|dämpfung\w*|amort\w+|smorz\w+|sönüm\w*)"
 _PERIOD = r"(t|tn|(natural|modal)?p[eé]r[ií]od[eos]?|周期|固有周期)"
 # Titles without blanks, points and underscores.
@@ -145,6 +145,8 @@ def _columns(table: ColumnTable, columns: Mapping[str, str], named: bool) -> dic
             )
         known = known or title
         unit, factor = table.units[position], 1.0
+        if unit is None and known == FREQUENCY and re.match("ω|omega|circular", title.lower()):
+            unit = "rad/s"
         if unit and known in (FREQUENCY, FREQUENCY_SD):
             factor = si_factor(table.file, unit, "frequency")
         elif unit and known in (PERIOD, PERIOD_SD):

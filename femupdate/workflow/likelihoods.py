@@ -262,6 +262,9 @@ def without_foreign_modes(model: StudyModel, measured: Measured) -> Measured:
     """Without a mode that fits none of the model's where the others fit without it, which is told.
 
     Their figures must be more than the stiffness factors, or any of them could be left out.
+
+    Raises:
+        MeasurementError: frequencies fit the model as circular ones, or as periods.
     """
 
     def fitted(modes: IdentifiedModes) -> tuple[ModeData, float, Tensor]:
@@ -275,11 +278,20 @@ def without_foreign_modes(model: StudyModel, measured: Measured) -> Measured:
     for modes in measured.modes:
         kept.append(modes)
         count = len(modes.names)
-        if model.parameters.size > FEW or count < 3:
+        if model.parameters.size > FEW:
             continue
         data, noise, _ = fitted(modes)
+        if noise > 2.0:
+            turned = {"rad/s": modes.frequency_hz / (2.0 * np.pi), "s": 1.0 / modes.frequency_hz}
+            for unit, frequency in turned.items():
+                if fitted(replace(modes, frequency_hz=frequency))[1] == 1.0:
+                    name = "frequency (rad/s)" if unit == "rad/s" else "period (s)"
+                    raise MeasurementError(
+                        f"{modes.source}: the frequencies fit {model.building.name} in {unit}, but "
+                        f"not in Hz; write {name} above their column, or correct them"
+                    )
         foreign = []
-        for number in range(count) if noise > 2.0 else ():
+        for number in range(count) if noise > 2.0 and count > 2 else ():
             rest = modes.some([k for k in range(count) if k != number])
             others, stated, best = fitted(rest)
             values = model.parameters.split(best)

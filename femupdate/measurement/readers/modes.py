@@ -71,13 +71,14 @@ def table_in(file: TextFile) -> Recording:
     names, units, rows = read_head_rows(file, rows, delimiter, bracketed)
     if names is None or units is None:
         raise file.error("the first cell of the header is a number; name its column", rows[0][0])
-    tests: dict[str, int] = {}
-    numbered = [(line, _numbered(text, delimiter, names, tests)) for line, text in rows]
-    values, lines = parse_rows(file, numbered, delimiter, names, blanks=True)
+    values, lines = parse_rows(
+        file, _numbered(rows, delimiter, names), delimiter, names, blanks=True
+    )
     notes = [f"Lines above the table that are passed over: {above}."] if above else []
-    if len(tests) > 1 and len(tests) < len(rows):
-        notes.append(_MEANS.format(len(tests)))
     table = ColumnTable(file, names, units, values, lines)
+    of_test = [values[:, k] for k, name in enumerate(names) if figure_of(name) == TEST]
+    if of_test and 1 < (tests := len({*of_test[0].tolist()})) < len(rows):
+        notes.append(_MEANS.format(tests))
     return Recording(file, mode_table=table, notes=tuple(notes))
 
 
@@ -123,15 +124,21 @@ def _in_rows(
     return Recording(file, mode_table=found, notes=(_MEANS.format(len(values)),))
 
 
-def _numbered(
-    text: str, delimiter: str | None, names: tuple[str, ...], tests: dict[str, int]
-) -> str:
-    """A row with numbers in place of a mode's name, `EFDD Mode 3`, and of a test's."""
-    cells = cells_of(text, delimiter)
-    for k, (cell, name) in enumerate(zip(cells, names, strict=False)):
-        numbers, figure = re.findall(r"\d+", cell), figure_of(name)
-        if numbers and not is_number(cell) and figure == MODE:
-            cells[k] = numbers[-1]
-        elif figure == TEST:
-            cells[k] = str(tests.setdefault(cell, len(tests) + 1))
-    return (delimiter or " ").join(cells)
+def _numbered(rows: list[Row], delimiter: str | None, names: tuple[str, ...]) -> list[Row]:
+    """Rows with numbers in place of names of modes, `EFDD Mode 3` or `T1`, and of tests."""
+    figures, table = (
+        [figure_of(name) for name in names],
+        [cells_of(row, delimiter) for _, row in rows],
+    )
+    for k, figure in enumerate(figures):
+        labels = dict.fromkeys(cells[k] for cells in table if k < len(cells))
+        if figure not in (MODE, TEST) or (figure == MODE and all(map(is_number, labels))):
+            continue
+        last = [re.findall(r"\d+", label)[-1:] for label in labels]
+        apart = figure == MODE and all(last) and len({*map(tuple, last)}) == len(labels)
+        number = {label: last[n][0] if apart else str(n + 1) for n, label in enumerate(labels)}
+        for cells in table:
+            cells[k : k + 1] = [number[cell] for cell in cells[k : k + 1]]
+    return [
+        (line, (delimiter or " ").join(cells)) for (line, _), cells in zip(rows, table, strict=True)
+    ]
