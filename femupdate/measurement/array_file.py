@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femupdate.measurement.clock import even_step, is_moment, seconds_of
 from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, TELLING, figure_of
 from femupdate.measurement.names import FREQUENCY, FREQUENCY_NAME, TIME, TIME_NAME
 from femupdate.measurement.quantity import is_unit
-from femupdate.measurement.recording import Recording
+from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile
 
@@ -61,6 +62,9 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
         columns |= _columns(name, array, labels)
     if not columns:
         raise file.error("the file holds no array of numbers; save one for each channel")
+    own = _channels_with_clocks(file, columns, scalars, arrays)
+    if own:
+        return Recording(file, own)
     axis = _axis(columns, scalars)
     if axis is None and any(map(np.iscomplexobj, columns.values())):
         raise file.error("complex arrays need their frequencies; add the array frequency_hz (Hz)")
@@ -68,6 +72,12 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     used = {k: v for k, v in columns.items() if v.size == count}
     used = {axis: used.pop(axis)} | used if axis else used
     left_out = [name for name in columns if name not in used]
+    alike = [name for name in left_out if 2 * columns[name].size > count > 500]
+    if alike:
+        raise file.error(
+            f"{', '.join(alike)} and {next(k for k in used if k != axis)} have unlike lengths, and "
+            "nothing says when each starts; save times with each, such as time_RF, or cut them"
+        )
     for name, column in used.items():
         wrong = np.flatnonzero(np.isinf(column))
         if wrong.size:
@@ -94,6 +104,69 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     return Recording(file, table=kept, mode_table=modal, notes=notes if left_out else ())
 
 
+_CLOCK = re.compile(
+    r"(?P<word>time|t_?0|t_?start|t|start_?time|start|begin|fs|rate|dt)"
+    r"(?P<unit>_ms|_us)?(?:_?(?P<of>[A-Za-z0-9]*))$",
+    re.IGNORECASE,
+)
+
+
+def _channels_with_clocks(
+    file: TextFile,
+    columns: Mapping[str, _Column],
+    scalars: Mapping[str, float],
+    arrays: Mapping[str, Any],
+) -> tuple[RecordedChannel, ...]:
+    """Arrays each of which has times, a start or a rate for itself; none of other files.
+
+    They are told by names: `time_RF`, `t2` of `a2`, `fs_RF`, `start_RF`, or fields of a structure.
+    """
+    texts = {k: str(v) for k, v in arrays.items() if isinstance(v, str) and is_moment(v)}
+    moments = seconds_of(list(texts.values())) if texts else None
+    starts = {} if moments is None else dict(zip(texts, moments, strict=True))
+    known: dict[str, Any] = {**scalars, **starts, **columns}
+    clocks = {key: found for key in known if (found := _CLOCK.match(key.rpartition(".")[2]))}
+    data = [key for key in columns if key not in clocks]
+    if len(clocks) < 2 or len(data) > 200:
+        return ()
+    (unit,) = {*_texts(arrays, _UNIT)} if len({*_texts(arrays, _UNIT)}) == 1 else (None,)
+
+    def of(name: str, *words: str) -> Any:
+        """What is said of an array by one of the words, else of all by the same."""
+        for own in (True, False):
+            for key, found in clocks.items():
+                owner, place = key.rpartition(".")[0], found["of"]
+                ends = re.search(rf"(^|_|[a-z](?=\d)){re.escape(place)}$", name) if place else None
+                mine = bool(ends) or bool(owner and name.startswith(f"{owner}."))
+                common = not own and not owner and not place
+                if found["word"].lower().replace("_", "") in words and (mine if own else common):
+                    return known[key]
+        return None
+
+    made = []
+    for name in data:
+        time, begin = of(name, "time", "t"), of(name, "t0", "tstart", "start", "starttime", "begin")
+        rate, step = of(name, "fs", "rate"), of(name, "dt")
+        if np.ndim(time) and np.size(time) == columns[name].size:
+            step, even, _ = even_step(file, time, np.arange(time.size) + 1, name)
+            begin = float(time[0])
+            if even is not None:
+                return ()
+        elif rate or step:
+            step = step or 1.0 / rate
+        else:
+            return ()
+        owner, _, last = name.rpartition(".")
+        title = owner.rpartition(".")[2] or re.sub("^(acc|a)_", "", last)
+        values = np.asarray(np.real(columns[name]), dtype=np.float64)
+        channel = RecordedChannel(name=title, values=values, time_step=step, unit=unit, start=begin)
+        made.append(channel)
+    rates, begins = {each.time_step for each in made}, {each.start for each in made}
+    if len(made) < 2 or (None in begins and len(begins) > 1):
+        return ()
+    return tuple(made) if len(begins) > 1 or len(rates) > 1 else ()
+
+
 def _texts(arrays: Mapping[str, Any], called: re.Pattern[str]) -> list[str]:
     """The texts of the first array of a name, one of a single text."""
     named = (a for name, a in arrays.items() if called.match(name.rpartition(".")[2]))
@@ -116,7 +189,8 @@ def _axis(columns: dict[str, _Column], scalars: Mapping[str, float]) -> str | No
         real = (key for key, column in columns.items() if not np.iscomplexobj(column))
         key_of_axis = next((key for key in real if kind.match(key.rpartition(".")[2])), None)
         if key_of_axis is not None:
-            columns[name] = columns.pop(key_of_axis)
+            counted = {"_ms": 1e-3, "_us": 1e-6}.get(key_of_axis.lower()[-3:], 1.0)
+            columns[name] = counted * columns.pop(key_of_axis)
             return name
     steps = (
         1.0 / value if _RATE.match(plain) else value

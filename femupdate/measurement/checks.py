@@ -34,18 +34,18 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
         si: SI factor of its unit, or None where the unit is not known.
     """
     if np.ptp(channel.values) == 0.0:
-        return (f"it is dead: every value is {channel.values[0]:g}.",)
+        return (f"it is dead: every value is {channel.values[0] + 0.0:g}.",)
     # Over the peak, so that no square overflows.
     peak = float(np.abs(channel.values).max())
     values = channel.values / peak
     mean = float(values.mean())
     swing = peak * float(np.abs(values - mean).max())
     findings = []
-    if channel.quantity == "acceleration" and si is None:
+    raw = channel.unit if channel.unit and RAW.fullmatch(channel.unit) else ""
+    if si is None and (channel.quantity == "acceleration" or raw):
         given = f"its unit {channel.unit!r} is not one of acceleration"
         given = given if channel.unit else "the file does not say its unit"
         findings.append(f"{given}; give it with --unit.")
-        raw = channel.unit if channel.unit and RAW.fullmatch(channel.unit) else ""
         # Below some hundred, whole numbers may be of any unit.
         if not raw and peak > 500.0 and np.array_equal(channel.values, np.rint(channel.values)):
             raw, given = "count", f"{given}, and whole numbers look like counts of a digitiser"

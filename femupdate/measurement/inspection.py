@@ -149,7 +149,7 @@ def next_step(
     usable = [k for k, e in enumerate(histories) if e.quantity in kinds and not e.vertical]
     units = (histories[k].unit for k in usable)
     unknown = unit is None and any(stated is None or RAW.fullmatch(stated) for stated in units)
-    options = f" --unit {unit or 'UNIT'}" if unit or unknown else ""
+    options = f" --unit {shlex.quote(unit or 'UNIT')}" if unit or unknown else ""
     if not usable:
         return NextStep("", "None of the channels is a horizontal acceleration.")
     name = shlex.quote(str(path))
@@ -170,7 +170,8 @@ def next_step(
         return NextStep(
             "",
             f"The names do not say which floor {', '.join(left_over)} is; say it for all channels"
-            f" by --columns, such as base={histories[usable[0]].name},RF={left_over[0]}.",
+            f" by --columns, such as base={histories[usable[0]].name}"
+            f",2F={histories[usable[-1]].name}.",
         )
     base = [ours for ours in proposed if ours.startswith(BASE)]
     floors = [ours for ours in proposed if not ours.startswith(BASE)]
@@ -187,7 +188,9 @@ def next_step(
         force = str(pushed + 1) if names is None else histories[pushed].name
         option = columns_option({"force/RF": force, **along}, [] if floors else ["RF"], what)
         return NextStep(calibrate + option, _FORCED, columns)
-    of_one_place = len(histories) <= 3
+    of_one_place = len(histories) == 1 or (
+        len(histories) < 4 and all(h.direction for h in histories)
+    )
     if of_one_place and not floors:
         largest = max(usable, key=lambda k: float(abs(histories[k].values).max()))
         channel = f" --channel {largest + 1}" if len(histories) > 1 else ""

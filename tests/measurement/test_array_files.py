@@ -8,11 +8,17 @@ import pytest
 from scipy.io import savemat
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement import read_measured, read_observation_file, read_record
+from femupdate.measurement import (
+    inspect_file,
+    read_measured,
+    read_observation_file,
+    read_record,
+)
 
 RATE = 200.0
 ROWS = np.random.default_rng(3).normal(size=(3, 90)) * [[1.0], [2.0], [4.0]]
 TIME = np.arange(90) / RATE
+WAVE, STEPS = np.random.default_rng(4).normal(size=1200), np.arange(1200) / 100.0
 
 
 def save_7_3(path, arrays):
@@ -176,3 +182,43 @@ def test_file_cut_off(tmp_path, name):
     path.write_bytes(data[: len(data) // 2])
     with pytest.raises(MeasurementError, match=r"save it again with|save the channels alone with"):
         read_record(path)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"fs": 100.0, "start_base": 0.0, "start_RF": 0.5},
+        {"fs": 100.0, "t0_base": 3.0, "t0_RF": 3.5},
+        {"dt": 0.01, "start_base": "2024-01-01 10:00:00.0", "start_RF": "2024-01-01 10:00:00.5"},
+        {"t_base": STEPS, "t_RF": STEPS[50:]},
+        {"fs_base": 100.0, "fs_RF": 100.0, "start_base": 0.0, "start_RF": 0.5},
+    ],
+)
+def test_arrays_that_start_apart_are_cut_to_their_common_time(said, tmp_path):
+    path = tmp_path / "apart.mat"
+    savemat(path, {"base": WAVE, "RF": WAVE[50:], **said})
+    base, roof = inspect_file(path).channels
+    assert base.channel.values == pytest.approx(roof.channel.values)
+    assert base.channel.values.size == WAVE.size - 50
+
+
+def test_arrays_of_unlike_lengths_without_starts_are_refused(tmp_path):
+    path = tmp_path / "unlike.mat"
+    savemat(path, {"fs": 100.0, "base": WAVE, "RF": WAVE[50:]})
+    with pytest.raises(MeasurementError, match="RF and base have unlike lengths"):
+        inspect_file(path)
+
+
+def test_structures_with_their_own_rates_are_told(tmp_path):
+    path = tmp_path / "rates.mat"
+    fast, slow = {"acc": WAVE, "fs": 100.0}, {"acc": WAVE[::2], "fs": 50.0}
+    savemat(path, {"base": fast, "roof": slow})
+    found = inspect_file(path)
+    assert "unlike rates, 100 Hz (base), 50 Hz (roof)" in found.all_findings[-1]
+    assert "--columns base=1,RF=2" in found.step.command
+
+
+def test_times_named_in_milliseconds_are(tmp_path):
+    path = tmp_path / "ms.mat"
+    savemat(path, {"time_ms": 1000.0 * STEPS, "base": WAVE, "RF": WAVE})
+    assert inspect_file(path).channels[0].channel.time_step == pytest.approx(0.01)

@@ -184,3 +184,11 @@ HEAD = "mode,frequency_hz,damping,2F,RF\n"
 def test_wrong_tables(write, text, message):
     with pytest.raises(MeasurementError, match=message):
         read(write(text, "m.csv"))
+
+
+def test_circular_frequencies_and_letters_of_modes(write):
+    text = "mode,{0},damping (%),2F,RF\nX1,11,2,.4,1\nT1,18.85,2,.9,-1\nX2,31.4,2,-1,.5\n"
+    for title in ("omega (rad/s)", "omega", "frequency (rad/s)", "Circular frequency (rad/s)"):
+        modes = read(write(text.format(title), "m.csv"))
+        assert modes.names == ("1", "2", "3")
+        np.testing.assert_allclose(2.0 * np.pi * modes.frequency_hz, [11.0, 18.85, 31.4])

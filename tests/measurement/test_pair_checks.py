@@ -93,3 +93,17 @@ def test_a_reversed_floor_is_told_without_the_base():
         assert all("channel 1" in sentence for sentence in found)
         told += any("reversed" in sentence for sentence in found)
     assert told >= 8
+
+
+@pytest.mark.parametrize(
+    ("at", "gain"), [(0, 1 / 9.80665), (1, 0.7), (3, 2.0), (2, 0.25), (0, 4.0)]
+)
+def test_a_gain_is_told_whichever_channel_has_it(at, gain):
+    told = 0
+    for seed in range(5):
+        channels, _ = building(seed)
+        channels[at] = replace(channels[at], values=gain * channels[at].values)
+        found = pair_findings(channels, FLOORS)
+        told += any(f"channel {at + 1}" in text and "is its gain" in text for text in found)
+        assert len(found) < 2, (seed, found)
+    assert told >= 4
