@@ -114,7 +114,8 @@ def command(
 def render(study: Study, bars: Bars, **asked: Any) -> Answer:
     """Draw the mode shapes of the posterior off screen: mean shape and its spread.
 
-    The modes that move most of the mass are drawn, or those asked for. They have the numbers of
+    Their mass-normalised values at the floors go to tables/shapes.csv and shapes.uff. The modes
+    that move most of the mass are drawn, or those asked for. They have the numbers of
     the full model, as `femupdate build-model` lists them.
 
     \b

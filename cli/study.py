@@ -11,7 +11,7 @@ from femupdate.study import Study, locked
 from .bars import Bars
 from .common import NEW_FILE, Answer, Failure, option, output_option, study_options
 from .group import GroupedCommand
-from .parameters import INPUT_FILE
+from .parameters import COLUMNS, INPUT_FILE
 
 _reading = study_options(posterior=True, writes=False, draws=False, seeded=False)
 
@@ -35,15 +35,19 @@ def status(study: Study, bars: Bars) -> Answer:
 @click.argument("before")
 @click.argument("after")
 @option("--picture", "Draw the intervals of both into a PNG.", NEW_FILE)
+@option("--columns", "Floors of a universal file's points: 2F=1 +X,RF=2 +X.", COLUMNS)
 @study_options(writes=False, draws=False, seeded=False)
-def compare(before: str, after: str, picture: Path | None, study: Study, bars: Bars) -> Answer:
+def compare(
+    before: str, after: str, picture: Path | None, columns: Any, study: Study, bars: Bars
+) -> Answer:
     """Say which stories changed from BEFORE to AFTER an event.
 
     Both are posteriors of one building, each from a measurement of its own. They are named as
     `femupdate calibrate --name` named them in the study, or as study folders or posterior files.
     Of two files of modes it tells which belong together, with MAC and COMAC; `femupdate render`
-    writes those of a posterior to tables/shapes.csv and shapes.uff. Of two files of FRFs or records
-    under base motion, or of one and a posterior, it gives FRAC by floors. Changes nothing.
+    writes those of a posterior, mass-normalised, to tables/shapes.csv and shapes.uff. Of two files
+    of FRFs or records under base motion, or of one and a posterior, it gives FRAC by floors.
+    Changes nothing.
 
     \b
     Examples:
@@ -56,7 +60,7 @@ def compare(before: str, after: str, picture: Path | None, study: Study, bars: B
     from femupdate import interface
     from femupdate.workflow.compare import CompareReport
 
-    report = interface.compare(study, before, after)
+    report = interface.compare(study, before, after, columns=columns)
     if picture is None:
         return Answer(report)
     if not isinstance(report, CompareReport):

@@ -396,12 +396,15 @@ def render(
     return render_study(opened, open_calibrated(opened, progress), modes, samples, **how)
 
 
-def compare(study: Folder, before: str, after: str) -> "CompareReport | Told":
+def compare(
+    study: Folder, before: str, after: str, *, columns: Mapping[str, str] | None = None
+) -> "CompareReport | Told":
     """Which stories changed between two posteriors, or how alike two sets of modes or FRFs are.
 
     Args:
         before, after: names of posteriors of the study, study folders or posterior files; or two
             files of modes; or files of FRFs or records, one of which may be a posterior instead.
+        columns: our floors to the measuring points of universal files of modes.
 
     Raises:
         StudyError: there is no such posterior.
@@ -418,7 +421,7 @@ def compare(study: Folder, before: str, after: str) -> "CompareReport | Told":
 
         read = [read_measured(file) for file in measured]
         if len(read) == 2 and any(one.modes or one.mode_table is not None for one in read):
-            return compare_modes(*files)
+            return compare_modes(files[0], files[1], columns)
         return compare_frfs(before, after, opened)
     return compare_states(find_state(before, opened), find_state(after, opened))
 
@@ -625,8 +628,8 @@ def _files(study: Study, given: "Sequence[File | Observation | GroundMotion]") -
             data = Observation.from_accelerations(data.time_step, base, source=data.name)
         if not isinstance(data, Observation):
             raise FemupdateError(
-                f"a {type(data).__name__} is no measurement; give names of files one by one, or "
-                "arrays by Observation.from_accelerations or Observation.from_arrays"
+                f"a {type(data).__name__} is no measurement; give names of files, or arrays by "
+                "Observation.from_accelerations or Observation.from_arrays"
             )
         path, histories = study.path("measured", f"{Path(data.source).stem}.csv"), data.histories
         if histories is not None and not data.frequency_hz.size:

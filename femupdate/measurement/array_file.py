@@ -62,9 +62,8 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
         columns |= _columns(name, array, labels)
     if not columns:
         raise file.error("the file holds no array of numbers; save one for each channel")
-    own = _channels_with_clocks(file, columns, scalars, arrays)
-    if own:
-        return Recording(file, own)
+    if timed := _channels_with_clocks(file, columns, scalars, arrays):
+        return Recording(file, timed)
     axis = _axis(columns, scalars)
     if axis is None and any(map(np.iscomplexobj, columns.values())):
         raise file.error("complex arrays need their frequencies; add the array frequency_hz (Hz)")
@@ -133,13 +132,13 @@ def _channels_with_clocks(
 
     def of(name: str, *words: str) -> Any:
         """What is said of an array by one of the words, else of all by the same."""
-        for own in (True, False):
+        for alone in (True, False):
             for key, found in clocks.items():
                 owner, place = key.rpartition(".")[0], found["of"]
                 ends = re.search(rf"(^|_|[a-z](?=\d)){re.escape(place)}$", name) if place else None
                 mine = bool(ends) or bool(owner and name.startswith(f"{owner}."))
-                common = not own and not owner and not place
-                if found["word"].lower().replace("_", "") in words and (mine if own else common):
+                common = not alone and not owner and not place
+                if found["word"].lower().replace("_", "") in words and (mine if alone else common):
                     return known[key]
         return None
 

@@ -403,11 +403,11 @@ def _of_levels(
     """Sentences on channels that have another gain or unit than the reference."""
     as_between = {9.80665: "g and m/s2", 980.665: "g and gal", 100.0: "m/s2 and gal"}
     as_between |= {1000.0: "g and mg", 101.97: "m/s2 and mg"}
-    # Buildings stay within some percent at low frequency.
+    # Buildings stay within some percent at low frequency; a base that turns adds a third.
     odd = {
         sensor: level
         for sensor in others
-        if (level := levels[sensor.number]) is not None and abs(np.log(level)) > np.log(1.25)
+        if (level := levels[sensor.number]) is not None and abs(np.log(level)) > np.log(1.4)
     }
     several = list(odd.values())
     if len(odd) == len(others) > 1 and max(several) < 1.2 * min(several):

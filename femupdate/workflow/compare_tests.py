@@ -1,6 +1,6 @@
 """compare, of tests: how alike two sets of modes are, or FRFs of two tests or of a model."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,13 +26,17 @@ from femupdate.workflow.observed import direction_of
 _STEP, _BAND = 0.1, (0.3, 20.0)  # Hz, of two records without a grid of their own
 
 
-def compare_modes(before: Path, after: Path) -> Told:
+def compare_modes(before: Path, after: Path, points: Mapping[str, str] | None = None) -> Told:
     """Compare two files of modes.
+
+    Args:
+        points: our floors to the measuring points of universal files.
 
     Raises:
         MeasurementError: one holds none, a shape is not whole, or they share no two floors.
     """
-    found = [identified_modes(read_measured(path)) for path in (before, after)]
+    read = [read_measured(path) for path in (before, after)]
+    found = [identified_modes(r, None if r.mode_table else points) for r in read]
     floors = [floor for floor in found[0].floors if floor in found[1].floors]
     if len(floors) < 2:
         raise MeasurementError(

@@ -238,7 +238,7 @@ FRF_ERRORS = {
         "line 5, column 'RF_sd': the standard deviation of ln|H| is 0"),
     "nan noise": (frf_text(FREQUENCY, {"RF": H, "RF_sd": [1, 2, np.nan, 4]}),
         "line 4, column 'RF_sd': the cell is blank"),
-    "radians": (frf_text(FREQUENCY, {"RF": H}, units="rad/s,-"), "unknown unit 'rad/s'"),
+    "radians": (frf_text(FREQUENCY, {"RF": H}, units="rpm,-"), "unknown unit 'rpm'"),
     "base": (frf_text(FREQUENCY, {"base": H, "RF": H}), "unknown column 'base'"),
     "sensor": (frf_text(FREQUENCY, {"RF:1": H}), "unknown column 'RF:1'"),
     "frequencies alone": (frf_text(FREQUENCY, {}), "no column of a floor"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import femupdate
-from femupdate.errors import InferenceError
+from femupdate.errors import InferenceError, MeasurementError
 
 HOW = {"building": "shear_3dof", "exact": True, "particles": 200}
 
@@ -21,6 +21,18 @@ def test_a_mode_that_fits_none_of_the_model_is_named_and_left_out(tmp_path):
     assert "mode 2 at 6.3 Hz is left out" in report.posterior.warnings[0]
     away = (report.posterior.samples.mean(0) - [0.9, 1.2, 0.8]) / report.posterior.samples.std(0)
     assert np.abs(away).max() < 1.0
+
+
+def test_circular_frequencies_and_periods_without_their_unit_are_told(tmp_path):
+    hertz = np.array([3.8218, 10.0582, 16.0182])
+    rows = [row.split(",")[2:] for row in MODES.splitlines()[1:]]
+    rows[1] = ["2.0", "-1.0", "-0.6406", "0.9646"]
+    for said, values in {"rad/s": 2.0 * np.pi * hertz, "s": 1.0 / hertz}.items():
+        lines = [",".join([f"{f:.5g}", *row]) for f, row in zip(values, rows, strict=True)]
+        text = "\n".join(["frequency,damping (%),2F,3F,RF", *lines])
+        (tmp_path / "modes.csv").write_text(text, encoding="utf-8")
+        with pytest.raises(MeasurementError, match=f"fit shear_3dof in {said}, but not in Hz"):
+            femupdate.calibrate(tmp_path / "study", tmp_path / "modes.csv", **HOW)
 
 
 def test_a_factor_below_its_prior_is_refused_with_the_key_that_widens_it(tmp_path):
@@ -40,7 +52,9 @@ def test_a_factor_below_its_prior_is_refused_with_the_key_that_widens_it(tmp_pat
         header="frequency_hz,2F,3F,RF",
         comments="",
     )
-    with pytest.raises(InferenceError, match=r"lower of \[prior.theta\].* `anyway=`") as refused:
+    with pytest.raises(
+        InferenceError, match=r"lower of \[prior.theta\].* `anyway=True`"
+    ) as refused:
         femupdate.calibrate(tmp_path / "study", tmp_path / "frf.csv", **HOW)
     assert "theta_1 near 0.2 (lower limit 0.333)" in str(refused.value)
     assert not (tmp_path / "study" / "posterior.nc").exists()
