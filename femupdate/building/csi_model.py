@@ -183,21 +183,25 @@ class Properties:
         self.tables, self._rows = tables, (materials, frames, areas)
         self._frame_of, self._area_of = cache(self._frame), cache(self._area)
 
-    def frame(self, user: Row, name: str) -> FrameSection:
-        """The section of a frame."""
+    def frame(self, user: Row, name: str, material: str = "") -> FrameSection:
+        """The section of a frame, of another material where it is named."""
         known(user, self._rows[1], name, "section")
-        return self._frame_of(name)
+        return self._frame_of(name, material)
 
-    def area(self, user: Row, name: str) -> AreaSection:
-        """The section of an area."""
+    def area(self, user: Row, name: str, material: str = "") -> AreaSection:
+        """The section of an area, likewise."""
         known(user, self._rows[2], name, "section")
-        return self._area_of(name)
+        return self._area_of(name, material)
 
-    def _material(self, row: Row) -> tuple[Stuff, float]:
+    def _material(self, row: Row, named: str) -> tuple[Stuff, float]:
         """A material, and its weight, N/m3."""
-        tables, named = self.tables, row.named("MATERIAL", "CONCMATERIAL")
+        tables = self.tables
+        if named.lower() in ("", "default", "none"):
+            named = row.named("MATERIAL", "CONCMATERIAL")
         entry = known(row, self._rows[0], named, "material")
         young, shear = entry.real("E", "E1"), entry.real("G12", usual=0.0)
+        if {young} != {entry.real(key, usual=young) for key in ("E2", "E3")}:
+            raise entry.error("it differs by direction, which nothing here does; make it isotropic")
         ratio = entry.real("U", "U12", usual=0.5 * young / shear - 1.0 if shear else 0.2)
         weight = entry.real("WEIGHTPERVOLUME", "UnitWeight", "W", usual=0.0)
         usual = weight * tables.length / GRAVITY
@@ -205,10 +209,10 @@ class Properties:
         stuff = tables.material(entry, young, ratio, density, shear)
         return stuff, weight * tables.force / tables.length**3
 
-    def _frame(self, name: str) -> FrameSection:
+    def _frame(self, name: str, material: str) -> FrameSection:
         """A section of frames, with the figures that are given or that its sides make."""
         tables, row = self.tables, self._rows[1][name]
-        stuff, weight = self._material(row)
+        stuff, weight = self._material(row, material)
         keys = (("D", "t3"), ("B", "t2"), ("TF", "T"), ("TW", "T"))
         d, b, flange, web = (tables.length * row.real(*names, usual=0.0) for names in keys)
         shape = row.text("SHAPE")
@@ -248,9 +252,9 @@ class Properties:
             raise row.error(f"its sides make no {shape}; correct them") from None
         return FrameSection(figures, stuff, weight, modifiers(row, FRAME_MODIFIERS))
 
-    def _area(self, name: str) -> AreaSection:
+    def _area(self, name: str, material: str) -> AreaSection:
         tables, row = self.tables, self._rows[2][name]
-        stuff, weight = self._material(row)
+        stuff, weight = self._material(row, material)
         keys = ("THICKNESS", "SLABTHICKNESS", "WALLTHICKNESS", "TM", "DECKSLABDEPTH")
         thick, more = row.real(*keys), 0.0
         kind = row.text("MODELINGTYPE", "TYPE").lower()
@@ -300,6 +304,7 @@ def add_frame(
     moved: Floats | None = None,
     changes: Row | None = None,
     load: float = 0.0,
+    material: str = "",
 ) -> None:
     """Add a frame with all that is assigned to it, or nothing where its section is none.
 
@@ -311,11 +316,12 @@ def add_frame(
         moved: (2, 3) offsets of its ends in global axes, in the file's unit.
         changes: where its modifiers stand.
         load: what else is mass, kg/m.
+        material: in place of the section's.
     """
     if name.upper() in ("", "NONE"):
         tables.skipped[f"{row.table} without a section"] += 1
         return
-    section = properties.frame(row, name)
+    section = properties.frame(row, name, material)
     span = tables.points[ends[1]] - tables.points[ends[0]]
     length = float(np.linalg.norm(span))
     if not length > 0.0:
@@ -374,6 +380,7 @@ def add_area(
     changes: Row | None = None,
     load: float = 0.0,
     in_diaphragm: bool = False,
+    material: str = "",
 ) -> None:
     """Add an area; a membrane in a rigid diaphragm is mass at its corners alone.
 
@@ -387,7 +394,7 @@ def add_area(
         tables.skipped[f"{row.table} without a section"] += 1
         _corner_mass(tables, row, corners, load)
         return
-    section = properties.area(row, name)
+    section = properties.area(row, name, material)
     factor = np.array(section.modifiers)
     if changes is not None:
         factor = factor * modifiers(changes, AREA_MODIFIERS)

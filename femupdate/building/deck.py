@@ -125,6 +125,8 @@ def _read(file: Path, changed: int, size: int) -> tuple[dict[str, list[Card]], i
     begin = next((n for n, (_, _, line) in enumerate(lines) if starts.match(line)), -1)
     control = "\n".join(line for _, _, line in lines[: max(begin, 0)])
     chosen = re.findall(r"^\s*SPC\s*=\s*(\d+)", control, re.I | re.M)
+    if len(set(chosen)) > 1:
+        raise BuildingError(f"{file.name}: it has SPC = {' and '.join(chosen)}; keep one of them")
     cards: dict[str, list[Card]] = {}
     for card in _cards(lines[begin + 1 :]):
         cards.setdefault(card.name, []).append(card)

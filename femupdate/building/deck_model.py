@@ -56,7 +56,8 @@ class NastranModel(ModelFile[Card]):
             for name, count in self.counts.items()
             if LEFT_OUT.fullmatch(name) and name not in TAKEN
         }
-        other = [card for card in self.of("PARAM") if card.text(0).upper() != "WTMASS"]
+        read = ("WTMASS", "COUPMASS")
+        other = [card for card in self.of("PARAM") if card.text(0).upper() not in read]
         return counts | ({"PARAM": len(other)} if other else {})
 
     @property
@@ -122,6 +123,11 @@ class NastranModel(ModelFile[Card]):
 
     def fill(self, tables: ModelTables) -> None:
         """As of a `ModelFile`."""
+        for card in self.of("PARAM"):
+            if card.text(0).upper() == "COUPMASS" and tables.said.mass is None:
+                said = "lumped" if card.whole(1) < 0 else "consistent"
+                tables.said = replace(tables.said, mass=said)
+                tables.changes[f"PARAM COUPMASS: masses of elements are {said}"] += 1
         reading = _DeckReading(self, tables)
         reading.surfaces()
         reading.beams()
@@ -158,10 +164,8 @@ class DeckSystem:
         outwards, round_it, up = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         if self.kind == "C":
             return np.stack([outwards, round_it, up]) @ self.axes
-        radius = np.array([z, flat]) / np.hypot(z, flat)
-        away = radius @ np.stack([up, outwards])
-        down = radius @ np.stack([-outwards, up])
-        return np.stack([away, -down, round_it]) @ self.axes
+        size, down = np.hypot(z, flat), z * outwards - flat * up
+        return np.stack([z * up + flat * outwards, down, size * round_it]) / size @ self.axes
 
 
 class _DeckReading:
@@ -225,6 +229,8 @@ class _DeckReading:
             raise card.error(
                 "MID4 couples membrane and bending, which no shell here does; empty it"
             )
+        if card.whole(5, 0) != card.whole(1) or abs(card.real(6, 5.0 / 6.0) - 5.0 / 6.0) > 1e-3:
+            self.tables.changes["PSHELL of another shear stiffness: by 5/6 of the thickness"] += 1
         stuff, bent = (self.material(card.whole(k), card) for k in (1, 3))
         if abs(stuff.ratio - bent.ratio) > 1e-9:
             raise card.error("its materials must have one Poisson's ratio; correct NU of one")
@@ -265,26 +271,21 @@ class _DeckReading:
         if card.name in ("PBARL", "PBEAML"):
             figures, extra = self._shape(card)
         else:
-            shear = [0.0, 0.0]
+            shear, first, second = [0.0, 0.0], 0.0, 0.0
             if card.name == "PTUBE":
                 wide, thick = card.real(2), card.real(3, 0.0)
-                hole = wide - 2.0 * thick if thick else 0.0
-                area, torsion = (
-                    0.25 * np.pi * (wide**2 - hole**2),
-                    np.pi / 32.0 * (wide**4 - hole**4),
-                )
-                extra, first, second = card.real(4, 0.0), 0.0, 0.0
+                hole, extra = wide - 2.0 * thick if thick else 0.0, card.real(4, 0.0)
+                area = 0.25 * np.pi * (wide**2 - hole**2)
+                torsion = np.pi / 32.0 * (wide**4 - hole**4)
             elif card.name == "PROD":
                 area, torsion, extra = card.real(2), card.real(3, 0.0), card.real(5, 0.0)
-                first = second = 0.0
             elif card.name == "PBAR":
                 area, first, second, torsion, extra = (card.real(k, 0.0) for k in range(2, 7))
                 shear = [card.real(16, 0.0), card.real(17, 0.0)]
                 product = card.real(18, 0.0)
             else:
-                area, first, second, product, torsion, extra = (
-                    card.real(k, 0.0) for k in range(2, 8)
-                )
+                given = [card.real(k, 0.0) for k in range(2, 8)]
+                area, first, second, product, torsion, extra = given
                 shear = _uniform(card)
             shear = [share * area for share in shear]
             rod = card.name in ("PROD", "PTUBE")
@@ -492,6 +493,8 @@ def _plates(*plates: tuple[float, float, float, float]) -> SectionFigures:
     if not min(width.min(), depth.min()) > 0.0:
         raise ValueError
     area, flat = width * depth, width > depth
+    sides = ((across, width), (up, depth))
+    reach = [float(np.max(m + 0.5 * s) - np.min(m - 0.5 * s)) for m, s in sides]
     y, z = (side - area @ side / area.sum() for side in (across, up))
     shear = [5.0 / 6.0 * float(area[some].sum() or area.sum()) for some in (flat, ~flat)]
     return SectionFigures(
@@ -501,10 +504,7 @@ def _plates(*plates: tuple[float, float, float, float]) -> SectionFigures:
         inertia_y=float(area @ (depth**2 / 12.0 + z**2)),
         inertia_z=float(area @ (width**2 / 12.0 + y**2)),
         torsion_constant=float(sum(map(rectangle_torsion_constant, width, depth))),
-        extent=(
-            float(np.ptp([across - 0.5 * width, across + 0.5 * width])),
-            float(np.ptp([up - 0.5 * depth, up + 0.5 * depth])),
-        ),
+        extent=(reach[0], reach[1]),
     )
 
 
@@ -517,10 +517,7 @@ def _channel(arm: float, web: float, clear: float, depth: float) -> SectionFigur
 # Sections of PBARL and PBEAML: how many sides they have, and their figures.
 SHAPES: dict[str, tuple[int, Callable[..., SectionFigures]]] = {
     "ROD": (1, lambda r: CircleSection(shape="circle", diameter=2.0 * r).figures()),
-    "TUBE2": (
-        2,
-        lambda r, t: PipeSection(shape="pipe", diameter=2.0 * r, thickness=t).figures(),
-    ),
+    "TUBE2": (2, lambda r, t: PipeSection(shape="pipe", diameter=2.0 * r, thickness=t).figures()),
     "TUBE": (
         2,
         lambda r, inner: PipeSection(shape="pipe", diameter=2.0 * r, thickness=r - inner).figures(),

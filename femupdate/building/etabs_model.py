@@ -26,30 +26,15 @@ from femupdate.building.model_tables import ModelFile, ModelTables, file_text, k
 from femupdate.errors import BuildingError
 
 # How many values stand before the pairs of key and value, of what is taken.
-_PLACES = {
-    "STORY": 1,
-    "DIAPHRAGM": 1,
-    "MATERIAL": 1,
-    "FRAMESECTION": 1,
-    "SHELLPROP": 1,
-    "UNITS": 3,
-    "POINT": 4,
-    "LINE": 5,
-    "AREA": 99,
-    "POINTASSIGN": 2,
-    "LINEASSIGN": 2,
-    "AREAASSIGN": 2,
-    "MASSSOURCE": 1,
-    "MASSSOURCELOAD": 3,
-    "LOADPATTERN": 1,
-    "LOADCASE": 1,
-    "MASSOPTIONS": 0,
-    "LINELOAD": 2,
-    "AREALOAD": 2,
-    "POINTLOAD": 2,
-}
-_READ = ("MATERIAL", "FRAMESECTION", "SHELLPROP", "LOADCASE")
-_REFUSED = ("LINKASSIGN", "LINK", "TENDON", "SPRINGASSIGN", "POINTSPRING", "REFERENCEPOINT")
+_ONE = "STORY DIAPHRAGM MATERIAL FRAMESECTION SHELLPROP MASSSOURCE LOADPATTERN LOADCASE"
+_TWO = "POINTASSIGN LINEASSIGN AREAASSIGN LINELOAD AREALOAD POINTLOAD"
+_PLACES = dict.fromkeys(_ONE.split(), 1) | dict.fromkeys(_TWO.split(), 2)
+_PLACES |= {"UNITS": 3, "POINT": 4, "LINE": 5, "AREA": 99, "MASSSOURCELOAD": 3, "MASSOPTIONS": 0}
+_MERGED = ("MATERIAL", "FRAMESECTION", "SHELLPROP", "LINEASSIGN", "AREAASSIGN")
+# Lines that change the structure, unless they are taken.
+_REFUSED = re.compile(
+    r"\w*(ASSIGN|HINGE|MASS|SPRING)|LINK|TENDON|CURVE\w*|REFERENCEPOINT|ACTIVEDOF"
+)
 _WAYS = ("UX", "UY", "UZ", "RX", "RY", "RZ")
 _RELEASED = tuple(f"{part}{end}" for end in "IJ" for part in ("P", "V2", "V3", "T", "M2", "M3"))
 _HARMLESS = re.compile(
@@ -101,8 +86,8 @@ class EtabsModel(ModelFile[Row]):
     @property
     def left_out(self) -> Mapping[str, int]:
         """What modes do not depend on."""
-        taken = (*_PLACES, *_REFUSED)
-        return {n: k for n, k in self.counts.items() if n not in taken or n == "LOADCASE"}
+        taken = {*_PLACES, *self.unknown} - {"LOADCASE"}
+        return {name: count for name, count in self.counts.items() if name not in taken}
 
     @cached_property
     def unsized(self) -> list[str]:
@@ -114,22 +99,27 @@ class EtabsModel(ModelFile[Row]):
     @property
     def unknown(self) -> list[str]:
         """What changes the structure and has no counterpart."""
-        return [name for name in self.counts if name in _REFUSED]
+        harmless = {*_PLACES}
+        if all(set(row.text("1").split()) >= {*_WAYS} for row in self.of("ACTIVEDOF")):
+            harmless.add("ACTIVEDOF")
+        return [name for name in self.counts if _REFUSED.fullmatch(name) and name not in harmless]
 
     @cached_property
     def merged(self) -> dict[str, dict[str, Row]]:
-        """Materials and sections, which stand on several lines each."""
+        """Materials, sections and assignments, which stand on several lines each."""
         found: dict[str, dict[str, Row]] = {}
-        for kind in ("MATERIAL", "FRAMESECTION", "SHELLPROP"):
+        for kind in _MERGED:
             whole = found[kind] = {}
             for row in self.of(kind):
-                name = row.named("1")
+                name = " ".join(map(row.named, "12" if kind.endswith("ASSIGN") else "1"))
                 values = {**whole[name].values, **row.values} if name in whole else row.values
                 whole[name] = Row(row.file, row.table, row.line, values)
         return found
 
     def fill(self, tables: ModelTables) -> None:
         """Fill the tables."""
+        if "$ END OF MODEL" not in file_text(self.file).upper():
+            tables.skipped["END OF MODEL FILE, without which a part may be lost"] += 1
         reading = _EtabsReading(self, tables)
         reading.points()
         reading.lines()
@@ -137,7 +127,8 @@ class EtabsModel(ModelFile[Row]):
         tables.divide_lines()
         unread: Counter[str] = Counter()
         rows = [*(row for kind in self.merged.values() for row in kind.values())]
-        rows += [row for name in _PLACES if name not in _READ for row in self.of(name)]
+        left = [name for name in _PLACES if name not in (*_MERGED, "LOADCASE")]
+        rows += self.of(*left)
         for row in rows:
             for key in row.values.keys() - row.read:
                 if not _HARMLESS.fullmatch(key):
@@ -166,8 +157,7 @@ class _EtabsReading:
         self.bodies: dict[tuple[str, str], set[int]] = defaultdict(set)
         self.loose: set[int] = set()  # points that are in no diaphragm
         self.source = self._mass_source()
-        kinds = ("MATERIAL", "FRAMESECTION", "SHELLPROP")
-        self.properties = Properties(tables, *(file.merged[kind] for kind in kinds))
+        self.properties = Properties(tables, *(file.merged[kind] for kind in _MERGED[:3]))
 
     def _mass_source(self) -> MassSource:
         source, weights = MassSource(), {}
@@ -238,7 +228,7 @@ class _EtabsReading:
 
     def lines(self) -> None:
         all_lines, loads = once(self.file.of("LINE"), "1"), self._loads("LINELOAD")
-        for row in self.file.of("LINEASSIGN"):
+        for row in self.file.merged["LINEASSIGN"].values():
             name, story, section = row.named("1"), row.named("2"), row.text("SECTION")
             line = known(row, all_lines, name, "LINE")
             if line.text("2").upper() not in ("COLUMN", "BEAM", "BRACE"):
@@ -277,7 +267,7 @@ class _EtabsReading:
         tables = self.tables
         all_areas, loads = once(self.file.of("AREA"), "1"), self._loads("AREALOAD")
         found = []
-        for row in self.file.of("AREAASSIGN"):
+        for row in self.file.merged["AREAASSIGN"].values():
             name, story, section = row.named("1"), row.named("2"), row.text("SECTION")
             area = known(row, all_areas, name, "AREA")
             count = int(area.real("3"))

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -79,17 +78,17 @@ def panels(building: FrameBuilding) -> Iterator[Panel]:
                     text = f"no column stands at {line}-{run.line} in story {story}"
                     raise Complaint(f"{key}.{end}", f"{text}; end the infill at columns or add one")
             standing = [(line, column) for line, column in held.items() if column is not None]
-            for (start, first), (end, last) in pairwise(standing):
+            for (start, (deep, first)), (end, (deep_too, last)) in pairwise(standing):
                 bay = Stretch(run.axis, run.line, start, end)
                 low, high = bay.ends(building.grid)
                 tall = building.stories[group].height
                 height = tall - _beam_depth(building, bay, building.floors[group])
-                length = high - low - 0.5 * (first.deep + last.deep)
+                length = high - low - 0.5 * (deep + deep_too)
                 if min(height, length) <= 0.0:
                     text = f"beams and columns leave nothing of the bay {start} to {end}"
                     raise Complaint(key, f"{text} in story {story}; remove the infill there")
                 ratio = material.youngs_modulus * infill.thickness
-                ratio /= 0.5 * (first.bending + last.bending)
+                ratio /= 0.5 * (first + last)
                 width = strut_width(infill.formula, height, length, tall, ratio)
                 yield Panel(key, bay, group, width, height, length)
 
@@ -140,15 +139,10 @@ def infill_notes(building: FrameBuilding) -> tuple[str, ...]:
     return tuple(notes)
 
 
-class _Column(NamedTuple):
-    """A column beside an infill: its depth along the bay, m, and E I against bending in it."""
-
-    deep: float
-    bending: float
-
-
-def _column(building: FrameBuilding, run: Stretch, line: str, story: str) -> _Column | None:
-    """The column where a line crosses a stretch, if one stands there."""
+def _column(
+    building: FrameBuilding, run: Stretch, line: str, story: str
+) -> tuple[float, float] | None:
+    """Depth along the bay (m) of the column where a line crosses a stretch, and its E I in it."""
     place = Intersection(line, run.line) if run.axis == 0 else Intersection(run.line, line)
     for columns in building.columns:
         stories = resolve(columns.stories, building.story_names, "story", "stories")
@@ -157,7 +151,7 @@ def _column(building: FrameBuilding, run: Stretch, line: str, story: str) -> _Co
             section = building.sections[columns.section]
             figures, young = section.figures(), building.material(section.material)
             inertia = (figures.inertia_z, figures.inertia_y)[run.axis]
-            return _Column(figures.size[run.axis], young.youngs_modulus * inertia)
+            return figures.size[run.axis], young.youngs_modulus * inertia
     return None
 
 

@@ -24,21 +24,11 @@ _READERS: dict[str, Callable[[Path], ModelFile[Any]]] = {
     "SAP2000": SapModel.opened,
     "ETABS": EtabsModel.opened,
 }
-_SYSTEMS = tuple(
-    f"{force},{length}"
-    for force in ("N", "kN", "MN", "kgf", "tf", "lbf", "kip")
-    for length in ("m", "cm", "mm", "in", "ft")
-)
+_SYSTEMS = [f"{f},{m}" for f in ("N", "kN", "MN", "kgf", "tf") for m in ("m", "cm", "mm")]
+_SYSTEMS += ["lbf,in", "lbf,ft", "kip,in", "kip,ft"]
 # Young's modulus (GPa) and density (kg/m3) of concrete, steel, aluminium, timber and masonry.
-_MATERIALS = np.array(
-    [
-        [[15, 50], [1500, 2700]],
-        [[180, 220], [7400, 8200]],
-        [[65, 75], [2600, 2900]],
-        [[5, 18], [350, 900]],
-        [[1, 15], [1400, 2300]],
-    ]
-)
+_USUAL = "15 50 1500 2700 180 220 7400 8200 65 75 2600 2900 5 18 350 900 1 15 1400 2300"
+_MATERIALS = np.array(_USUAL.split(), dtype=np.float64).reshape(5, 2, 2)
 LACKING = {
     "supports.base": "what holds the base",
     "mesh.diaphragms": "which floors are rigid in plan",

@@ -652,7 +652,7 @@ def _stiff(model: FiniteElementModel) -> Flags:
 def _check(model: FiniteElementModel, held: Integers, names: Strings, file: str) -> None:
     """Refuse flat, double and hanging shells, and what has no way to the ground."""
     if not len(held):
-        raise BuildingError(f"{file}: no node is held; add an SPC1 or other supports at the base")
+        raise BuildingError(f"{file}: no node is held; add supports at the base, such as an SPC1")
     surfaces = {block.cell_type: block.nodes for block in model.elements if block.dimension() == 2}
     try:
         if surfaces:

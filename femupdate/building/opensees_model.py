@@ -32,12 +32,10 @@ _SPRINGS = ("ZeroLength", "TwoNodeLink")
 _TAKEN = (*_BEAMS, *_TRUSSES, *_SHELLS, *_SPRINGS)
 _DIRECTIONS = ("P", "Vy", "Vz", "T", "My", "Mz")
 _LINEAR = ("ElasticMaterial", "ElasticIsotropicMaterial")
-_GROUPS = {
-    **dict.fromkeys(("nodes", "elements"), "geometry"),
-    **dict.fromkeys(
-        ("uniaxialMaterials", "ndMaterials", "sections", "crdTransformations"), "properties"
-    ),
-}
+_GROUPS = dict.fromkeys(("nodes", "elements"), "geometry")
+_GROUPS |= dict.fromkeys(
+    ("uniaxialMaterials", "ndMaterials", "sections", "crdTransformations"), "properties"
+)
 # Of uniaxial materials, where they begin.
 _MODULI = ("Epos", "E", "Ec", "E0", "E1p", "Ke0", "Ke", "K0", "K")
 # Where the integration of beams with hinges has its points, and their weights: in lengths of
@@ -360,11 +358,8 @@ def _aggregated(section: _Object, tables: ModelTables) -> tuple[Stuff, SectionFi
         figures = tables.section(section, area, bending, rates["T"] * 2.4 / young, (0.0, 0.0))
     modulus = 0.5 * stuff.young / (1.0 + stuff.ratio) * stuff.shear_share / tables.stress
     area = tables.length**2
-    given = {
-        "torsion_constant": ("T", area**2),
-        "shear_area_y": ("Vy", area),
-        "shear_area_z": ("Vz", area),
-    }
+    given = {"torsion_constant": ("T", area**2)}
+    given |= {"shear_area_y": ("Vy", area), "shear_area_z": ("Vz", area)}
     beside: dict[str, Any] = {
         k: rates[w] / modulus * scale for k, (w, scale) in given.items() if w in rates
     }

@@ -27,6 +27,8 @@ from femupdate.errors import BuildingError
 _TOKEN = re.compile(r'([^\s=]+)=("[^"]*"|\S*)')
 _GENERAL = "FRAME SECTION PROPERTIES 01 - GENERAL"
 _MATERIAL = "MATERIAL PROPERTIES 02 - BASIC MECHANICAL PROPERTIES"
+_OLD_MATERIAL = "MATERIAL PROPERTIES 01 - GENERAL"  # which holds all in versions 9 and 10
+_ACTIVE = "ACTIVE DEGREES OF FREEDOM"
 _ADDED = "JOINT ADDED MASS ASSIGNMENTS"
 _FRAME_MASS, _AREA_MASS = (f"{kind} ADDED MASS ASSIGNMENTS" for kind in ("FRAME", "AREA"))
 _TO_FRAMES = "AREA LOADS - UNIFORM TO FRAME"
@@ -54,6 +56,7 @@ _HARMLESS = re.compile(
     r"PROPERTY DESIGN|SECTION PROPERTIES -)|LINK PROPERTY|SOLID PROPERTY|CABLE SECTION"
     r"|TENDON SECTION|JOINT (GROUPS|MERGE)|CONSTRAINT DEFINITIONS)"
 )
+_PATTERN = ("LoadPat", "LoadCase")  # the second before version 12
 _PARTS = ("P", "V2", "V3", "T", "M2", "M3")
 _WAYS = ("U1", "U2", "U3", "R1", "R2", "R3")
 
@@ -67,6 +70,7 @@ class SapModel(ModelFile[Row]):
     what: ClassVar[str] = "rows of"
     mends: ClassVar[Mapping[str, str]] = {
         "CONNECTIVITY - LINK": "replace linear links by joint springs or frames",
+        _ACTIVE: "make all six active",
     }
 
     @classmethod
@@ -94,6 +98,8 @@ class SapModel(ModelFile[Row]):
                     )
                 tables[name].append(Row(file.name, name, first, found))
                 words, first = "", 0
+        else:
+            raise BuildingError(f"{file.name}: it ends without END TABLE DATA; export it again")
         if not tables.get("JOINT COORDINATES"):
             raise BuildingError(
                 f"{file.name}: it has no table JOINT COORDINATES; export the model definition as "
@@ -128,7 +134,8 @@ class SapModel(ModelFile[Row]):
             used = {row.text("Name") for row in self.of(name)} & assigned
             if kind and (not _HARMLESS.match(name) or (name.startswith("CONSTRAINT") and used)):
                 found.append(name)
-        return found
+        active = [way for row in self.of(_ACTIVE) for way in row.values.values()]
+        return [*found, _ACTIVE] if "no" in map(str.lower, active) else found
 
     def fill(self, tables: ModelTables) -> None:
         """Fill the tables."""
@@ -138,25 +145,19 @@ class SapModel(ModelFile[Row]):
         reading.frames()
         reading.areas()
         tables.divide_lines()
-        known = {key.upper() for key in _HARMLESS_KEYS}
         for name in _TAKEN:
             asked = set().union(*(row.read for row in self.of(name)))
             there = set().union(*(row.values for row in self.of(name)))
-            for key in sorted(there - asked - known):
+            for key in sorted(k for k in there - asked if not _HARMLESS_KEYS.fullmatch(k)):
                 tables.skipped[f"key {key} of {name}"] += len(self.of(name))
 
 
-_HARMLESS_KEYS = (
-    *("A1", "AdvanceAxes", "AlumCode", "Arc", "AreaArea", "AreaType", "AutoSelect", "Axis"),
-    *("BendThick", "BridgeCode", "CentroidX", "CentroidY", "CentroidZ", "ColdCode", "Color"),
-    *("ConcBeam", "ConcCode", "ConcCol", "CoordSys", "CoordType", "CurrUnits", "Cw"),
-    *("DesignSect", "DesignType", "DistType", "DrillDOF", "EccV2", "EccV3", "FilletRadius"),
-    *("FromFile", "GUID", "GlobalX", "GlobalY", "GlobalZ", "IsCurved", "IsDefault", "Length"),
-    *("LicenseHT", "LicenseOS", "LicenseSC", "Loads", "MatAngle", "MatProp", "Mirror2"),
-    *("Mirror3", "Notes", "PNA22", "PNA33", "PartialFix", "Perimeter", "ProgLevel"),
-    *("ProgramName", "R22", "R33", "RegenHinge", "S22", "S22NEG", "S22POS", "S33", "S33NEG"),
-    *("S33POS", "SectionType", "Shape", "SpecialJt", "SteelCode", "TotalMass", "TotalWt"),
-    *("Type", "Version", "Z22", "Z33"),
+_HARMLESS_KEYS = re.compile(
+    r"A1?|ADVANCEAXES|ARC|AREA(AREA|TYPE)|AUTOSELECT|AXIS|BENDTHICK|CENTROID.|CG.*|\w+CODE|COLOR"
+    r"|CONC(BEAM|COL)|COORD\w+|CURRUNITS|CW|DES\w+|DISTTYPE|DRILLDOF|ECC\w+|FILLETRADIUS|FROMFILE"
+    r"|GUID|GLOBAL.|IS(CURVED|DEFAULT)|LENGTH|LICENSE\w*|LOADS|MATANGLE|MDAMPRATIO|MIRROR.|NOTES"
+    r"|PARTIALFIX|PERIMETER|PNA\w*|PROG\w+|REGENHINGE|[RSZ]\d\d\w*|SCOFFSET.*|SECTIONTYPE|SHAPE"
+    r"|SPECIALJT|SYMTYPE|TEMPDEPEND|TOTAL\w+|TYPE|VERSION"
 )
 
 
@@ -168,7 +169,7 @@ class _SapReading:
         self.source = self._mass_source()
         self.properties = Properties(
             tables,
-            once(file.of(_MATERIAL), "Material"),
+            once(file.of(_MATERIAL) or file.of(_OLD_MATERIAL), "Material"),
             once(file.of(_GENERAL), "SectionName"),
             once(file.of("AREA SECTION PROPERTIES"), "Section"),
         )
@@ -184,13 +185,13 @@ class _SapReading:
         for row in old:
             said = row.text("MassFrom").lower()
             if said:
-                source.elements = source.added = "elements" in said
+                source.elements = source.added = "element" in said
         weights = {
-            r.text("LoadPat"): r.real("SelfWtMult", usual=0.0)
-            for r in self.file.of("LOAD PATTERN DEFINITIONS")
+            r.text(*_PATTERN): r.real("SelfWtMult", usual=0.0)
+            for r in self.file.of("LOAD PATTERN DEFINITIONS", "LOAD CASE DEFINITIONS")
         }
         for row in [*rows, *old]:
-            pattern = row.text("LoadPat")
+            pattern = row.text(*_PATTERN)
             if pattern:
                 source.add(pattern, row.real("Multiplier", usual=1.0), weights.get(pattern, 0.0))
         return source.told(self.tables)
@@ -267,7 +268,7 @@ class _SapReading:
             self.tables.point_mass(row, node, [kg] * 3, np.zeros(3))
 
     def _share(self, row: Row) -> float:
-        return self.source.patterns.get(row.text("LoadPat"), 0.0)
+        return self.source.patterns.get(row.text(*_PATTERN), 0.0)
 
     def frames(self) -> None:
         file, tables = self.file, self.tables
@@ -292,8 +293,8 @@ class _SapReading:
             for key, part in (("JointI", 1.0 - share), ("JointJ", share)):
                 self._weigh(row, self.joint(line, key), part * self._load(row, "Force", "Force"))
         for row in file.of(_FRAME_MASS) if self.source.added else []:
-            given = row.real("MassPerLen", "MassPerLength") * GRAVITY / tables.length
-            loads[row.text("Frame")] += given
+            mass = row.real("MassPerLen", "MassPerLength")
+            loads[row.text("Frame")] += mass * GRAVITY / tables.length
         for name, row in lines.items():
             if row.flag("IsCurved"):
                 raise row.error("a curved frame has no counterpart; divide it into straight ones")
@@ -311,8 +312,9 @@ class _SapReading:
                 row,
                 [self.joint(row, key) for key in ("JointI", "JointJ")],
                 self.properties,
-                assigned.get(name, row).named("AnalSect"),
+                (given := assigned.get(name, row)).named("AnalSect"),
                 self.source,
+                material=given.text("MatProp"),
                 angle=angles.get(name, none).real("Angle", usual=0.0),
                 released=[f"{p}{e}" for p in _PARTS for e in "IJ" if release.flag(f"{p}{e}")],
                 rigid=[offset.real(k, usual=0.0) for k in ("LengthI", "LengthJ", "RigidFactor")],
@@ -340,8 +342,9 @@ class _SapReading:
                 row,
                 corners,
                 self.properties,
-                assigned.get(name, row).named("Section"),
+                (given := assigned.get(name, row)).named("Section"),
                 self.source,
+                material=given.text("MatProp"),
                 changes=changes.get(name),
                 load=loads[name] * tables.force / tables.length**2 / GRAVITY,
                 in_diaphragm=self.in_diaphragm.issuperset(corners),

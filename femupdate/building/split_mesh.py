@@ -25,8 +25,9 @@ def is_large(mesh: BuildingMesh) -> bool:
 def split_mesh(mesh: BuildingMesh) -> BuildingMesh:
     """The mesh with new nodes in the middle of every edge and every quadrilateral.
 
-    Nodes keep their numbers. A new one is held, or follows a rigid body, as all of those between
-    which it lies do; masses and springs stay where they are.
+    Struts stay whole: in two parts nothing would hold their middle. Nodes keep their numbers. A new
+    one is held, or follows a rigid body, as all of those between which it lies do; masses and
+    springs stay where they are.
     """
     model, count = mesh.model, len(mesh.model.nodes)
     pairs = [np.sort(_edges(block), axis=2).reshape(-1, 2) for block in model.elements]
@@ -37,7 +38,7 @@ def split_mesh(mesh: BuildingMesh) -> BuildingMesh:
     weights = vstack([eye_array(count), _mean_of(edges, count), _mean_of(quads, count)]).tocsr()
     split, centre = [], count + len(edges)  # node in the middle of the next quadrilateral
     for block, middle in zip(model.elements, middles, strict=True):
-        split.append(_split(block, middle.reshape(len(block), -1), centre))
+        split.append(_split(block, middle, centre))
         centre += len(block) if block.cell_type == "quad" else 0
     parents = [edges, quads]
     fixed = np.concatenate([model.fixed, *(model.fixed[parent].all(axis=1) for parent in parents)])
@@ -56,19 +57,36 @@ def split_mesh(mesh: BuildingMesh) -> BuildingMesh:
         parts=None
         if mesh.parts is None
         else tuple(
-            np.repeat(parent, len(new) // len(old))
-            for parent, old, new in zip(mesh.parts, model.elements, split, strict=True)
+            parent[_parents(block)]
+            for parent, block in zip(mesh.parts, model.elements, strict=True)
         ),
         of_coarser=weights,
     )
 
 
 def _edges(block: Elements) -> Integers:
-    """Both ends of every edge, (n, e, 2)."""
+    """Both ends of every edge that is divided, (n, e, 2)."""
     nodes = block.nodes
     if block.dimension() == 1:
-        return nodes[:, None]
+        return nodes[~_struts(block), None]
     return np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2)
+
+
+def _struts(block: Elements) -> Flags:
+    """Which lines (n,) bear no bending moment at either end."""
+    if not isinstance(block, Beams):
+        return np.ones(len(block), dtype=np.bool_)
+    none = np.zeros((len(block), 2 * DOF_PER_NODE), dtype=np.bool_)
+    free = none if block.released is None else block.released
+    return np.asarray(free[:, [4, 5, 10, 11]].all(axis=1))
+
+
+def _parents(block: Elements) -> Integers:
+    """Which element each part is of: one's parts beside each other, whole struts last."""
+    if block.dimension() == 2:
+        return np.repeat(np.arange(len(block)), 4)
+    struts = _struts(block)
+    return np.concatenate([np.repeat(np.flatnonzero(~struts), 2), np.flatnonzero(struts)])
 
 
 def _mean_of(nodes: Integers, count: int) -> csr_array:
@@ -79,19 +97,26 @@ def _mean_of(nodes: Integers, count: int) -> csr_array:
 
 
 def _split(block: Elements, middle: Integers, first_centre: int) -> Elements:
-    """Parts, one element's beside each other; `middle` (n, e) are nodes on the edges."""
-    corner = block.nodes
-    if isinstance(block, Beams):
-        ends = [np.column_stack(pair) for pair in ((corner[:, 0], middle), (middle, corner[:, 1]))]
-        halves = block.taken(np.repeat(np.arange(len(block)), 2))
-        offset, released = halves.offset, halves.released
+    """Parts in the order of `_parents`; `middle` are the new nodes on the edges, one by one."""
+    corner, parents = block.nodes, _parents(block)
+    taken = block.taken(parents)
+    if block.dimension() == 1:
+        halves = 2 * len(middle)
+        start, end = corner[parents[:halves:2]].T
+        parts = [np.column_stack(pair) for pair in ((start, middle), (middle, end))]
+        nodes = np.concatenate([_beside(parts), corner[parents[halves:]]])
+        if not isinstance(taken, Beams):
+            return replace(taken, nodes=nodes)
+        offset, released = taken.offset, taken.released
         if offset is not None:  # arms and pins are at the ends of the whole beams
             offset = offset.copy()
-            offset[::2, 1] = offset[1::2, 0] = offset[::2].mean(axis=1)
+            of_halves = offset[:halves]
+            of_halves[::2, 1] = of_halves[1::2, 0] = of_halves[::2].mean(axis=1)
         if released is not None:
             released = released.copy()
-            released[::2, DOF_PER_NODE:] = released[1::2, :DOF_PER_NODE] = False
-        return replace(halves, nodes=_beside(ends), offset=offset, released=released)
+            released[:halves:2, DOF_PER_NODE:] = released[1:halves:2, :DOF_PER_NODE] = False
+        return replace(taken, nodes=nodes, offset=offset, released=released)
+    middle = middle.reshape(corner.shape)
     before, triangle = np.roll(middle, 1, axis=1), corner.shape[1] == 3
     inner = [middle] if triangle else []
     last = () if triangle else (first_centre + np.arange(len(block)),)
@@ -99,7 +124,6 @@ def _split(block: Elements, middle: Integers, first_centre: int) -> Elements:
         np.column_stack([corner[:, k], middle[:, k], *last, before[:, k]])
         for k in range(corner.shape[1])
     ]
-    taken = block.taken(np.repeat(np.arange(len(block)), 4))
     return replace(taken, nodes=_beside([*parts, *inner]))
 
 

@@ -21,7 +21,7 @@ def card(name: str, *values: float | str | None) -> str:
 
 def bulk_data(model: FiniteElementModel) -> str:
     """A finite-element model, its factors 1, as a deck of Nastran in N and m."""
-    cards = ["SOL 103", "CEND", "SPC = 1", "BEGIN BULK"]
+    cards = ["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", "PARAM,COUPMASS,1"]
     cards += [card("GRID", n, None, *map(float, p)) for n, p in enumerate(model.nodes, 1)]
     element = 0
     numbers: dict[tuple[float | str | None, ...], int] = {}
@@ -42,7 +42,8 @@ def bulk_data(model: FiniteElementModel) -> str:
             )
             material = number("MAT1", young, None, ratio, density)
             if isinstance(block, Surface):
-                plate = number("PSHELL", material, float(block.thickness[k]), material, 1.0)
+                thickness = float(block.thickness[k])
+                plate = number("PSHELL", material, thickness, material, 1.0, material, 5.0 / 6.0)
                 name = "CQUAD4" if len(nodes) == 4 else "CTRIA3"
                 cards.append(card(name, element, plate, *nodes))
                 continue
@@ -54,13 +55,12 @@ def bulk_data(model: FiniteElementModel) -> str:
                 float(value[k] / area) if np.isfinite(value[k]) else 0.0
                 for value in (block.shear_area_z, block.shear_area_y)
             ]
-            torsion = float(block.torsion_constant[k])
-            bar = number("PBAR", material, area, *inertia, torsion, 0.0, *[None] * 9, *shear, 0.0)
+            bent = (area, *inertia, float(block.torsion_constant[k]), 0.0)
+            bar = number("PBAR", material, *bent, *[None] * 9, *shear, 0.0)
             arms = np.zeros(6) if block.offset is None else block.offset[k].ravel()
             pins = ["", ""]
             if block.released is not None:
-                ours = np.array([0, 2, 1, 3, 5, 4])
-                flags = block.released[k].reshape(2, 6)[:, ours]
+                flags = block.released[k].reshape(2, 6)[:, [0, 2, 1, 3, 5, 4]]
                 pins = ["".join(str(c + 1) for c in np.flatnonzero(end)) for end in flags]
             up = map(float, block.up[k])
             cards.append(card("CBAR", element, bar, *nodes, *up, None, *pins, *map(float, arms)))

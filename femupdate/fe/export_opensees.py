@@ -40,8 +40,8 @@ def opensees_script(
             first of its `opensees_types` for the others.
 
     Raises:
-        StructureError: the model holds what OpenSees has no counterpart for (released beam ends, a
-            link of another kind), theta has another length, or a type does not fit its kind.
+        StructureError: a link ties single directions, theta has another length, or a type does not
+            fit its kind.
     """
     check_model(model)
     factors = np.asarray(theta, dtype=float)

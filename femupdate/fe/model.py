@@ -134,11 +134,6 @@ class FiniteElementModel:
         """The model with every block of elements changed."""
         return replace(self, elements=tuple(change(block) for block in self.elements))
 
-    def with_elements(self, *blocks: Elements) -> Self:
-        """The model with these blocks in place of its own of the same kinds."""
-        by_kind = {type(block): block for block in (*self.elements, *blocks)}
-        return replace(self, elements=tuple(by_kind.values()))
-
 
 _LISTED = 8  # nodes named in a message before "and n more"
 

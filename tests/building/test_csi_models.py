@@ -74,6 +74,7 @@ TABLE:  "JOINT RESTRAINT ASSIGNMENTS"
 TABLE:  "JOINT ADDED MASS ASSIGNMENTS"
    Joint=2   Mass1=50   Mass2=50   Mass3=50
 """
+END = "END TABLE DATA\n"
 STRONG, WEAK = 3.0 * 3e10 * 0.4**3 * 0.2 / 12.0, 3.0 * 3e10 * 0.2**3 * 0.4 / 12.0
 MODIFIED = 'TABLE:  "FRAME PROPERTY MODIFIERS"\n   Frame=1   I33Mod=0.5   I22Mod=0.25\n'
 ASSIGNED = {  # what is added, and the stiffness along x and y times the cube of the length
@@ -103,7 +104,7 @@ ASSIGNED = {  # what is added, and the stiffness along x and y times the cube of
 @pytest.mark.parametrize("added", ASSIGNED)
 def test_what_is_assigned_has_its_closed_form(added, tmp_path):
     along_x, along_y, length = ASSIGNED[added]
-    mesh = read(tmp_path, COLUMN + added, "s2k")
+    mesh = read(tmp_path, COLUMN + added + END, "s2k")
     operators = assemble(mesh.model)
     stiffness = sum(operators.stiffness_terms[1:], start=operators.stiffness_terms[0])
     flexible = np.linalg.inv((stiffness + operators.stiffness_constant).toarray())
@@ -143,6 +144,23 @@ SPELT = {
             '  FRAMESECTION "CFT" MATERIAL "C30" SHAPE "Filled Steel Tube" D 1 B 1\n'
             '  SHELLPROP "R" PROPTYPE "Slab" MATERIAL "C30" SLABTYPE "Waffle" SLABTHICKNESS 1',
         ),
+    ),
+    "e2k: an assignment on two lines": (
+        (
+            '  LINEASSIGN "B5" "Story2" SECTION "BEAM 1" RELEASE',
+            '  LINEASSIGN "B5" "Story2" SECTION "COL"\n'
+            '  LINEASSIGN "B5" "Story2" SECTION "BEAM 1"\n  LINEASSIGN "B5" "Story2" RELEASE',
+        ),
+    ),
+    "s2k: a material in place of the section's": (
+        ("SectionName=COL   Material=C30", "SectionName=COL   Material=C99"),
+        ('AnalSect="COL"   MatProp=Default', 'AnalSect="COL"   MatProp=C30'),
+    ),
+    "s2k: version 9": (
+        ("PATTERN DEFINITIONS", "CASE DEFINITIONS"),
+        ("LoadPat", "LoadCase"),
+        ("02 - BASIC MECHANICAL PROPERTIES", "01 - GENERAL"),
+        ("E1=30000000   G12=12500000   U12=0.2", "Type=Isotropic   E=30000000   U=0.2"),
     ),
     "s2k: loads handed to frames": (('"AREA LOADS - UNIFORM"', '"AREA LOADS - UNIFORM TO FRAME"'),),
     "s2k: an older mass source": (

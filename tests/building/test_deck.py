@@ -134,6 +134,22 @@ def test_what_a_deck_includes_is_part_of_it(tmp_path):
     assert building_hash(parts) != before
 
 
+def test_mass_and_shear_of_a_deck_are_as_it_says(tmp_path):
+    plain, lumped = (
+        mesh_building(load_building(write(tmp_path, FRAME.replace("PARAM   POST", param))))
+        for param in ("PARAM   POST", "PARAM,COUPMASS,-1\nPARAM   POST")
+    )
+    assert plain.model.elements[0].density.all()
+    assert not lumped.model.elements[0].density.any()
+    assert mass(lumped) == pytest.approx(mass(plain))
+    assert "COUPMASS: masses of elements are lumped" in " ".join(lumped.notes)
+    told = "PSHELL of another shear stiffness"
+    thin = load_building(write(tmp_path, FRAME.replace("1       1.      1\n", "1       1.\n")))
+    assert told in " ".join(mesh_building(thin).notes)
+    back = load_building(write(tmp_path, bulk_data(plain.model)), "N,m")
+    assert told not in " ".join(mesh_building(back).notes)
+
+
 def test_units_scale_everything_alike(tmp_path):
     path = write(tmp_path, FRAME.replace("2.5-9", "0.").replace("7.85-9", "0."))
     with pytest.raises(BuildingError, match=r"no units.*say force and length by --units"):

@@ -91,3 +91,20 @@ def test_a_beam_at_the_edge_of_a_wall_is_held_as_firmly_after_a_split(tmp_path):
     split = split_mesh(mesh_building(load_building(path)))
     # Their links are as long as the new sides, those of the fine mesh as the beams are deep.
     np.testing.assert_allclose(frequencies(split.model, 4), frequencies(fine.model, 4), rtol=0.012)
+
+
+def test_a_strut_stays_whole(tmp_path):
+    """Its middle would swing by itself at a tenth of a hertz, and take half of its mass along."""
+    points = [(0.0, 0.0), (4.0, 0.0), (0.0, 3.0), (4.0, 3.0)]
+    cards = [f"GRID,{n},,{x},0.,{z}" for n, (x, z) in enumerate(points, 1)]
+    cards += ["CBAR,1,1,1,3,1.,0.,0.", "CBAR,2,1,2,4,1.,0.,0.", "CBAR,3,1,3,4,0.,0.,1."]
+    cards += ["CROD,4,2,1,4", "PBARL,1,1,,BAR", "+,.3,.4", "PROD,2,1,.06", "MAT1,1,3.+10,,.2,2500."]
+    cards += ["SPC1,1,123456,1,2"]
+    path = tmp_path / "model.bdf"
+    path.write_text("\n".join(["BEGIN BULK", *cards]))
+    coarse = mesh_building(load_building(path, "N,m"))
+    fine = split_mesh(coarse)
+    assert [len(block) for block in fine.model.elements] == [7]
+    assert len(fine.parts[0]) == 7
+    # The columns and the beam bend a little more freely.
+    np.testing.assert_allclose(frequencies(fine.model, 2), frequencies(coarse.model, 2), rtol=0.02)

@@ -161,10 +161,9 @@ def softened(model, kind, groups, factor, bending):
     shells, beams = model.elements_of(Shells), model.elements_of(Beams)
     by_shell, by_beam = factors(shells), factors(beams)
     changes = ("inertia_y", "inertia_z") if bending else ("youngs_modulus",)
-    return model.with_elements(
-        replace(shells, youngs_modulus=shells.youngs_modulus * by_shell),
-        replace(beams, **{name: getattr(beams, name) * by_beam for name in changes}),
-    )
+    shells = replace(shells, youngs_modulus=shells.youngs_modulus * by_shell)
+    beams = replace(beams, **{name: getattr(beams, name) * by_beam for name in changes})
+    return replace(model, elements=(shells, beams))
 
 
 @pytest.mark.parametrize(

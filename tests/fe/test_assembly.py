@@ -129,7 +129,7 @@ def test_inertia_sees_the_moving_supports(structure, direction):
 def broken(model, part, **changes):
     if isinstance(part, str):
         return replace(model, **{part: replace(getattr(model, part), **changes)})
-    return model.with_elements(replace(model.elements_of(part), **changes))
+    return model.mapped(lambda block: replace(block, **changes) if type(block) is part else block)
 
 
 def with_first(values, value):

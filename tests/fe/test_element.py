@@ -65,7 +65,7 @@ def test_scaled_elements_are_stiffer_and_weigh_the_same(model, kind):
 def test_a_model_keeps_the_order_of_its_blocks_and_drops_empty_ones(model):
     shells, beams = model.elements
     assert [type(block) for block in model.elements] == [Shells, Beams]
-    changed = model.with_elements(shells.taken(np.array([0, 1])), Triangles())
+    changed = replace(model, elements=(shells.taken(np.array([0, 1])), beams, Triangles()))
     assert [len(block) for block in changed.elements] == [2, len(beams)]
     assert len(model.elements_of(Triangles)) == 0
     assert model.element_count == len(model.faces) + len(model.lines) == len(shells) + len(beams)

@@ -23,7 +23,7 @@ BEAM_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 
 _AXIAL = np.array([0, 6])
 _TORSION = np.array([3, 9])
-_ARMS_HEAD = ("rigid arms: first x", "y", "z", "second x", "y", "z")
+_ARMS_HEAD = ("rigid arms: first x", "y", "z", "second x", "y", "z", "bits of released forces")
 _ENDS_Y = np.array([4, 10])
 
 
@@ -140,16 +140,10 @@ class Beams(Elements):
     def opensees(self, youngs_modulus: Floats) -> OpenSeesPart:
         """ElasticTimoshenkoBeam, or elasticBeamColumn where a beam does not shear.
 
-        What is pinned at both ends is a Truss, without its torsion.
+        What is pinned at both ends is a Truss; other hinges are stiff zeroLength elements.
         """
-        pinned = np.zeros(len(self), dtype=np.bool_)
-        if self.released is not None:
-            pinned = (self.released == np.isin(np.arange(12), (4, 5, 10, 11))).all(axis=1)
-            self.refuse(
-                self.released.any(axis=1) & ~pinned,
-                "has a released end, which the OpenSees script cannot hold; export the building "
-                "without hinged members",
-            )
+        released = np.zeros((len(self), 12), np.bool_) if self.released is None else self.released
+        pinned = (released == np.isin(np.arange(12), (4, 5, 10, 11))).all(axis=1)
         figures, which = sections(
             youngs_modulus,
             youngs_modulus / (2.0 * (1.0 + self.poisson_ratio)),
@@ -163,7 +157,7 @@ class Beams(Elements):
         )
         head = ("E", "G", "A", "J", "Iy", "Iz", "shear area y", "shear area z", "kg/m")
         arms = np.zeros((len(self), 2, 3)) if self.offset is None else self.offset
-        columns = [self.nodes, which, self.up, arms]
+        columns = [self.nodes, which, self.up, arms, released @ (1 << np.arange(12))]
         bent, trusses = ([column[chosen] for column in columns] for chosen in (~pinned, pinned))
         names = (*("node", "node", "section", "up x", "y", "z"), *_ARMS_HEAD)
         return OpenSeesPart(
@@ -328,6 +322,17 @@ for kind, (start, end, which, *numbers) in [
         ops.uniaxialMaterial("Elastic", material, E)
         ops.element("Truss", tag, *ends, A, material, "-rho", line_mass, "-cMass", 1)
         continue
+    axis = np.subtract(*map(ops.nodeCoord, ends[::-1]))
+    for k in range(2):
+        ways = [way for way in range(6) if not int(numbers[9]) >> (6 * k + way) & 1]
+        if len(ways) < 6:
+            end, ends[k] = ends[k], new("node")
+            ops.node(ends[k], *ops.nodeCoord(end))
+            for way in ways:
+                rate = 1e5 * E * (A if way < 3 else Iy + Iz) / np.linalg.norm(axis)
+                ops.uniaxialMaterial("Elastic", material := new("material"), rate)
+                of = ("-mat", material, "-dir", way + 1, "-orient", *axis, *np.cross(up, axis))
+                ops.element("zeroLength", new("element"), end, ends[k], *of)
     ops.geomTransf("Linear", tag, *up)
     mass = ("-mass", line_mass, "-cMass")
     if np.isinf(shear_y) or np.isinf(shear_z):
