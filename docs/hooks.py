@@ -60,6 +60,7 @@ def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
     output = re.sub(r"(<pre><span></span>)(<code)?", _scrolled, output)
     # A corner without words is no heading.
     output = re.sub(r"<th( [^>]*)?></th>", r"<td\1></td>", output)
+    output = output.replace('"search" role="dialog"', '"search" role="dialog" aria-label="Search"')
     return _MENU.sub(r'aria-label="\3"\2', output)
 
 

@@ -1,9 +1,14 @@
-"""Errors that femupdate raises on purpose: each says what is wrong, where, and what to do."""
+"""Errors that femupdate raises on purpose: each says what is wrong, where, and what to do.
+
+Beside them: messages and objects in the words of Python.
+"""
 
 import difflib
 import re
 import shlex
 from collections.abc import Iterable
+from pathlib import PurePath
+from typing import Any
 
 _NOT_SHOWN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 
@@ -73,6 +78,22 @@ def in_python(text: str) -> str:
     text = _OPTION.sub(option, _COMMAND.sub(_call, text))
     some = rf"(such as |, or )({_PAIRS})"
     return re.sub(some, lambda found: found[1] + _value(found[2], "columns"), text)
+
+
+def brief(self: Any) -> str:
+    """A `__repr__` of a line or two: the fields that say something, arrays by their shape."""
+
+    def told(value: Any) -> str:
+        if hasattr(value, "shape"):
+            return f"<{' x '.join(map(str, value.shape))}>"
+        short = isinstance(value, tuple) and all(isinstance(each, str | float) for each in value)
+        if short or isinstance(value, str | int | float | PurePath):
+            return repr(value) if len(str(value)) < 60 else f"{str(value)[:56]!r}..."
+        return type(value).__name__ + (f" of {len(value)}" if hasattr(value, "__len__") else "")
+
+    fields = {k: v for k, v in vars(self).items() if k[0] != "_" and v is not None}
+    said = [f"{key}={told(value)}" for key, value in fields.items()]
+    return f"{type(self).__name__}({', '.join(said)})"
 
 
 class FemupdateError(Exception):

@@ -18,8 +18,7 @@ from pathlib import Path, PurePath
 from typing import Any, Generic, TypeVar
 
 from femupdate import __version__
-from femupdate.arrays import brief
-from femupdate.errors import StudyError
+from femupdate.errors import StudyError, brief
 from femupdate.storage import atomic_path, read_file, remove_parts, write_failure
 
 MANIFEST = "study.json"

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from femupdate.arrays import Floats, brief
+from femupdate.arrays import Floats
 from femupdate.building.entry import Complaint, Complaints, Entry, unknown
 from femupdate.building.members import (
     Base,
@@ -32,6 +32,7 @@ from femupdate.building.quantities import (
 )
 from femupdate.building.references import require, resolve
 from femupdate.building.sections import Section
+from femupdate.errors import brief
 
 _MOST_FREQUENCIES = 1_000_000
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femupdate.arrays import brief
 from femupdate.discrepancy.evidence import Consequence, Tested, laplace
 from femupdate.discrepancy.fit import Cell, Fit, Remains, with_more
 from femupdate.discrepancy.further_measurements import MeasurementValue
@@ -14,6 +13,7 @@ from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.effects.effect import Effect, Placed, Sway
 from femupdate.effects.structure import Structure
 from femupdate.effects.tolerances import USUAL
+from femupdate.errors import brief
 from femupdate.units import percent
 
 LITTLE = 0.005  # share of the misfit beyond the noise that rounds to none

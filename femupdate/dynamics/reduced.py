@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from torch import Tensor
 
-from femupdate.arrays import Floats, brief
+from femupdate.arrays import Floats
 from femupdate.effects.effect import (
     UNSCALED,
     Array,
@@ -22,6 +22,7 @@ from femupdate.effects.effect import (
     Terms,
 )
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
+from femupdate.errors import brief
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.storage import check_shapes
 

@@ -15,7 +15,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.arrays import brief
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw
 from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.dynamics.force_response import RestFlexibility
@@ -40,6 +39,7 @@ from femupdate.effects.effect import (
     observed,
     split_sizes,
 )
+from femupdate.errors import brief
 
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
 

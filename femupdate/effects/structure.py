@@ -14,7 +14,7 @@ from typing import TypeVar, cast
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
-from femupdate.arrays import Flags, Floats, Integers, brief
+from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.document import Building
 from femupdate.building.frame import FrameBuilding
@@ -24,7 +24,7 @@ from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.shear import ShearBuilding, shear_operators
 from femupdate.building.split_mesh import is_large, split_mesh
 from femupdate.effects.infill import Infill, infills
-from femupdate.errors import BuildingError
+from femupdate.errors import BuildingError, brief
 from femupdate.fe.assembly import AffineOperators, assemble
 from femupdate.fe.factorization import factorize
 from femupdate.fe.model import DOF_PER_NODE

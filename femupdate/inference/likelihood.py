@@ -7,11 +7,11 @@ from typing import Any, TypeAlias
 import torch
 from torch import Tensor
 
-from femupdate.arrays import brief
 from femupdate.building.document import Building
 from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Effect, Placed
+from femupdate.errors import brief
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.mode_data import ModeData
 from femupdate.inference.model_error import LearnedError

@@ -10,12 +10,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.arrays import Floats, brief
+from femupdate.arrays import Floats
 from femupdate.building.document import Building
 from femupdate.building.parameters import factor_ranges
 from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import parameters_of
 from femupdate.effects.effect import Placed
+from femupdate.errors import brief
 
 Kind = Literal["stiffness", "effect", "damping"]
 

@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.arrays import Floats, Integers, brief
-from femupdate.errors import StudyError
+from femupdate.arrays import Floats, Integers
+from femupdate.errors import StudyError, brief
 from femupdate.inference.error_draws import ErrorDraws, errors_as_groups, errors_from_groups
 from femupdate.inference.event_scatter import LearnedScatter, scatter_as_group, scatter_from_group
 from femupdate.inference.parameters import Kind, Parameter, Parameters

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femupdate.arrays import Floats, brief
+from femupdate.arrays import Floats
 from femupdate.dynamics.excitation import Excitation
-from femupdate.errors import MeasurementError
+from femupdate.errors import MeasurementError, brief
 from femupdate.measurement.clock import check_step
 from femupdate.measurement.names import BASE, FloorChannel, floor_height
 from femupdate.measurement.quantity import newtons, si_factor

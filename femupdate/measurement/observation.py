@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femupdate.arrays import Complexes, Flags, Floats, brief
+from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.dynamics.excitation import BASE_MOTION, Excitation
-from femupdate.errors import MeasurementError
+from femupdate.errors import MeasurementError, brief
 from femupdate.measurement.names import BASE, floor_height, parse_channel
 from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.units import factor

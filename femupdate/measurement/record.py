@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femupdate.arrays import Floats, brief
-from femupdate.errors import MeasurementError
+from femupdate.arrays import Floats
+from femupdate.errors import MeasurementError, brief
 from femupdate.measurement.clock import check_step, rate_ratio, resampled
 from femupdate.measurement.histories import LARGEST_PEAK, SMALLEST_PEAK, fault_of, rotation_of
 from femupdate.measurement.names import BASE, FloorChannel, parse_channel

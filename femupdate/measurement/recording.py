@@ -9,8 +9,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from femupdate.arrays import Floats, brief
-from femupdate.errors import MeasurementError
+from femupdate.arrays import Floats
+from femupdate.errors import MeasurementError, brief
 from femupdate.measurement.clock import (
     BRIDGED,
     counted_unit,

@@ -15,9 +15,8 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from femupdate.arrays import brief
 from femupdate.building.document import Building, mechanics_hash
-from femupdate.errors import SurrogateError
+from femupdate.errors import SurrogateError, brief
 from femupdate.storage import write_bytes
 from femupdate.study import Study, StudyPart
 from femupdate.surrogate.network import Mvae, NetworkSizes

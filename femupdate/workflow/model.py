@@ -12,7 +12,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from femupdate.arrays import brief
 from femupdate.building.document import Building, mechanics_hash, without_effects
 from femupdate.building.files import load_building, save_building
 from femupdate.building.frame import FrameBuilding
@@ -25,7 +24,7 @@ from femupdate.dynamics.reduction import Reduction, reduce_structure
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Stiffness, Terms
 from femupdate.effects.structure import Structure, structure_of
-from femupdate.errors import StudyError
+from femupdate.errors import StudyError, brief
 from femupdate.inference.likelihood import KnownErrors
 from femupdate.inference.parameters import (
     Parameter,
