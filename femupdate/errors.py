@@ -1,7 +1,4 @@
-"""Errors that femupdate raises on purpose: each says what is wrong, where, and what to do.
-
-Beside them: messages and objects in the words of Python.
-"""
+"""Errors that femupdate raises on purpose: each says what is wrong, where, and what to do."""
 
 import difflib
 import re
