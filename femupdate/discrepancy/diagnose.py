@@ -485,11 +485,8 @@ def _weighed(
 
 def as_finding(base: Fit, fitted: Fit, test: Score, log_evidence: float) -> Finding:
     """The last effect of a fit, beside the model without it as it is fitted; not yet tested."""
-    size, sd = 1.0, 0.0
-    if count := len(fitted.placed[-1].effect.parameters):
-        size, sd = (float(values[-count]) for values in fitted.sizes())
     changes = consequence(base.likelihood, base, fitted)
-    return Finding(test, fitted, log_evidence, changes, None, size, sd)
+    return Finding(test, fitted, log_evidence, changes, None, *fitted.last_size)
 
 
 def _certified(
@@ -553,10 +550,7 @@ def with_pair(
     enough = together > alone and together >= VERDICT.least
     if not (beside.carried(settings) and beside.matters(settings) and enough):
         return told
-    if leads.placed.effect.parameters:
-        at, (values, sd) = len(found.base.known), both.sizes()
-        leads = replace(leads, size=float(values[at]), size_sd=float(sd[at]))
-    pair = leads, beside
+    pair = leads.within(both, -2), beside
     left = both.remains()
     text = (
         f"Two effects together: {pair[0].in_words}. {pair[1].in_words}. They remove "

@@ -1,15 +1,17 @@
 """Candidates after fitting: what leads them, what is said of them, and the verdict."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 
 from femupdate.discrepancy.evidence import Consequence, Tested, laplace
-from femupdate.discrepancy.fit import Cell, Fit, Remains, with_more
+from femupdate.discrepancy.fit import Cell, Fit, Remains, with_last, with_more
 from femupdate.discrepancy.further_measurements import MeasurementValue
 from femupdate.discrepancy.score import Score
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
+from femupdate.dynamics.system import Rows
 from femupdate.effects.effect import Effect, Placed, Sway
 from femupdate.effects.structure import Structure
 from femupdate.effects.tolerances import USUAL
@@ -113,25 +115,31 @@ class Finding:
 
     @property
     def told(self) -> tuple[float, float]:
-        """Size and standard deviation as a reader is told them: shares at the fitted factors."""
-        effect, of = self.placed.effect, self.fitted.likelihood
+        """Size and standard deviation as a reader is told them: shares of what all else is."""
+        effect, fitted = self.placed.effect, self.fitted
         if type(effect).unit is Effect.unit:
             return self.size, self.size_sd
-        model, theta = of.reduced.model, self.fitted.theta()[0]
-        floor = self.placed.place.partition("/")[0]
-        place, units = model.floors.index(floor) if floor in model.floors else 0, []
-        for factors in (theta**0.0, theta):
-            # As `Structure.static` and `Structure.fundamental` have it.
-            stiffness = model.stiffness(factors)
-            static = shape = np.linalg.solve(stiffness, model.excitation)
-            for _ in range(2):
-                shape = np.linalg.solve(stiffness, shape)
-            shape = shape / np.linalg.norm(shape)
-            omega = float(np.sqrt(shape @ stiffness @ shape))
-            roof = float(model.floor_shapes[-1] @ static)
-            units.append(effect.unit(Sway(roof, omega, model.story_drift @ shape), place))
-        share = units[0] / units[1]
+        structure, model = fitted.likelihood.reduced.structure, fitted.system.model
+        floor, count = self.placed.place.partition("/")[0], len(effect.parameters)
+        place = model.floors.index(floor) if floor in model.floors else 0
+        # The mode that the base drives most, with the factors and all other effects.
+        others = replace(fitted.system, placed=fitted.placed[:-1], terms=fitted.system.terms[:-1])
+        shapes = torch.from_numpy(np.vstack([model.floor_shapes[-1:], model.story_drift]))
+        theta, _, sizes = fitted.split
+        modes = others.modes(theta, sizes[:, :-count], Rows(shapes, shapes.new_zeros(1, 2)))
+        roof = (modes.rows[0, 0] * modes.participation[0, 0]).numpy()
+        first = int(np.abs(roof).argmax())
+        omega = float(modes.omega[0, first])
+        drift = omega * modes.rows[0, 1 : len(shapes), first].numpy()
+        share = effect.unit(Sway(structure.roof, *structure.fundamental), place)
+        share /= effect.unit(Sway(float(roof.sum()), omega, drift), place)
         return share * self.size, share * self.size_sd
+
+    def within(self, fitted: Fit, number: int) -> "Finding":
+        """With the size that it has as one of the effects of another fit."""
+        last = with_last(fitted, number)
+        size, sd = last.last_size
+        return replace(self, fitted=last, size=size, size_sd=sd)
 
     @property
     def mass(self) -> float | None:

@@ -176,6 +176,13 @@ class Fit:
         return self.known, np.hypot((steps.parameters.scales * variance.sqrt()).numpy(), share)
 
     @property
+    def last_size(self) -> tuple[float, float]:
+        """First parameter of the last effect and its standard deviation; 1 and 0 without any."""
+        count = len(self.placed[-1].effect.parameters)
+        size, sd = (float(values[-count]) for values in self.sizes()) if count else (1.0, 0.0)
+        return size, sd
+
+    @property
     def zeta(self) -> float:
         """Damping ratio."""
         return float(self.split[1])
@@ -415,6 +422,17 @@ def with_more(fitted: Fit, placed: Placed, size: Floats) -> Fit:
     return settle(of, fit(of, together, start))
 
 
+def with_last(fitted: Fit, number: int) -> Fit:
+    """The same fit with one of its effects behind the others."""
+    order = list(range(len(fitted.placed)))
+    order.append(order.pop(number))
+    if order == sorted(order):
+        return fitted
+    of, placed = fitted.likelihood, tuple(fitted.placed[k] for k in order)
+    known = np.concatenate([fitted.known_of(k) for k in order])
+    return fit(of, placed, extended(of, fitted, placed, known), 0)
+
+
 def likelihood_about(fitted: Fit) -> Likelihood:
     """The likelihood of a fitted model's parameters, by the rows that count at the fit."""
     of = fitted.likelihood
@@ -454,5 +472,6 @@ __all__ = [
     "prior_draws",
     "raw_residuals",
     "settle",
+    "with_last",
     "with_more",
 ]

@@ -226,16 +226,10 @@ def as_fitted(done: Repair) -> Repair:
 
     A model that was fitted anew at the end has moved the sizes on from where they were named.
     """
-    values, sd = done.after.sizes()
-    first = len(done.before.known)
-    rounds = []
-    for step in done.rounds:
-        finding, count = step.finding, len(step.finding.placed.effect.parameters)
-        if count:
-            size, error = float(values[first]), float(sd[first])
-            finding = replace(finding, size=size, size_sd=error)
-        first += count
-        rounds.append(replace(step, finding=finding))
+    rounds = [
+        replace(step, finding=step.finding.within(done.after, number))
+        for number, step in enumerate(done.rounds, start=len(done.before.placed))
+    ]
     rounds[-1:] = [replace(step, chi2_after=done.after.chi2) for step in rounds[-1:]]
     return replace(done, rounds=tuple(rounds))
 
@@ -255,7 +249,7 @@ def mend(
 
     done = repair(problem, found.base, settings, progress, renewed, found, elsewhere)
     if not done.rounds or done.rounds[-1].finding.placed.exchange:
-        return done.problem, done
+        return done.problem, as_fitted(done)
     mended, last = refined(model, done.problem, done.after, progress, alone=True)
     return mended, as_fitted(replace(done, after=last, left=last.remains()))
 

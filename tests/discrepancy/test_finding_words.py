@@ -98,6 +98,14 @@ def test_shares_are_told_at_the_fitted_factors(chains, building_of, observe, pos
         fitted = fit(problem, placed, extended(problem, base, placed, [in_file]), 0)
         found = Finding(None, fitted, 0.0, None, None, in_file, 0.1 * in_file)
         assert found.told == pytest.approx((told, 0.1 * told), rel=0.01), label
+    # A dashpot beside a mass, on which the ratio that it adds depends.
+    heavy = chains.Chain(masses * [1.0, 1.5], springs * theta)
+    placed = place("story_damper@RF", "added_mass@RF")
+    unit = problem.with_effects(placed).system.terms[0].constants[0]
+    both = fit(problem, placed, extended(problem, base, placed, [rate / unit, 0.5]), 0)
+    beside = found.within(both, 0)
+    assert beside.placed.label == "story_damper@RF"
+    assert beside.told[0] == pytest.approx(_first_ratio(heavy, rate), rel=1e-6)
 
 
 def _first_ratio(chain, rate):
