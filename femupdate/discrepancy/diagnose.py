@@ -38,6 +38,7 @@ from femupdate.discrepancy.fit import (
     STEPS,
     Fit,
     about,
+    coarse,
     error_left,
     extended,
     fit,
@@ -239,15 +240,18 @@ def _fitted(
         fits += _over_ranges(base, scores, fits, settings, progress)
     if much_left(fits):
         # A fit that is allowed an error may stay where the error makes up for what needs none
-        # farther on: the leading ones are sought again as if nothing but noise were left.
-        sharp = problem.at_row(problem.error.first)
+        # farther on: the leading ones are sought again as if nothing but noise were left, from
+        # there and from where they lie by coarse noise, whose maxima are wide.
+        sharp, rough = problem.at_row(problem.error.first), coarse(problem)
         best = sorted(fits, key=lambda fitted: -log_posterior(problem, fitted))[:4]
 
         def sharpened(fitted: Fit) -> Fit:
             if fitted not in best or fitted.likelihood.row == sharp.row:
                 return fitted
-            other = settle(problem, fit(sharp, fitted.placed, fitted.z))
-            return max(fitted, other, key=lambda either: log_posterior(problem, either))
+            placed, starts = fitted.placed, [fitted.z]
+            starts.append(fit(rough, placed, fitted.z, FAR_STEPS).z)
+            others = [settle(problem, fit(sharp, placed, start)) for start in starts]
+            return max([fitted, *others], key=lambda either: log_posterior(problem, either))
 
         # In place of each the one begun with a large size of the same effect, if it is likelier.
         likeliest = {fitted.placed[-1].label: fitted for fitted in in_threads(sharpened, fits)}
