@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from femupdate.discrepancy.evidence import Consequence, Tested, laplace
-from femupdate.discrepancy.fit import Cell, Fit, Remains, with_last, with_more
+from femupdate.discrepancy.fit import DIFFERENCE, Cell, Fit, Remains, with_last, with_more
 from femupdate.discrepancy.further_measurements import MeasurementValue
 from femupdate.discrepancy.score import Score
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
@@ -115,25 +115,33 @@ class Finding:
 
     @property
     def told(self) -> tuple[float, float]:
-        """Size and standard deviation as a reader is told them: shares of what all else is."""
+        """Size and standard deviation as a reader is told them: shares of what all else is.
+
+        How well that is known counts as well: what a dashpot adds to the first damping ratio falls
+        with the square of its story's factor.
+        """
         effect, fitted = self.placed.effect, self.fitted
         if type(effect).unit is Effect.unit:
             return self.size, self.size_sd
         structure, model = fitted.likelihood.reduced.structure, fitted.system.model
         floor, count = self.placed.place.partition("/")[0], len(effect.parameters)
         place = model.floors.index(floor) if floor in model.floors else 0
-        # The mode that the base drives most, with the factors and all other effects.
+        # At the fit, and beside it by every unknown.
+        moved = DIFFERENCE * torch.eye(len(fitted.z)).to(fitted.z)
+        theta, _, sizes = fitted.steps.split(fitted.z + torch.cat([0.0 * moved[:1], moved]))
         others = replace(fitted.system, placed=fitted.placed[:-1], terms=fitted.system.terms[:-1])
         shapes = torch.from_numpy(np.vstack([model.floor_shapes[-1:], model.story_drift]))
-        theta, _, sizes = fitted.split
         modes = others.modes(theta, sizes[:, :-count], Rows(shapes, shapes.new_zeros(1, 2)))
-        roof = (modes.rows[0, 0] * modes.participation[0, 0]).numpy()
-        first = int(np.abs(roof).argmax())
-        omega = float(modes.omega[0, first])
-        drift = omega * modes.rows[0, 1 : len(shapes), first].numpy()
-        share = effect.unit(Sway(structure.roof, *structure.fundamental), place)
-        share /= effect.unit(Sway(float(roof.sum()), omega, drift), place)
-        return share * self.size, share * self.size_sd
+        roof = modes.rows[:, 0] * modes.participation[:, 0]
+        first = int(roof[0].abs().argmax())  # the mode that the base drives most
+        omega = modes.omega[:, first]
+        drift = omega[:, None] * modes.rows[:, 1 : len(shapes), first]
+        sways = zip(roof.sum(dim=1).tolist(), omega.tolist(), drift.numpy(), strict=True)
+        units = np.array([effect.unit(Sway(*sway), place) for sway in sways])
+        in_file = effect.unit(Sway(structure.roof, *structure.fundamental), place)
+        told = torch.from_numpy(in_file / units) * sizes[:, -count]
+        slopes = (told[1:] - told[0]) / DIFFERENCE
+        return float(told[0]), float((slopes @ fitted.covariance() @ slopes).sqrt())
 
     def within(self, fitted: Fit, number: int) -> "Finding":
         """With the size that it has as one of the effects of another fit."""

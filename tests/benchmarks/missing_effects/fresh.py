@@ -1,9 +1,9 @@
 """Fresh cases: what `diagnose` says of buildings that are not shipped, by truths of OpenSees.
 
-    python -m femupdate.benchmarks.missing_effects.fresh FOLDER [PATTERN]
+    python -m femupdate.benchmarks.missing_effects.fresh FOLDER [PATTERN [SEED]]
 
 Two sticks, two frames and the deck of one of them, which is read back. Cases that the folder has
-already are kept; PATTERN, such as `clean-*`, chooses.
+already are kept; PATTERN, such as `clean-*`, chooses, and another SEED than 0 makes others.
 """
 
 import csv
@@ -179,9 +179,11 @@ def write_buildings(folder: Path) -> None:
     (folder / "deck2.bdf").write_text(bulk_data(model.structure.mesh.model))
 
 
-def make_case(name: str, kind: str, building: str, number: int, folder: Path) -> dict[str, Any]:
+def make_case(
+    name: str, kind: str, building: str, number: int, folder: Path, seed: int = 0
+) -> dict[str, Any]:
     """Write NAME.csv, and return the building's file and what is hidden."""
-    rng = np.random.default_rng([*name.encode(), number])
+    rng = np.random.default_rng([*name.encode(), number, seed][: None if seed else -1])
     file, factors = folder / f"{building}.toml", np.exp(rng.uniform(-0.3, 0.3, 5))
     known = load_building(file)
     floors, stories = tuple(known.floors), tuple(known.story_names)
@@ -435,7 +437,7 @@ def figures(told: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def main(folder: Path, pattern: str) -> None:
+def main(folder: Path, pattern: str = "*", seed: str = "0") -> None:
     """Answer all cases of the pattern that are not answered yet, and write the results."""
     write_buildings(folder)
     for name, kind, building, number in cases():
@@ -443,7 +445,7 @@ def main(folder: Path, pattern: str) -> None:
         if kept.exists() or not fnmatch(name, pattern):
             continue
         try:
-            case = make_case(name, kind, building, number, folder)
+            case = make_case(name, kind, building, number, folder, int(seed))
             case |= answer(case, name, kind, folder)
         except Exception:  # a crash is a result
             case = {"missing": [], "effects": [], "failed": traceback.format_exc()}
@@ -462,4 +464,4 @@ def main(folder: Path, pattern: str) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), *(sys.argv[2:] or ["*"]))
+    main(Path(sys.argv[1]), *sys.argv[2:])
