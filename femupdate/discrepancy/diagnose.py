@@ -235,7 +235,7 @@ def _fitted(
     gain -= laplace(problem, base)
     if among is None and (gain > settings.over_none or problem.row != problem.error.first):
         progress.advance(note="fitting every effect")
-        fits += _others(base, scores, fits, settings, distant)
+        fits = _likeliest(problem, [*fits, *_others(base, scores, fits, settings, distant)])
     if among is None and much_left(fits):
         fits += _over_ranges(base, scores, fits, settings, progress)
     if much_left(fits):
@@ -253,14 +253,8 @@ def _fitted(
             others = [settle(problem, fit(sharp, placed, start)) for start in starts]
             return max([fitted, *others], key=lambda either: log_posterior(problem, either))
 
-        # In place of each the one begun with a large size of the same effect, if it is likelier.
-        likeliest = {fitted.placed[-1].label: fitted for fitted in in_threads(sharpened, fits)}
-        for other in _at_large_sizes(base, fits, scores):
-            label, of = other.placed[-1].label, other.likelihood
-            same = likeliest.get(label)
-            if same is None or log_posterior(of, other) > log_posterior(of, same):
-                likeliest[label] = other
-        fits = list(likeliest.values())
+        begun = _at_large_sizes(base, fits, scores)
+        fits = _likeliest(problem, [*in_threads(sharpened, fits), *begun])
     if much_left(fits):
         # Without an exchange of channels theta may lie far off.
         progress.advance(note="trying exchanged channels")
@@ -401,28 +395,43 @@ def _others(
     settings: DiagnosisSettings,
     distant: Fit | None,
 ) -> list[Fit]:
-    """Fits of those among all other effects that explain most, were nothing but noise left.
+    """Fits of those effects that explain most, were nothing but noise left.
 
     Where theta, or what the model may err by, has made up for most of an effect, a test there does
-    not see it; the first steps of a fit without such errors do. Every other effect gets two steps,
-    the best twelve five more, and the best four of those are fitted to convergence.
+    not see it; the first steps of a fit without such errors do. Every effect gets two steps, and
+    five more those that are fitted already, which may have stayed where the error explains as much,
+    and the best twelve others. The best four are fitted to convergence.
     """
-    problem, known = base.likelihood, {fitted.placed[-1].label for fitted in fits}
+    problem = base.likelihood
     small = problem.on_fewer(FEWER_SHAPES).at_row(problem.error.first)
     without = fit(small, base.placed, base.z, FIRST_STEPS)
     froms = _froms(small, without, distant)
-    tests = [test for test in scores if test.placed.label not in known]
-    near = in_threads(partial(_glanced, froms, _GLANCE, None), tests)
+    near = in_threads(partial(_glanced, froms, _GLANCE, None), scores)
     near.sort(key=lambda fitted: fitted.misfit)
-    ahead = in_threads(partial(_further, steps=FIRST_STEPS), near[:12])
+    there = in_threads(lambda fitted: fit(small, fitted.placed, fitted.z, 0).misfit, fits)
+    known = dict(zip((fitted.placed[-1].label for fitted in fits), there, strict=True))
+    new = [fitted for fitted in near if fitted.placed[-1].label not in known][:12]
+    again = [fitted for fitted in near if fitted.placed[-1].label in known]
+    ahead = in_threads(partial(_further, steps=FIRST_STEPS), [*new, *again])
     ahead.sort(key=lambda fitted: fitted.misfit)
-    best = min(fitted.misfit for fitted in [without, *ahead])
     # Twice the log evidence of a name, which errors of the model only lower.
-    enough = min(1.5 * best, without.misfit - 2.0 * settings.over_none)
+    enough = 2.0 * settings.over_none
+    best = min(fitted.misfit for fitted in [without, *ahead])
+    most = min(1.5 * best, without.misfit - enough)
+    worth = [
+        fitted
+        for fitted in ahead
+        if fitted.misfit < min(most, known.get(fitted.placed[-1].label, np.inf) - enough)
+    ]
     return in_threads(
-        lambda near: settle(problem, fit(problem, near.placed, _further(near).z)),
-        [fitted for fitted in ahead[:4] if fitted.misfit < enough],
+        lambda near: settle(problem, fit(problem, near.placed, _further(near).z)), worth[:4]
     )
+
+
+def _likeliest(problem: Likelihood, fits: list[Fit]) -> list[Fit]:
+    """The likelier of two fits of one effect."""
+    fits = sorted(fits, key=lambda fitted: log_posterior(problem, fitted))
+    return list({fitted.placed[-1].label: fitted for fitted in fits}.values())
 
 
 def _further(near: Fit, steps: int = STEPS) -> Fit:

@@ -203,7 +203,7 @@ def make_case(
         members = _of_frame(kind, floors, stories, rng)
         missing = [effect(KINDS[what], *_all(at, stories), size=size) for what, at, size in members]
         drawn = load_building(folder / f"{'open2' if building == 'deck2' else building}.toml")
-        modes = frame_modes(drawn, factors, members, mesh_size=0.6, shell="ASDShellQ4")
+        modes = frame_modes(drawn, factors, members, mesh_size=0.35, shell="ASDShellQ4")
         answered, words = modes.respond(zeta, base), kind
     if kind == "clean":
         missing = []
