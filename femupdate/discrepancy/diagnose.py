@@ -16,7 +16,6 @@ from femupdate.discrepancy.findings import (
     NAMED,
     NONE,
     PARTLY,
-    STANDS_IN,
     UNKNOWN,
     Diagnosis,
     Finding,
@@ -280,7 +279,7 @@ def _surely_exchanged(base: Fit, exchanges: list[Placed], seed: int) -> list[Fit
     if error_left(problem, best) >= RIGHT:
         placed = tuple(fitted.placed[-1] for fitted in fits)
         best = fit(problem, (*base.placed, *placed), best.z, FAR_STEPS)
-    sure = error_left(problem, best) < RIGHT and removed(base, best) >= VERDICT.most
+    sure = error_left(problem, best) < RIGHT and removed(base, best) >= VERDICT.least
     return fits if sure else []
 
 
@@ -524,14 +523,13 @@ def _certified(
 def with_pair(
     found: Diagnosis, settings: DiagnosisSettings, progress: Progress = SILENT
 ) -> Diagnosis:
-    """The diagnosis, told by two effects where the first alone leaves most of the misfit.
+    """The diagnosis, told by two effects where the first alone leaves much of the misfit.
 
-    What removes less than a third is no name but a candidate.
+    What removes less than three quarters is no name but a candidate.
 
     Each by itself explains little, and a third that imitates both may lead. The stronger of the two
     must hold by itself on data to which it was not fitted, the other beside it, and both must
-    remove more than the first. Else, and where the first leaves less than half, the diagnosis stays
-    as it is.
+    remove nearly all. Else, and where the first does, the diagnosis stays as it is.
     """
     first = found.leading
     if first is None or found.verdict not in (PARTLY, AMBIGUOUS, INDISTINGUISHABLE):
@@ -560,7 +558,7 @@ def with_pair(
         tests = certify(leads.fitted.likelihood, leads.fitted, [both], tried, share)
         beside = replace(beside, tested=tests.get(second.placed.label))
     together = removed(found.base, both)
-    enough = together > alone and together >= VERDICT.least
+    enough = together > alone and together >= VERDICT.most
     if not (beside.carried(settings) and beside.matters(settings) and enough):
         return told
     pair = leads.within(both, -2), beside
@@ -572,7 +570,6 @@ def with_pair(
     )
     if left.size >= settings.least_response:
         text += " Something else is missing as well."
-    doubt = "" if together >= VERDICT.most else STANDS_IN
     return replace(
         found,
         verdict=PARTLY,
@@ -581,7 +578,7 @@ def with_pair(
         findings=(*best, *(finding for finding in found.findings if finding not in best)),
         pair=pair,
         left=left,
-        sentence=" ".join(part for part in (text, doubt, left.sentence) if part),
+        sentence=f"{text} {left.sentence}".rstrip(),
     )
 
 

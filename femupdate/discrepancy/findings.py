@@ -21,7 +21,7 @@ from femupdate.units import percent
 LITTLE = 0.005  # share of the misfit beyond the noise that rounds to none
 NONE, NAMED, PARTLY, AMBIGUOUS = "none", "named", "partly", "ambiguous"
 INDISTINGUISHABLE, UNKNOWN, NONLINEAR = "indistinguishable", "unknown", "nonlinear"
-STANDS_IN = "Most of the misfit stays: what is named may stand in for what else is missing."
+STANDS_IN = "Much of the misfit stays: what is named may stand in for what else is missing."
 
 
 @dataclass(frozen=True, eq=False)

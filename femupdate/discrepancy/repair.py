@@ -44,7 +44,7 @@ class Round:
     chi2_after: float
 
     def stands_in(self, points: float) -> bool:
-        """Whether most of the misfit beyond the noise of so many points stayed."""
+        """Whether much of the misfit beyond the noise of so many points stayed."""
         beyond = max(self.chi2_before - points, 1.0)
         return self.chi2_before - self.chi2_after < VERDICT.most * beyond
 

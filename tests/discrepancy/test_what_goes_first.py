@@ -50,10 +50,10 @@ def test_what_removes_nothing_of_the_misfit_beyond_the_noise_is_no_name(chi2, na
 
 @pytest.mark.parametrize(
     ("chi2", "left", "verdict"),
-    [(900.0, 0.1, "unknown"), (900.0, 0.0, "indistinguishable"), (600.0, 0.1, "indistinguishable")],
+    [(400.0, 0.1, "unknown"), (400.0, 0.0, "indistinguishable"), (300.0, 0.1, "indistinguishable")],
     ids=["little", "nothing is left", "enough"],
 )
-def test_what_removes_less_than_a_third_is_a_candidate(chi2, left, verdict):
+def test_what_removes_less_than_three_quarters_is_a_candidate(chi2, left, verdict):
     def remains():
         return SimpleNamespace(size=left, sentence="The model is off.")
 
@@ -65,7 +65,7 @@ def test_what_removes_less_than_a_third_is_a_candidate(chi2, left, verdict):
     told = with_pair(found, SETTINGS)
     assert told.verdict == verdict
     if verdict == "unknown":
-        assert "remove 11 % of the misfit" in told.sentence
+        assert "remove 67 % of the misfit" in told.sentence
         assert told.sentence.endswith("cause: Added mass at RF. The model is off.")
 
 
