@@ -74,8 +74,8 @@ class VERDICT:
         0.75,
         "share",
         "of the misfit beyond noise, below which a name is told as a candidate alone",
-        "ties that no effect stands for: wrong names removed .71 and .74 of sharp noise; the right "
-        "one of a bench frame .80",
+        "two ties outside the catalogue: wrong names removed .71 and .74; joints of a bench frame "
+        "remove .80 by a fit by hand",
     )
     beside: float = entry(
         0.5,
