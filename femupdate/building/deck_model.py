@@ -1,5 +1,6 @@
 """What a deck of Nastran says as a finite-element model."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -51,11 +52,8 @@ class NastranModel(ModelFile[Card]):
     @property
     def left_out(self) -> dict[str, int]:
         """As of a `ModelFile`."""
-        counts = {
-            name: count
-            for name, count in self.counts.items()
-            if LEFT_OUT.fullmatch(name) and name not in TAKEN
-        }
+        names = [n for n in self.counts if LEFT_OUT.fullmatch(n) and n not in TAKEN]
+        counts = {name: self.counts[name] for name in names}
         read = ("WTMASS", "COUPMASS")
         other = [card for card in self.of("PARAM") if card.text(0).upper() not in read]
         return counts | ({"PARAM": len(other)} if other else {})
@@ -128,6 +126,7 @@ class NastranModel(ModelFile[Card]):
                 said = "lumped" if card.whole(1) < 0 else "consistent"
                 tables.said = replace(tables.said, mass=said)
                 tables.changes[f"PARAM COUPMASS: masses of elements are {said}"] += 1
+        self.by_number(*(name for name in TAKEN if re.match("C(?!ORD)|RB", name)))
         reading = _DeckReading(self, tables)
         reading.surfaces()
         reading.beams()
@@ -429,8 +428,7 @@ class _DeckReading:
         tables = self.tables
         cards = self.deck.of("SPC", "SPC1")
         sets = sorted({card.whole(0) for card in cards})
-        sums = {card.whole(0): card for card in self.deck.of("SPCADD")}
-        chosen = self.deck.chosen
+        sums, chosen = {card.whole(0): card for card in self.deck.of("SPCADD")}, self.deck.chosen
         if chosen is None and len(sets) > 1 and len(sums) != 1:
             raise cards[0].error(
                 f"there are sets {', '.join(map(str, sets))}, and no SPC = in case control; keep "

@@ -99,9 +99,8 @@ class EtabsModel(ModelFile[Row]):
     @property
     def unknown(self) -> list[str]:
         """What changes the structure and has no counterpart."""
-        harmless = {*_PLACES}
-        if all(set(row.text("1").split()) >= {*_WAYS} for row in self.of("ACTIVEDOF")):
-            harmless.add("ACTIVEDOF")
+        whole = all(set(row.text("1").split()) >= {*_WAYS} for row in self.of("ACTIVEDOF"))
+        harmless = (*_PLACES, *["ACTIVEDOF"] * whole)
         return [name for name in self.counts if _REFUSED.fullmatch(name) and name not in harmless]
 
     @cached_property

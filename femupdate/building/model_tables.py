@@ -502,9 +502,9 @@ class ModelTables:
         used = np.unique(np.concatenate(joined))
         alone = np.flatnonzero(~np.isin(masses.node, used))
         if len(alone):
-            raise self.weights[int(alone[0])][0].error(
-                "its node belongs to no element or rigid body, so it carries nothing; join it"
-            )
+            left = f" without {' and '.join(self.file.unknown)}" if self.file.unknown else ""
+            text = f"its node is of no element or rigid body{left}, so it carries nothing; join it"
+            raise self.weights[int(alone[0])][0].error(text)
         number = np.zeros(len(model.nodes) + 1, dtype=np.int64)
         number[used] = np.arange(len(used))
         number[-1] = -1  # the ground
@@ -603,8 +603,7 @@ def _notes(tables: ModelTables, model: FiniteElementModel, levels: Floats | None
     missing: Counter[str] = Counter()
     for text, count in gone.items():
         missing[text.split()[0]] += count
-    rest = {name: count - missing[name] for name, count in counts.items()}
-    taken = [f"{count} {name}" for name, count in rest.items() if count > 0]
+    taken = [f"{n} {name}" for name, count in counts.items() if (n := count - missing[name]) > 0]
     total = sum(float(block.mass(model.nodes).sum()) for block in model.elements)
     total += float(model.masses.mass[:, 0].sum())
     kinds = Counter(str(kind) for block in model.elements for kind in block.kind.tolist())

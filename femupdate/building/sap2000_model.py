@@ -139,6 +139,10 @@ class SapModel(ModelFile[Row]):
 
     def fill(self, tables: ModelTables) -> None:
         """Fill the tables."""
+        for key, kind in (("Frame", "FRAME"), ("Area", "AREA")):  # no assignment is lost
+            there = {row.text(key) for row in self.of(f"CONNECTIVITY - {kind}")}
+            for row in self.of(*(name for name in _TAKEN if name.startswith(kind))):
+                known(row, dict.fromkeys({*there, ""}), row.text(key), kind.lower())
         reading = _SapReading(self, tables)
         reading.joints()
         reading.restraints()

@@ -82,6 +82,7 @@ SPOILED = {
     "bdf: no whole number": ("CBAR    1       1 ", "CBAR    1       1.", "write a whole number"),
     "bdf: no support": ("SPC1    7 ", "$PC1    7 ", "no node is held; add supports"),
     "bdf: two sets": ("SPC = 7\n", "", "sets 7, 8.*write SPC ="),
+    "bdf: double element": ("CBAR    2 ", "CBAR    1 ", "line 22 has this number already"),
     "bdf: two supports": ("SPC = 7\n", "SUBCASE 1\n SPC = 7\nSUBCASE 2\n SPC = 8\n",
         "SPC = 7 and 8; keep"),
     "bdf: negative area": ("1.2+5", "-1.2+5", "area must be positive"),
@@ -150,6 +151,7 @@ SPOILED = {
     "s2k: layered": ("Type=Shell-Thin", "Type=Shell-Layered", "have no counterpart; use a shell"),
     "s2k: no key": ("   Joint=99   CoordSys", "   what\n   Joint=99   CoordSys",
         "no key=value; export"),
+    "s2k: lost load": ("Frame=5   LoadPat", "Frame=50   LoadPat", "no frame 50; add it"),
     "s2k: cut off": ("END TABLE DATA", "", "without END TABLE DATA.*; export"),
     "s2k: a plane": ('TABLE:  "GRID', 'TABLE:  "ACTIVE DEGREES OF FREEDOM"\n   UX=Yes   UY=No\n'
         'TABLE:  "GRID', "ACTIVE .*; make all six active"),
