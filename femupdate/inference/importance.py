@@ -360,43 +360,61 @@ def importance_sample(
     *,
     least_round: int = 200,
     apart: bool = True,
+    in_logs: bool = False,
 ) -> WeightedDraws:
     """`count` weighted parameters, after rounds in which the proposal is fitted to its own draws.
 
-    Fits use tempered weights (Koblents & Miguez 2015, Stat. Comput. 25, 407), each solution of the
-    first proposal apart: none is lost however few the draws are. Others are missed.
+    The draws of all rounds count, as draws of the mixture of all proposals (Cornuet et al. 2012,
+    Scand. J. Stat. 39, 798): the wide first ones bound the weights in the tails of the last. Fits
+    use tempered weights (Koblents & Miguez 2015, Stat. Comput. 25, 407), each solution of the first
+    proposal apart: none is lost however few the draws are. Others are missed.
 
     Args:
-        proposal: in the prior's standard normal coordinates, one Student for every solution.
+        proposal: in the prior's standard normal coordinates, or in its logs, one Student for every
+            solution.
+        count: draws of the last round.
         least_round: draws of a round of fitting, at least; a hundred for every parameter of up to
             four solutions.
         apart: whether each Student stands for a solution of its own, and is fitted alone.
+        in_logs: whether to draw in logs (`Parameters.to_logs`).
 
     Raises:
         InferenceError: no draw has a finite likelihood.
     """
     generator = torch_generator(seed, proposal.mean.device)
     first, solutions = proposal, len(proposal.mean) if apart else 1
-    size, spent = max(least_round, 100 * prior.size * min(4, solutions)), 0
+    size = max(least_round, 100 * prior.size * min(4, solutions))
     constant = 0.5 * prior.size * math.log(2.0 * math.pi)
+    proposals: list[Mixture] = []
+    rounds: list[tuple[Tensor, Tensor, Tensor]] = []
+
+    def placed(points: Tensor) -> tuple[Tensor, Tensor]:
+        """Parameters of points, and the log prior density there."""
+        if in_logs:
+            return prior.from_logs(points)
+        return prior.from_normal(points), prior.log_density_normal(points) - constant
 
     def drawn(proposal: Mixture, some: int) -> WeightedDraws:
-        """Draws in standard normal coordinates."""
-        nonlocal spent
-        spent += some
-        xi = proposal.sample(some, generator)
-        value = log_likelihood(prior.from_normal(xi)).to(torch.float64)
+        """Those of all rounds, one more included, as the proposals draw them."""
+        points = proposal.sample(some, generator)
+        parameters, log_prior = placed(points)
+        value = log_likelihood(parameters).to(torch.float64)
         value = torch.where(torch.isfinite(value), value, -torch.inf)
-        log_prior = prior.log_density_normal(xi) - constant
-        log_weight = value + log_prior - proposal.log_density(xi)
+        proposals.append(proposal)
+        rounds.append((points, value, log_prior))
+        points, values, priors = (torch.cat(each) for each in zip(*rounds, strict=True))
+        shares = torch.tensor([len(each[0]) / len(points) for each in rounds]).log()
+        density = torch.stack([each.log_density(points) for each in proposals], dim=1)
+        log_weight = values + priors - torch.logsumexp(density + shares.to(density), dim=1)
         if not bool(torch.isfinite(log_weight).any()):
             raise InferenceError(
                 "no draw around the particles has a finite likelihood; use more particles"
             )
-        return WeightedDraws(xi, value, log_weight, spent)
+        return WeightedDraws(points, values, log_weight, len(points))
 
     def refitted(tried: WeightedDraws, turn: int) -> Mixture:
-        power = next_increment(tried.log_weight, 1.0, 0.4)
+        target = 0.4 * min(1.0, size / len(tried.points))
+        power = next_increment(tried.log_weight, 1.0, target)
         weight = torch.softmax(power * tried.log_weight, 0)
         points = tried.points[systematic_rows(weight, generator)]
         if solutions > 1 and turn % 2 == 0:
@@ -405,22 +423,14 @@ def importance_sample(
         # What was taken for several solutions may be one, or bent; but none may be lost.
         return whole if solutions == 1 else whole.joined(first, 0.1)
 
-    best = 0.0, proposal
-    for turn in range(12):
-        # A thin bent ridge takes several Students, and these more draws.
-        size *= 4 if turn == 8 else 1
+    for turn in range(8):
         tried = drawn(proposal, size)
-        best = max(best, (tried.effective / size, proposal), key=lambda judged: judged[0])
         proposal = refitted(tried, turn)
-        if tried.effective > 0.5 * size:
+        last = effective_sample_size(tried.log_weight[-size:])
+        if last > 0.5 * size or (turn > 3 and tried.effective > 2.0 * count):
             break
-    else:
-        proposal = best[1]
     found = drawn(proposal, count)
-    if found.effective < 0.5 * count and best[0] > 0.3:
-        # The fit to few draws was worse than what it came from.
-        found = drawn(refitted(found, 0), count)
-    return replace(found, points=prior.from_normal(found.points))
+    return replace(found, points=placed(found.points)[0])
 
 
 def draws_about_particles(

@@ -70,9 +70,16 @@ def draws_about(
     factor, failed = torch.linalg.cholesky_ex(found.precision)
     covariance = torch.cholesky_inverse(factor)
     covariance[failed > 0] = torch.nan
+    # Normal priors are those of sizes, which trade with factors along thin ridges.
+    centre, in_logs = found.z.double(), bool(prior.centres.numel())
+    if in_logs:
+        z = centre.clone().requires_grad_()
+        logs = prior.to_logs(prior.from_normal(z))
+        (slope,) = torch.autograd.grad(logs.sum(), z)
+        centre, covariance = logs.detach(), slope[:, :, None] * covariance * slope[:, None]
     try:
-        proposal = students(found.z.double(), covariance, found.log_mass)
-        drawn = importance_sample(prior, log_likelihood, proposal, count, seed)
+        proposal = students(centre, covariance, found.log_mass)
+        drawn = importance_sample(prior, log_likelihood, proposal, count, seed, in_logs=in_logs)
     except InferenceError:
         return None
     return drawn if drawn.effective >= least * count else None

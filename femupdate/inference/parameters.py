@@ -219,6 +219,28 @@ class Parameters:
         flat[:, self._normal] = density - (high - low).log()
         return flat.sum(-1)
 
+    def to_logs(self, values: Tensor) -> Tensor:
+        """Logs (n, d) of factors, of damping, and of 1 + a share; other parameters as they are.
+
+        What a heavier floor does a stiffer story undoes: in logs, along a straight line.
+        """
+        logged, shift = self._logs
+        free = values[..., self._free]
+        return torch.where(logged, torch.where(logged, free + shift, 1.0).log(), free)
+
+    def from_logs(self, logs: Tensor) -> tuple[Tensor, Tensor]:
+        """Parameters (n, p) of these, and the log prior density (n,) over them.
+
+        Points beyond a bound are impossible; their parameters are at it.
+        """
+        (lower, upper), (logged, shift) = self._ends, self._logs
+        free = torch.where(logged, torch.where(logged, logs, 0.0).exp() - shift, logs)
+        values = self.lower.expand(len(logs), -1).clone()
+        values[:, self._free] = torch.minimum(torch.maximum(free, lower), upper)
+        slope = torch.where(logged, logs, 0.0).sum(-1)
+        inside = ((free >= lower) & (free <= upper)).all(-1)
+        return values, torch.where(inside, self.log_density(values) + slope, -torch.inf)
+
     @cached_property
     def steps(self) -> "LogSteps":
         """The free ones as a fit steps through them."""
@@ -253,6 +275,15 @@ class Parameters:
     @property
     def _bells(self) -> list[Parameter]:
         return [self.entries[self._free[place]] for place in self._normal]
+
+    @cached_property
+    def _logs(self) -> tuple[Tensor, Tensor]:
+        """(d,) whether the logarithm is taken, and what is added before."""
+        free = [self.entries[k] for k in self._free]
+        shares = [entry.lower > -1.0 and entry.scale < 1.0 for entry in free]
+        positive = [entry.lower > 0.0 and not math.isfinite(entry.scale) for entry in free]
+        logged = [a or b for a, b in zip(shares, positive, strict=True)]
+        return torch.tensor(logged, device=self.device), self._column([float(a) for a in shares])
 
     @cached_property
     def _ends(self) -> Tensor:

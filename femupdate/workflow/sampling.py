@@ -119,7 +119,7 @@ def sampled_about_maxima(
         drawn_by("exact", ABOUT_MAXIMA, runs),
         (note,),
         target.likelihood,
-        warnings=(_FEW_COUNT,) * (found.effective_share < trusted),
+        warnings=(_FEW_COUNT,) * (found.effective < trusted * count),
     )
 
 
