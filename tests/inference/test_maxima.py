@@ -63,7 +63,7 @@ def test_few_draws_count_where_a_model_serves_nowhere_else(box):
     )
 
     def rough(theta):
-        return 8.0 * torch.sin(1e6 * theta[:, 0]) - 50.0 * (theta - 0.5).square().sum(1)
+        return 20.0 * torch.sin(1e6 * theta[:, 0]) - 50.0 * (theta - 0.5).square().sum(1)
 
     assert draws_about(prior, rough, found, 1000, 0) is None
     drawn = draws_about(prior, rough, found, 1000, 0, least=0.0)

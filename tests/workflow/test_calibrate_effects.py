@@ -82,8 +82,9 @@ def test_an_effect_of_size_nothing_leaves_every_interval_as_it_is(calibrate, tmp
     assert points[0] == points[1]
     both = [np.column_stack([one.samples, one.zeta_samples]) for one in (without, with_it)]
     away = np.abs(both[0].mean(0) - both[1].mean(0)) / both[0].std(0)
-    assert away.max() < 0.02
-    np.testing.assert_allclose(both[1].std(0), both[0].std(0), rtol=0.02)
+    # A thousand draws know a mean to .03 standard deviations, and these to 2.2 %.
+    assert away.max() < 0.06
+    np.testing.assert_allclose(both[1].std(0), both[0].std(0), rtol=0.06)
     # What the model errs by, and the noise, are the same too.
     levels = [one.model_error.amplitude.levels.reshape(-1, 4).mean(0) for one in (without, with_it)]
     np.testing.assert_allclose(levels[1], levels[0], rtol=0.02, atol=1e-4)
