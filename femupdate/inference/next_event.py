@@ -29,9 +29,7 @@ from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, spawn
 
-# Of |H|, the largest standard deviation of what does not follow the base; and the share of it that
-# is no leakage of a short record (six earthquakes of one hotel: bands hold 95 % of the samples).
-_MOST_APART, _NOT_LEAKAGE = 0.5, 0.4
+_MOST_APART = 0.5  # of |H|, the largest standard deviation of what does not follow the base
 
 _SILENCE_S = 20.0  # behind a record: delayed errors do not come round to its beginning
 
@@ -212,14 +210,17 @@ def incoherent_share(
     """Relative standard deviation (f, k) of what does not follow the base, of either part.
 
     Its power is (1 - g^2) / g^2 of what follows, g^2 being the ordinary coherence (Bendat and
-    Piersol 2010, section 6.1). Zero for tables, which have no coherence.
+    Piersol 2010, section 6.1), less what only leaks in short segments, by the noise without it.
+    Zero for tables, which have no coherence.
     """
     if observation.coherence is None:
         return np.zeros((len(floors), len(frequency_hz)))
     rows = []
-    for values, valid in zip(observation.coherence, observation.valid, strict=True):
+    leaking = observation.noise_sd if observation.leaking_sd is None else observation.leaking_sd
+    part = np.minimum(observation.noise_sd / leaking, 1.0)
+    for values, left, valid in zip(observation.coherence, part, observation.valid, strict=True):
         known = np.clip(values[valid], 1e-3, 1.0)
-        share = _NOT_LEAKAGE * np.minimum(np.sqrt(0.5 * (1.0 - known) / known), _MOST_APART)
+        share = left[valid] * np.minimum(np.sqrt(0.5 * (1.0 - known) / known), _MOST_APART)
         rows.append(share if valid.any() else None)
     return _on_floors(observation, rows, floors, frequency_hz)
 

@@ -154,7 +154,7 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
     }
     each = "floor", "frequency_hz"
     measured: dict[str, Any] = {"valid": (each, observation.valid.astype(np.int8))}
-    for name in ("log_frf", "noise_sd", "phase", "coherence", "between"):
+    for name in ("log_frf", "noise_sd", "phase", "coherence", "between", "leaking_sd"):
         if (values := getattr(observation, name)) is not None:
             measured[name] = (each, values)
     if observation.rotation is not None:
@@ -259,7 +259,7 @@ def _posterior(tree: Any) -> Posterior:
     values[..., at] = zeta
     optional = {
         name: measured[name].values
-        for name in ("phase", "coherence", "between")
+        for name in ("phase", "coherence", "between", "leaking_sd")
         if name in measured
     }
     if "rotation" in measured:

@@ -35,6 +35,7 @@ def test_what_does_not_follow_the_base_has_the_power_that_the_coherence_leaves()
         noise_sd=np.full((1, 10), 0.1),
         valid=np.ones((1, 10), dtype=bool),
         coherence=np.full((1, 10), 0.9),
+        leaking_sd=np.full((1, 10), 0.25),
     )
     both = incoherent_share(measured, ("2F", "RF"), GRID)
     # Half of the power 1 / 9 in either part; two fifths of its root are no leakage. 2F
