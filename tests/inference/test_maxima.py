@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.inference import draws_about, found_from
+from femupdate.inference import Parameter, Parameters, draws_about, found_from
 
 PROBLEM = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
@@ -30,6 +30,29 @@ def test_a_posterior_a_thousand_times_narrower_than_its_prior(box, linear_gaussi
     sd = np.sqrt(np.diag(exact.covariance))
     np.testing.assert_allclose((xi.mean(0) - exact.mean) / sd, 0.0, atol=0.1)
     np.testing.assert_allclose(xi.std(0) / sd, 1.0, atol=0.08)
+
+
+def test_a_factor_and_a_share_that_undo_each_other_keep_their_thin_ridge():
+    """A factor over 1 + a share is seen to 1e-4: the share stays as wide as its prior."""
+    factor = Parameter(name="theta_1", kind="stiffness", lower=0.5, upper=2.0)
+    share = Parameter(name="mass", kind="effect", lower=-0.15, upper=0.15, neutral=0.0, scale=0.03)
+    prior, noise = Parameters((factor, share)), 1e-4
+
+    def residuals(values):
+        return (values[:, :1] / (1.0 + values[:, 1:]) - 1.0) / noise
+
+    def log_likelihood(values):
+        return -0.5 * residuals(values).square().sum(1)
+
+    about = found_from(prior, residuals, prior.from_normal(torch.zeros(1, 2).double()))
+    found = draws_about(prior, log_likelihood, about, 4000, 1)
+    assert found.effective > 2000
+    # 1 + share has a mean of one; over the factor the likelihood is a needle in a box of 1.5.
+    evidence = np.log(np.sqrt(2.0 * np.pi) * noise / 1.5)
+    assert found.log_evidence == pytest.approx(evidence, abs=4.0 * found.log_evidence_error)
+    drawn = found.resampled(4000, 2).theta.numpy()
+    # 2,000 draws know a standard deviation to 1.6 %.
+    np.testing.assert_allclose(drawn.std(0), 0.03, rtol=0.05)
 
 
 def test_maxima_have_their_masses_whatever_their_heights(box):
