@@ -12,6 +12,7 @@ _NOT_SHOWN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 
 # Commands that functions have another name for; those that take no study, and those named alone.
 _VERBS = {"report": "write_report", "build-model": "build_model", "list": "catalogue"}
+_VERBS |= {"examples": "copy_examples"}  # `femupdate.examples` is a package
 _FREE, _ALONE = ("identify", "inspect", "list", "examples"), ("list", "status", "report", "train")
 _COMMAND = re.compile(
     r"(`?)femupdate (build-model|calibrate|compare|demo|diagnose|examples|identify|inspect|list|"

@@ -507,11 +507,11 @@ def catalogue() -> "Told":
     return list_all()
 
 
-def examples(folder: File = "examples") -> "Told":
+def copy_examples(folder: File = "examples") -> "Told":
     """Copy the shipped example and building files into a folder; files there stay as they are."""
-    from femupdate.workflow.shipped import copy_examples
+    from femupdate.workflow.shipped import copy_examples as copied
 
-    return copy_examples(Path(folder))
+    return copied(Path(folder))
 
 
 def demo(study: Folder, *, seed: int = 0, progress: Progress = SILENT) -> "Result":

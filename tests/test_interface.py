@@ -125,11 +125,12 @@ def test_results_and_nouns_fit_a_screen(folder, monkeypatch):
 
 def test_every_command_has_its_verb(tmp_path):
     named = {"build-model": "build_model", "report": "write_report", "list": "catalogue"}
+    named["examples"] = "copy_examples"
     verbs = {named.get(name, name) for name in group.list_commands(Context(group))}
     # Benchmarks are of a checkout.
     assert verbs - {"benchmark"} <= {*femupdate.__all__}
     assert femupdate.catalogue().buildings
-    assert femupdate.examples(tmp_path / "new").as_dict()
+    assert femupdate.copy_examples(tmp_path / "new").as_dict()
 
 
 def test_modes_are_identified_and_rendered_as_the_commands_do(folder, monkeypatch):
