@@ -403,9 +403,9 @@ def importance_sample(
         proposals.append(proposal)
         rounds.append((points, value, log_prior))
         points, values, priors = (torch.cat(each) for each in zip(*rounds, strict=True))
-        shares = torch.tensor([len(each[0]) / len(points) for each in rounds]).log()
         density = torch.stack([each.log_density(points) for each in proposals], dim=1)
-        log_weight = values + priors - torch.logsumexp(density + shares.to(density), dim=1)
+        shares = density.new_tensor([len(each[0]) / len(points) for each in rounds]).log()
+        log_weight = values + priors - torch.logsumexp(density + shares, dim=1)
         if not bool(torch.isfinite(log_weight).any()):
             raise InferenceError(
                 "no draw around the particles has a finite likelihood; use more particles"
@@ -426,6 +426,7 @@ def importance_sample(
     for turn in range(8):
         tried = drawn(proposal, size)
         proposal = refitted(tried, turn)
+        # The last round by itself fits; or, after some, all together say more than was asked for.
         last = effective_sample_size(tried.log_weight[-size:])
         if last > 0.5 * size or (turn > 3 and tried.effective > 2.0 * count):
             break
