@@ -370,8 +370,7 @@ def importance_sample(
     proposal apart: none is lost however few the draws are. Others are missed.
 
     Args:
-        proposal: in the prior's standard normal coordinates, or in its logs, one Student for every
-            solution.
+        proposal: in the prior's normal coordinates, or in logs, one Student for every solution.
         count: draws of the last round.
         least_round: draws of a round of fitting, at least; a hundred for every parameter of up to
             four solutions.
