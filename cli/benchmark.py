@@ -15,12 +15,6 @@ _MISSING = (
 )
 
 
-def _present() -> click.Command:
-    """All benchmarks; what each needs is imported when it runs."""
-    group: click.Group = import_module(f"{_PACKAGE}.commands").group
-    return group
-
-
 def _absent() -> click.Command:
     """A command that says how to get the benchmarks, whatever it is asked."""
 
@@ -36,4 +30,7 @@ def _absent() -> click.Command:
     return command
 
 
-command = _absent() if find_spec(_PACKAGE) is None else _present()
+# What each benchmark needs is imported when it runs.
+command: click.Command = (
+    _absent() if find_spec(_PACKAGE) is None else import_module(f"{_PACKAGE}.commands").group
+)

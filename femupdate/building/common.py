@@ -164,19 +164,22 @@ class ReductionSettings(Entry):
 class Tolerances(Entry):
     """How well is known what is taken as known: standard deviations, 0 where it was measured.
 
-    `mass` is that of each floor by itself, `gain` that of each sensor, the base's among them, and
-    `delay` that of each floor's clock against the base's.
+    `mass` is that of each floor by itself, `gain` that of each sensor, the base's among them,
+    `delay` that of each floor's clock against the base's, and `damping_of_modes` that of a mode's
+    damping ratio about the law of the building.
     """
 
     mass: Share = 0.0
     gain: Share = 0.0
     delay: Time = 0.0
+    damping_of_modes: Share = 0.0
 
     def _complaints(self) -> Complaints:
         for key, most, text in (
             ("mass", 0.5, "50 %"),
             ("gain", 0.5, "50 %"),
             ("delay", 0.05, "50 ms"),
+            ("damping_of_modes", 0.5, "50 %"),
         ):
             if getattr(self, key) > most:
                 yield (key, f"it is above {text}, which is no tolerance; correct it")

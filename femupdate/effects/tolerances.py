@@ -3,13 +3,23 @@
 from dataclasses import replace
 from functools import lru_cache
 
+import torch
+from torch import Tensor
+
 from femupdate.building.common import Tolerances
 from femupdate.building.document import Building
 from femupdate.effects.catalogue.added_mass import AddedMass
 from femupdate.effects.catalogue.channels import BaseGain, ChannelDelay, ChannelGain
-from femupdate.effects.effect import Effect, Placed
+from femupdate.effects.catalogue.damping_law import OtherDampingLaw
+from femupdate.effects.effect import Effect, Placed, Terms
+from femupdate.effects.structure import Structure
 
-TOLERANCES = {"mass": "masses", "gain": "gains", "delay": "clocks"}
+TOLERANCES = {
+    "mass": "masses",
+    "gain": "gains",
+    "delay": "clocks",
+    "damping_of_modes": "damping of modes",
+}
 """Keys of a building's tolerances, each with what it is of in words."""
 
 USUAL = Tolerances.model_construct(mass=0.015, gain=0.005, delay=0.0005)
@@ -35,6 +45,7 @@ def tolerances_of(building: Building, unstated: Tolerances | None = None) -> tup
         (BaseGain, "gain", stated.gain, ("base",)),
         (ChannelGain, "gain", stated.gain, floors),
         (ChannelDelay, "delay", stated.delay, floors),
+        (_DampingOfModes, "damping_of_modes", stated.damping_of_modes, _OCTAVES),
     )
     return tuple(
         Placed(_known_to(kind, key, sd), place)
@@ -48,6 +59,33 @@ def key_of(name: str) -> str:
     """The tolerance that a parameter such as "mass_tolerance@3F.size" is of; empty for others."""
     key, found, _ = name.partition("_tolerance@")
     return key if found else ""
+
+
+_OCTAVES = ("f1", "2 f1", "4 f1", "8 f1")
+
+
+class _DampingOfModes(OtherDampingLaw):
+    """A factor on the damping ratio of modes about a multiple of the first frequency.
+
+    It fades linearly in ln f towards the next octave; the last one holds for all modes beyond.
+    """
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """As `Effect.places`."""
+        return _OCTAVES
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """The first frequency and the number of the octave."""
+        return Terms(constants=(structure.fundamental[0], float(_OCTAVES.index(place))))
+
+    def damping(
+        self, ratio: Tensor, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]
+    ) -> Tensor:
+        """zeta (1 + s g), g = 1 at the octave and 0 at the next ones."""
+        first, octave = constants
+        away = torch.log2(omega / first).clamp(0.0, len(_OCTAVES) - 1.0) - octave
+        share = (1.0 - away.abs()).clamp_min(0.0)
+        return torch.clamp(ratio * (1.0 + sizes[:, :1] * share), 1e-4, 0.9)
 
 
 @lru_cache

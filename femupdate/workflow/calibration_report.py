@@ -107,7 +107,10 @@ def effect_title(name: str) -> str:
     """What a parameter such as "added_mass@3F.size" is of; the name itself where it is another."""
     placed, known = placed_effect(name.rpartition(".")[0]), effect_parameter(name)
     if key := key_of(name):
-        return f"{key} of {name.partition('@')[2].rpartition('.')[0]}, within its tolerance"
+        place = name.partition("@")[2].rpartition(".")[0]
+        if key == "damping_of_modes":
+            return f"damping of modes about {place}, within its tolerance"
+        return f"{key} of {place}, within its tolerance"
     if placed is None:
         return name
     text = "" if known is None else f": {known.text or known.name}"
@@ -245,11 +248,12 @@ class CalibrationReport(Result):
         verdict = "to be used with care" if wrong else "the data are explained"
         of = f"{building.name}, {', '.join(floors) or 'frequencies'} of {seen.source}"
         titles = parameter_titles(building, posterior.names)
-        draws = dict(zip(map(titles.get, posterior.names), posterior.samples.T, strict=True))
+        columns = zip(posterior.names, posterior.samples.T, strict=True)
+        draws = {titles[name]: values for name, values in columns if not key_of(name)}
         if posterior.zeta_samples is not None:
             draws["damping ratio"] = posterior.zeta_samples
         told = f"factors of {len(draws)} parameters"
-        if not self._many:
+        if len(draws) <= 9:
             told = ", ".join(f"{name} {range_text(values)}" for name, values in draws.items())
         return f"Verdict: {verdict} ({of}).", f"Intervals (90 %): {told}."
 

@@ -58,6 +58,27 @@ def first_frequency(report):
     return report.model.system.modes(drawn.theta, drawn.sizes).omega.min(dim=1).values.numpy()
 
 
+def test_modes_may_be_damped_about_the_law(tmp_path):
+    ratios = 'law = "modes"\nratios = [0.02, 0.026, 0.015]\nanchors = ["3.9 Hz", "11 Hz", "16 Hz"]'
+    truth, own = tmp_path / "truth.toml", tmp_path / "own.toml"
+    truth.write_text(PLAIN.replace('law = "constant"', ratios))
+    own.write_text(PLAIN + '[tolerances]\ndamping_of_modes = "20 %"\n')
+    run = tmp_path / "run.csv"
+    femupdate.simulate(truth, run, theta=FACTORS, zeta=0.02, duration_s=60.0, seed=3)
+    how = {"exact": True, "particles": 400, "building": str(own)}
+    report = femupdate.calibrate(tmp_path / "study", run, **how)
+    # A constant ratio leaves factors known to a thousandth and less; now it is a tenth of that.
+    known = report.posterior.of("stiffness").samples
+    assert known.mean(axis=0) == pytest.approx(FACTORS, rel=5e-4)
+    assert (known.std(axis=0) < 4e-4).all()
+    # The first mode's own ratio, seen to a hundredth, in place of one between all modes.
+    first = report.posterior.names.index("damping_of_modes_tolerance@f1.size")
+    of_first = report.posterior.zeta_samples * (1.0 + report.posterior.samples[:, first])
+    assert of_first.mean() == pytest.approx(0.02, rel=0.03)
+    assert "the data are explained" in str(report)
+    assert any("damping of modes" in note for note in report.notes)
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from femupdate.measurement.recording import RecordedChannel, Recording
-from femupdate.measurement.text import TextFile, positive, read_text, wrapped_numbers
+from femupdate.measurement.text import positive, read_text, wrapped_numbers
 
 READS = "PEER NGA records (AT2)"
 
@@ -38,17 +38,12 @@ def read(path: Path) -> Recording:
     if re.search(r"\b(VELOCITY|DISPLACEMENT)\b", head, re.IGNORECASE):
         raise file.error("this is not an acceleration record; take the .AT2 file beside it")
     unit = re.search(r"UNITS OF\s+([^\s,]+)", head, re.IGNORECASE)
+    # The last word of the second line names the component.
+    _, comma, last = (*file.lines, "", "")[1].rpartition(",")
     channel = RecordedChannel(
-        name=_component(file),
+        name=(last.strip() if comma else "") or path.stem,
         values=wrapped_numbers(file, at + 1, int(count), at),
         time_step=step,
         unit=unit.group(1) if unit else None,
     )
     return Recording(file, (channel,))
-
-
-def _component(file: TextFile) -> str:
-    """Name of the component: the last word of the second line, else the file's name."""
-    second = file.lines[1] if len(file.lines) > 1 else ""
-    last = second.rpartition(",")[2].strip() if "," in second else ""
-    return last or file.path.stem

@@ -2,7 +2,6 @@
 
 import zipfile
 from pathlib import Path
-from typing import Any
 
 from femupdate.measurement.readers import modes, plain
 from femupdate.measurement.recording import Recording
@@ -29,11 +28,19 @@ def read(path: Path) -> Recording:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
         sheets = {sheet.title: sheet.iter_rows(values_only=True) for sheet in book.worksheets}
         texts = {
-            title: ["\t".join(map(_cell, row)) for row in rows] for title, rows in sheets.items()
+            title: [
+                "\t".join("" if cell is None else " ".join(str(cell).split()) for cell in row)
+                for row in rows
+            ]
+            for title, rows in sheets.items()
         }
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, SyntaxError) as error:
         raise file.error(f"the workbook cannot be opened ({error}); export it as CSV") from None
-    tables = {title: lines for title, lines in texts.items() if sum(map(_of_numbers, lines)) > 2}
+    tables = {
+        title: lines
+        for title, lines in texts.items()
+        if sum(sum(map(is_number, line.split("\t"))) > 1 for line in lines) > 2
+    }
     if len(tables) != 1:
         held = f"tables on {len(tables)} sheets ({', '.join(tables)})" if tables else "no table"
         raise file.error(
@@ -43,11 +50,3 @@ def read(path: Path) -> Recording:
     sheet = TextFile(path, tuple(lines), f"sheet {title!r}, row")
     of_modes = modes.recognises("\n".join(lines[:50]), "")
     return (modes if of_modes else plain).table_in(sheet)
-
-
-def _cell(value: Any) -> str:
-    return "" if value is None else " ".join(str(value).split())
-
-
-def _of_numbers(line: str) -> bool:
-    return sum(is_number(cell) for cell in line.split("\t")) > 1
