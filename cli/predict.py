@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from femupdate.study import Study
+from femupdate import Study
 
 from .bars import Bars
 from .common import (
