@@ -120,6 +120,10 @@ class _InNormal:
     def whitened(self, raw: Tensor) -> Tensor:
         return raw
 
+    def with_derivative(self, z: Tensor, first: int) -> tuple[Tensor, Tensor, Tensor]:
+        residual = self.misfit(z)
+        return residual, residual, self.derivative(z, residual, first)
+
     def derivative(self, z: Tensor, residual: Tensor, first: int) -> Tensor:
         # Derivatives of 16 starts are held in memory at a time.
         parts = zip(z.split(16), residual.split(16), strict=True)
@@ -198,6 +202,10 @@ class LeastSquares(Protocol):
         """Change (s, m, d - first) of the whitened prediction by the unknowns from one on."""
         ...
 
+    def with_derivative(self, z: Tensor, first: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Residuals, the same whitened, and their derivative, at once."""
+        ...
+
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
@@ -259,12 +267,11 @@ def maximise(
         starts: (s, d); those beyond a limit begin at it.
         near: (m, k) Jacobian by the first unknowns at points near the starts, if known.
     """
-    now = _at(problem, torch.minimum(torch.maximum(starts, problem.lower), problem.upper))
-    known = 0 if near is None else near.shape[1]
-    jacobian = problem.derivative(now.z, now.residual, known)
+    begun = torch.minimum(torch.maximum(starts, problem.lower), problem.upper)
+    now = _at(problem, begun, 0 if near is None else near.shape[1])
     if near is not None:
-        jacobian = torch.cat([near.expand(len(now.z), -1, -1), jacobian], dim=2)
-    now = replace(now, jacobian=jacobian)
+        jacobian = torch.cat([near.expand(len(now.z), -1, -1), now.jacobian], dim=2)
+        now = replace(now, jacobian=jacobian)
     active = torch.ones(len(starts), dtype=torch.bool)
     mended, damping = (
         torch.full_like(active, near is not None),
@@ -306,20 +313,24 @@ def maximise(
         # the six-story example takes 3,811 to 3,568 responses, and 5,088 with 0.
         anew = (small | (share > 0.3) | (not how.mended)) & ~done & how.renewed
         renew(moved[anew])
-        follow = ~done & ~anew
-        _mend(problem, now, was[follow.nonzero()[:, 0]], moved[follow], how)
+        follow = (~done & ~anew).nonzero()[:, 0]
+        _mend(now, was[follow], moved[follow], reached[follow].jacobian)
         mended[again], mended[moved[anew]], mended[moved[follow]] = False, False, True
     if how.renewed:
         renew((mended | (old & (not how.mended))).nonzero()[:, 0])
     return now
 
 
-def _at(problem: LeastSquares, z: Tensor) -> Maxima:
-    """Searches at z (s, d), without their Jacobians."""
-    raw = problem.raw(z)
-    residual, away = problem.whitened(raw), z - problem.mean
+def _at(problem: LeastSquares, z: Tensor, first: int | None) -> Maxima:
+    """Searches at z (s, d), with their Jacobians by the unknowns from one on; None for none."""
+    if first is None:
+        raw, jacobian = problem.raw(z), z[:, None, :0]
+        residual = problem.whitened(raw)
+    else:
+        raw, residual, jacobian = problem.with_derivative(z, first)
+    away = z - problem.mean
     objective = residual.square().sum(1) + ((away @ problem.precision) * away).sum(1)
-    return Maxima(z.clone(), raw, residual, z[:, None, :0], objective)
+    return Maxima(z.clone(), raw, residual, jacobian, objective)
 
 
 def _tried(
@@ -330,7 +341,7 @@ def _tried(
     def stepped(points: Maxima, by: Tensor) -> Maxima:
         step = _steps(problem, points, by).clamp(-how.longest, how.longest)
         trial = torch.minimum(torch.maximum(points.z + step, problem.lower), problem.upper)
-        found = _at(problem, trial)
+        found = _at(problem, trial, how.fresh)
         return replace(found, objective=found.objective.nan_to_num(nan=torch.inf))
 
     found, used = stepped(now, damping), damping.clone()
@@ -342,6 +353,7 @@ def _tried(
         which = both.objective.view(2, -1).argmin(0) * len(failed)
         chosen = which + torch.arange(len(failed))
         found.put(failed, both[chosen])
+        found.jacobian[failed] = both.jacobian[chosen]
         used[failed] = by[chosen]
     return found, used
 
@@ -363,18 +375,19 @@ def _steps(problem: LeastSquares, now: Maxima, damping: Tensor) -> Tensor:
     return step.nan_to_num(0.0, 0.0, 0.0).to(z)
 
 
-def _mend(problem: LeastSquares, now: Maxima, before: Maxima, rows: Tensor, how: Search) -> None:
-    """Mend some Jacobians by what the steps from the points before have shown."""
+def _mend(now: Maxima, before: Maxima, rows: Tensor, fresh: Tensor) -> None:
+    """Mend some Jacobians by what the steps from the points before have shown.
+
+    The last columns are those (s, m, f) that were made anew, if any.
+    """
     if not len(rows):
         return
     moved = now.z[rows] - before.z
     missed = before.residual - now.residual[rows] - (before.jacobian @ moved[:, :, None])[:, :, 0]
     scaled = moved / moved.square().sum(1, keepdim=True)
-    now.jacobian[rows] = before.jacobian + missed[:, :, None] * scaled[:, None, :]
-    if how.fresh is not None:
-        now.jacobian[rows, :, how.fresh :] = problem.derivative(
-            now.z[rows], now.residual[rows], how.fresh
-        )
+    jacobian = before.jacobian + missed[:, :, None] * scaled[:, None, :]
+    jacobian[:, :, jacobian.shape[2] - fresh.shape[2] :] = fresh
+    now.jacobian[rows] = jacobian
 
 
 __all__ = ["LeastSquares", "Maxima", "Search", "maximise"]

@@ -208,11 +208,14 @@ def _fitted(
         best = max([base, *fits], key=lambda fitted: log_posterior(problem, fitted))
         return best.remains().size >= settings.least_response
 
-    exchanges = [test.placed for test in scores if test.placed.exchange]
+    swapped = list[Fit]()
     if among is None and error_left(problem, base) >= RIGHT:
         progress.advance(note="trying exchanged channels")
-        if sure := _surely_exchanged(base, exchanges, settings.seed):
-            return sure
+        exchanges = [test.placed for test in scores if test.placed.exchange]
+        swapped = exchange_fits(problem, base, exchanges, settings.seed)
+        swapped = in_threads(partial(settle, problem), swapped)
+        if _surely_exchanged(base, swapped):
+            return swapped
     progress.advance(note="fitting the leading effects")
     # The strongest candidates, and the strongest place of every other effect that is near.
     strong = [test for test in scores if abs(test.statistic) > 2.0]
@@ -252,35 +255,23 @@ def _fitted(
             others = [settle(problem, fit(sharp, placed, start)) for start in starts]
             return max([fitted, *others], key=lambda either: log_posterior(problem, either))
 
-        begun = _at_large_sizes(base, fits, scores)
-        fits = _likeliest(problem, [*in_threads(sharpened, fits), *begun])
-    if much_left(fits):
-        # Without an exchange of channels theta may lie far off.
-        progress.advance(note="trying exchanged channels")
-        most = max(log_posterior(problem, fitted) for fitted in [base, *fits])
-        swapped = exchange_fits(problem, base, exchanges, settings.seed)
-        swapped = in_threads(partial(settle, problem), swapped)
-        swapped = [fitted for fitted in swapped if log_posterior(problem, fitted) > most]
-        redone = {fitted.placed[-1] for fitted in swapped}
-        fits = [*(fitted for fitted in fits if fitted.placed[-1] not in redone), *swapped]
-    return fits
+        fits = in_threads(sharpened, fits)
+    return _likeliest(problem, [*fits, *swapped])
 
 
-def _surely_exchanged(base: Fit, exchanges: list[Placed], seed: int) -> list[Fit]:
-    """Fits with an exchange each, where together they leave the factors right; else none.
+def _surely_exchanged(base: Fit, fits: list[Fit]) -> bool:
+    """Whether exchanges, of which each fit has another, together leave the factors right.
 
     What channels say surely goes before every effect of the structure.
     """
-    problem = base.likelihood
-    fits = [settle(problem, near) for near in exchange_fits(problem, base, exchanges, seed)]
     if not fits:
-        return []
+        return False
+    problem = base.likelihood
     best = min(fits, key=lambda fitted: error_left(problem, fitted))
     if error_left(problem, best) >= RIGHT:
         placed = tuple(fitted.placed[-1] for fitted in fits)
         best = fit(problem, (*base.placed, *placed), best.z, FAR_STEPS)
-    sure = error_left(problem, best) < RIGHT and removed(base, best) >= VERDICT.least
-    return fits if sure else []
+    return error_left(problem, best) < RIGHT and removed(base, best) >= VERDICT.least
 
 
 def _over_ranges(
@@ -310,45 +301,6 @@ def _over_ranges(
     return [fitted for fitted in tried if fitted.remains().size < settings.least_response]
 
 
-def _at_large_sizes(base: Fit, fits: list[Fit], scores: list[Score]) -> list[Fit]:
-    """Fits of the leading effects of members, begun where the factors have followed a large size.
-
-    Walls of three stories that a model leaves out are first taken for one story twice as stiff, and
-    small steps from there make all of it worse. A size is held while the factors follow, then free.
-    """
-    problem = base.likelihood
-    small = problem.on_fewer(FEWER_SHAPES).at_row(problem.error.first)
-    ahead = sorted(fits, key=lambda fitted: -log_posterior(problem, fitted))
-    names = list(dict.fromkeys(fitted.placed[-1].effect.name for fitted in ahead))[:4]
-    tests = [
-        test for test in scores if test.placed.place == "all" and test.placed.effect.name in names
-    ]
-
-    def held(placed: Placed, size: float) -> Fit:
-        others = placed.effect.parameters[1:]
-        values = np.array([*base.known, size, *(other.neutral for other in others)])
-        together = (*base.placed, placed)
-        z = extended(small, base, together, values)
-        steps = small.with_effects(together).prior.steps.holding(z[len(base.z) :])
-        return _further(fit(small, together, fit(small, together, z, STEPS, steps).z, 0))
-
-    # One and two deviations of the prior to either side of no effect, within the limits.
-    begun, away = list[tuple[Placed, float]](), np.array([-2, -1, 1, 2])
-    for placed in (test.placed for test in tests):
-        first = placed.effect.parameters[0]
-        tried = np.clip(first.neutral + first.scale * away, first.lower, first.upper)
-        begun += [(placed, size) for size in np.unique(tried[tried != first.neutral]).tolist()]
-    if not begun:
-        return []
-    sized = sorted(in_threads(lambda pair: held(*pair), begun), key=lambda near: near.misfit)
-    known = min(fit(small, fitted.placed, fitted.z, 0).misfit for fitted in ahead[:2])
-    return [
-        settle(problem, fit(problem, near.placed, near.z))
-        for near in sized[:2]
-        if near.misfit < known
-    ]
-
-
 def _fit_candidates(
     base: Fit, tests: list[Score], distant: Fit | None, least: float, progress: Progress
 ) -> list[Fit]:
@@ -371,7 +323,9 @@ def _fit_candidates(
     def settled(near: Fit) -> Fit:
         steps = STEPS if near.misfit <= worth else _GLANCE
         steps = 0 if near.misfit > last else steps
-        return settle(problem, fit(problem, near.placed, near.z, steps, near=known), steps)
+        if small.reduced is not problem.reduced:
+            near = fit(problem, near.placed, near.z, steps, near=known)
+        return settle(problem, near, steps)
 
     def each(task: Callable[[Any], T], those: Sequence[Any], what: str) -> list[T]:
         return in_threads(counted(task, progress, what, len(those)), those)
@@ -461,10 +415,10 @@ def _glanced(froms: list[Fit], steps: int, distant: Fit | None, test: Score) -> 
         step = np.sign(tested[0] - size.neutral) * size.scale
         sizes = np.clip(size.neutral + step * np.array([1.0, 1.5, 2.0]), size.lower, size.upper)
         large = [np.array([value, *tested[1:]]) for value in np.unique(sizes)]
-    starts = [start] * len(froms)
+    starts = [[start, *large], *([start] for _ in froms[1:])]
     if distant is not None and distant.placed[-1].label == test.placed.label:
-        starts[-1] = distant.known_of(-1)
-    pairs = [*zip(froms, starts, strict=True), *((base, value) for value in large)]
+        starts[-1] = [distant.known_of(-1)]
+    pairs = zip(froms, starts, strict=True)
     tried = (glance(without, test.placed, begun, steps) for without, begun in pairs)
     return min(tried, key=lambda fitted: fitted.misfit)
 

@@ -50,16 +50,32 @@ class _Target:
 
     def derivative(self, z: Tensor, residual: Tensor, first: int) -> Tensor:
         """By differences into the box."""
-        step = torch.where(z + DIFFERENCE <= self.upper, DIFFERENCE, -DIFFERENCE)
-        count = z.shape[1] - first
-        if not count:  # an exchange has no size
+        step, moved = self._moved(z, first)
+        if not moved.numel():  # an exchange has no size
             return residual.new_zeros(*residual.shape, 0)
-        moved = (z[:, None] + torch.diag_embed(step)[:, first:]).flatten(0, 1)
-        # Of small models a call costs more than its rows.
-        some = max(4, 256 // self._likelihood.system.model.size)
-        parts = in_threads(lambda rows: self.whitened(self.raw(rows)), moved.split(some))
-        there = torch.cat(parts).view(len(z), count, -1)
-        return ((residual[:, None] - there) / step[:, first:, None]).mT
+        there = self._both(moved)[1]
+        return ((residual[:, None] - there) / step).mT
+
+    def with_derivative(self, z: Tensor, first: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Of small models a call costs more than its rows."""
+        step, moved = self._moved(z, first)
+        raw, there = self._both(torch.cat([z[:, None], moved], dim=1))
+        return raw[:, 0], there[:, 0], ((there[:, :1] - there[:, 1:]) / step).mT
+
+    def _moved(self, z: Tensor, first: int) -> tuple[Tensor, Tensor]:
+        step = torch.where(z + DIFFERENCE <= self.upper, DIFFERENCE, -DIFFERENCE)
+        return step[:, first:, None], z[:, None] + torch.diag_embed(step)[:, first:]
+
+    def _both(self, z: Tensor) -> list[Tensor]:
+        """Residuals (s, c, n) at z (s, c, d), and the same whitened."""
+
+        def both(rows: Tensor) -> tuple[Tensor, Tensor]:
+            raw = self.raw(rows)
+            return raw, self.whitened(raw)
+
+        parts = z.flatten(0, 1).split(max(4, 256 // self._likelihood.system.model.size))
+        found = in_threads(both, parts) if len(parts) > 1 else [both(parts[0])]
+        return [torch.cat(kind).unflatten(0, z.shape[:2]) for kind in zip(*found, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,16 +284,18 @@ def _searched(
     return [Fit(of, target.steps, *parts) for parts in ends]
 
 
-def glance(without: Fit, placed: Placed, start: Floats, steps: int) -> Fit:
-    """Some steps of a fit with one effect more, by the Jacobian of the model without it.
+def glance(without: Fit, placed: Placed, starts: Sequence[Floats], steps: int) -> Fit:
+    """Some steps of fits with one effect more, by the Jacobian of the model without it; the best.
 
     A fit's own Jacobian costs one response an unknown, at every step. Here only the effect's part
     is made anew; the rest is mended by what every step has shown.
     """
     of, together = without.likelihood, (*without.placed, placed)
-    z = extended(of, without, together, np.concatenate([without.known, start]))
+    known = [np.concatenate([without.known, start]) for start in starts]
+    z = torch.stack([extended(of, without, together, values) for values in known])
     how = replace(_SEARCH, iterations=steps, renewed=False, fresh=len(without.z))
-    return _searched(of, together, z[None], how, near=without.jacobian)[0]
+    fits = _searched(of, together, z, how, near=without.jacobian)
+    return min(fits, key=lambda fitted: fitted.misfit)
 
 
 def nearest(likelihood: Likelihood, base: Fit, placed: Placed, starts: Sequence[Floats]) -> Floats:

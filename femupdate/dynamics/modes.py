@@ -38,7 +38,7 @@ class Modes:
     participation: Tensor
     direct: Tensor  # (N, o, e) rigid motion of the rows with the base
 
-    def __getitem__(self, rows: Tensor) -> "Modes":
+    def __getitem__(self, rows: Tensor | slice) -> "Modes":
         parts = (self.inverse, self.rows, self.participation, self.direct)
         return Modes(*(part[rows] for part in parts))
 

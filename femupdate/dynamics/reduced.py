@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,17 @@ class ReducedModel:
     def parameters(self) -> int:
         """Number of stiffness parameters p."""
         return self.stiffness_terms.shape[0]
+
+    @cached_property
+    def tensors(self) -> tuple[Tensor, ...]:
+        """Stiffness terms (p, r r) and constant (r, r), forces (r, 2), mass at the base (2, 2)."""
+        rotation = self.rotation  # a base without one has no mass here
+        turned = np.zeros_like(self.excitation) if rotation is None else rotation.force
+        at_base = np.zeros((2, 2)) if rotation is None else rotation.mass
+        terms = self.stiffness_terms.reshape(self.parameters, -1)
+        forces = np.column_stack([self.excitation, turned])
+        parts = terms, self.stiffness_constant, forces, at_base
+        return tuple(torch.from_numpy(part) for part in parts)
 
     def stiffness(self, theta: Floats) -> Floats:
         """Reduced stiffness matrices, (..., p) -> (..., r, r), 1/s2."""

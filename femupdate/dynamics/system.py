@@ -159,9 +159,10 @@ class System:
             rest: static displacement under a force that a reduced model lacks; a stick lacks none.
         """
         omega = 2.0 * torch.pi * frequency_hz.to(torch.float64)
+        if len(theta) <= _BATCH:
+            return self._respond(excitation, theta, zeta, sizes, omega, rest)
         parts = zip(theta.split(_BATCH), zeta.split(_BATCH), sizes.split(_BATCH), strict=True)
-        found = [self._respond(excitation, *rows, omega=omega, rest=rest) for rows in parts]
-        return torch.cat(found)
+        return torch.cat([self._respond(excitation, *rows, omega, rest) for rows in parts])
 
     def frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor) -> Tensor:
         """The same (N, f, k) under a base that translates."""
@@ -473,17 +474,10 @@ class System:
         self, theta: Tensor, by_effect: Sequence[Tensor]
     ) -> tuple[Tensor, Tensor | None, Tensor, Tensor]:
         """K (N, r, r), M (N, r, r) or None for the identity, forces (N, r, 2), mass (N, 2, 2)."""
-        model, count = self.model, len(theta)
-        size = model.size
-        terms = torch.from_numpy(model.stiffness_terms).to(theta).reshape(self.factors, size**2)
-        constant = torch.from_numpy(model.stiffness_constant).to(theta)
+        count, size, mass = len(theta), self.model.size, None
+        terms, constant, *forces = (part.to(theta) for part in self.model.tensors)
         stiffness = constant + (theta @ terms).reshape(count, size, size)
-        rotation = model.rotation  # a base without one has no mass here
-        turned = np.zeros_like(model.excitation) if rotation is None else rotation.force
-        at_base = np.zeros((2, 2)) if rotation is None else rotation.mass
-        forces = np.column_stack([model.excitation, turned]), at_base
-        force, rigid = (torch.from_numpy(p).to(theta).expand(count, -1, -1) for p in forces)
-        mass = None
+        force, rigid = (part.expand(count, -1, -1) for part in forces)
         for added, values in zip(self.terms, by_effect, strict=True):
             own_size = values[:, 0] if values.shape[1] else theta.new_ones(count)
             for story, matrix, series in added.stiffness:
@@ -544,11 +538,10 @@ def changes_in_run(effect: Effect) -> bool:
     return type(effect).at_level is not Effect.at_level and not effect.needs_levels
 
 
-def _different(values: Tensor) -> tuple[Tensor, Tensor]:
+def _different(values: Tensor) -> tuple[Tensor | slice, Tensor | slice]:
     """One row (u,) of every kind among values (N, v), and which of these each row is (N,)."""
     if not values.numel() or len(values) == 1:
-        every = torch.arange(len(values), device=values.device)
-        return every, every
+        return slice(None), slice(None)
     kinds = torch.unique(values, dim=0, return_inverse=True)[1]
     first = torch.zeros(int(kinds.max()) + 1, dtype=torch.long, device=kinds.device)
     return first.scatter_(0, kinds, torch.arange(len(kinds), device=kinds.device)), kinds

@@ -420,8 +420,9 @@ def as_complex(real: Tensor, imaginary: Tensor) -> Tensor:
 
 def split_sizes(placed: Sequence[Placed], sizes: Tensor) -> list[Tensor]:
     """The parameters (N, q) of all effects, one after the other, each effect's by themselves."""
-    counts = [len(effect.effect.parameters) for effect in placed]
-    return list(sizes.split(counts, dim=1)) if counts else []
+    if len(placed) < 2:
+        return [sizes] * len(placed)
+    return list(sizes.split([len(effect.effect.parameters) for effect in placed], dim=1))
 
 
 def observed(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import torch
@@ -242,11 +243,18 @@ class Likelihood:
         """The same of a model with these effects in place of its own."""
         if placed == self.system.placed:
             return self
+        if placed in self._made:
+            return self._made[placed]
         terms = tuple(self.reduced.terms(effect) for effect in placed)
         system = replace(self.system, placed=placed, terms=terms)
         added = effect_parameters(placed, searched=True)
         prior = self.prior.of("stiffness", "damping") + added
-        return replace(self, system=system, prior=prior)
+        self._made[placed] = replace(self, system=system, prior=prior)
+        return self._made[placed]
+
+    @cached_property
+    def _made(self) -> dict[tuple[Placed, ...], "Likelihood"]:
+        return {}
 
     def of(self, other: "Likelihood") -> "Likelihood":
         """The likelihood of the same data by the model of another."""

@@ -316,6 +316,7 @@ class LearnedError:
             [self._beside(beside, k) for k, beside in enumerate(self._known)]
         )
         self._factors: dict[tuple[int, ...], _Factor] = {}
+        self._scales: dict[tuple[int, ...], tuple[Tensor, Tensor]] = {}
 
     def forget(self) -> None:
         """Give back the memory of what is kept for speed."""
@@ -372,7 +373,7 @@ class LearnedError:
 
     def _with(self, **changes: Any) -> "LearnedError":
         changed = copy.copy(self)
-        vars(changed).update(changes, _factors={})
+        vars(changed).update(changes, _factors={}, _scales={})
         return changed
 
     def no_larger(self, row: int) -> list[int]:
@@ -476,8 +477,8 @@ class LearnedError:
         if level.common == level.own == 0.0 and not self.knows:
             none = residuals.new_zeros(len(residuals), self._coefficients, dtype=torch.float64)
             return torch.cat([self._apart(residuals, errs) / level.noise, none], dim=1)
-        alone, shared = self._standard(residuals, row)
         left = self._apart(residuals, errs)
+        alone, shared = self._standard(left, row)
         left = left - self._along_back(*self._scaled((row,), alone, shared), errs)
         return torch.cat([left / level.noise, alone[0].flatten(0, 1).T, shared[0].T], dim=1)
 
@@ -510,7 +511,8 @@ class LearnedError:
 
         Without the errors that are known beforehand.
         """
-        alone, shared = self._scaled((row,), *self._standard(residuals, row))
+        apart = self._apart(residuals, self._errs(row))
+        alone, shared = self._scaled((row,), *self._standard(apart, row))
         common = shared[0, self._known.shape[1] :].unflatten(0, (self._parts, 1, -1))
         return (alone[0].unflatten(0, (self._parts, -1)) + common).flatten(0, 1).permute(2, 0, 1)
 
@@ -581,11 +583,9 @@ class LearnedError:
             whole[:, at, at] += common
         return whole
 
-    def _standard(self, residuals: Tensor, row: int) -> tuple[Tensor, Tensor]:
+    def _standard(self, apart: Tensor, row: int) -> tuple[Tensor, Tensor]:
         """Likeliest coefficients (1, g, j, n) and (1, s, n), whose prior is of unit variance."""
-        errs = self._errs(row)
-        scaled = self._apart(residuals, errs)
-        alone, shared = self._scaled((row,), *self._along(scaled[None], errs))
+        alone, shared = self._scaled((row,), *self._along(apart[None], self._errs(row)))
         squared = self.levels[row].noise ** 2
         return self._factor((row,)).solve(alone / squared, shared / squared)
 
@@ -593,11 +593,14 @@ class LearnedError:
         self, rows: tuple[int, ...], alone: Tensor, shared: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Coefficients (r, g, j, n) and (r, s, n), times their standard deviations."""
-        spread = self._spread(rows)
-        owns, commons = (self._of(rows, name)[:, None] for name in ("own", "common"))
-        common = (commons * spread).repeat(1, self._parts)
-        every = torch.cat([common.new_ones(len(rows), self._known.shape[1]), common], 1)
-        return (owns * spread)[:, None, :, None] * alone, every[:, :, None] * shared
+        if rows not in self._scales:
+            spread = self._spread(rows)
+            owns, commons = (self._of(rows, name)[:, None] for name in ("own", "common"))
+            common = (commons * spread).repeat(1, self._parts)
+            every = torch.cat([common.new_ones(len(rows), self._known.shape[1]), common], 1)
+            self._scales[rows] = (owns * spread)[:, None, :, None], every[:, :, None]
+        first, rest = self._scales[rows]
+        return first * alone, rest * shared
 
     def _beside(self, residuals: Tensor, errs: int) -> Tensor:
         """Products (..., g, j) of residuals (..., p f k) with the harmonics of every floor."""

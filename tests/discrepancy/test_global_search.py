@@ -46,3 +46,18 @@ def test_a_large_effect_is_found_from_afar(posed):
     assert abs(found.leading.size - share) < 4.5 * found.leading.size_sd
     mean, sd = found.leading.fitted.theta()
     assert (np.abs(mean - theta) < 4.5 * sd).all()
+
+
+def test_a_large_effect_is_reached_by_coarse_noise(chains, building_of, observe, pose):
+    """Its peaks have parted from those without it: by the noise itself, a fit stops on the way."""
+    masses, springs = np.array([2.0, 1.5, 1.5]), np.array([5e3, 4e3, 4e3])
+    heavy, stiff = masses * [1.0, 1.73, 1.0], springs * [0.75, 0.79, 1.46]
+    grid = 0.1 * np.arange(1, 159)
+    exact = chains.Chain(heavy, stiff, zeta=0.006).frf(grid)
+    problem = pose(
+        building_of(masses, springs, zeta=(0.003, 0.06)),
+        observe(("2F", "3F", "RF"), grid, exact, 0.01, 2),
+    )
+    found = diagnose(problem, among=frozenset({"added_mass@3F"}))
+    assert found.verdict == NAMED
+    assert found.leading.size == pytest.approx(0.73, abs=4.0 * found.leading.size_sd)
