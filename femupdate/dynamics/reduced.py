@@ -105,13 +105,18 @@ class ReducedModel:
 
     @cached_property
     def tensors(self) -> tuple[Tensor, ...]:
-        """Stiffness terms (p, r r) and constant (r, r), forces (r, 2), mass at the base (2, 2)."""
-        rotation = self.rotation  # a base without one has no mass here
-        turned = np.zeros_like(self.excitation) if rotation is None else rotation.force
-        at_base = np.zeros((2, 2)) if rotation is None else rotation.mass
+        """Stiffness terms (p, r r) and constant (r, r), forces (r, 2), mass at the base (2, 2).
+
+        Then of the floors the shapes (f, r) and the rigid motion (f, 2) with the base.
+        """
+        turned, at_base = np.zeros_like(self.excitation), np.zeros((2, 2))
+        levels = np.zeros(len(self.floors))
+        if self.rotation is not None:  # a base without one has no mass here
+            turned, at_base, levels = self.rotation.force, self.rotation.mass, self.rotation.levels
         terms = self.stiffness_terms.reshape(self.parameters, -1)
         forces = np.column_stack([self.excitation, turned])
-        parts = terms, self.stiffness_constant, forces, at_base
+        rigid = np.column_stack([np.ones_like(levels), levels])
+        parts = terms, self.stiffness_constant, forces, at_base, self.floor_shapes, rigid
         return tuple(torch.from_numpy(part) for part in parts)
 
     def stiffness(self, theta: Floats) -> Floats:

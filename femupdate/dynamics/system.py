@@ -475,7 +475,7 @@ class System:
     ) -> tuple[Tensor, Tensor | None, Tensor, Tensor]:
         """K (N, r, r), M (N, r, r) or None for the identity, forces (N, r, 2), mass (N, 2, 2)."""
         count, size, mass = len(theta), self.model.size, None
-        terms, constant, *forces = (part.to(theta) for part in self.model.tensors)
+        terms, constant, *forces = (part.to(theta) for part in self.model.tensors[:4])
         stiffness = constant + (theta @ terms).reshape(count, size, size)
         force, rigid = (part.expand(count, -1, -1) for part in forces)
         for added, values in zip(self.terms, by_effect, strict=True):
@@ -512,10 +512,7 @@ class System:
         return total
 
     def _floor_rows(self, like: Tensor) -> Rows:
-        model = self.model
-        levels = np.zeros(len(model.floors)) if model.rotation is None else model.rotation.levels
-        rigid = np.column_stack([np.ones(len(levels)), levels])
-        return Rows(torch.from_numpy(model.floor_shapes).to(like), torch.from_numpy(rigid).to(like))
+        return Rows(*(part.to(like) for part in self.model.tensors[4:]))
 
     def _with_ports(self, rows: Rows, count: int) -> tuple[Tensor, Tensor]:
         """Rows (N, o, r) and their rigid motion (N, o, 2), those of the ports last."""

@@ -81,3 +81,19 @@ def test_a_slow_clock_is_named_with_what_it_loses(chains, building_of, observe, 
     assert (found.verdict, found.leading.placed.label) == ("named", "drifting_clock@RF")
     assert found.leading.size == pytest.approx(growth, abs=4.0 * found.leading.size_sd)
     assert found.leading.size_sd < 0.1 * abs(growth)
+
+
+def test_what_stops_at_an_error_of_the_model_is_tried_by_noise_alone(
+    chains, building_of, observe, pose
+):
+    """All floors err by 12 %, smoothly over frequency; joints that rotate would then lead."""
+    masses, springs, rng = MASSES[1:], SPRINGS[1:], np.random.default_rng(1)
+    exact = chains.Chain(masses * [1.0, 1.0, 1.115], springs * [1.09, 0.68, 0.78], zeta=0.016)
+    phases = np.pi * np.outer(np.arange(1, 12), GRID / GRID[-1])
+    amplitudes = rng.standard_normal((2, 3, 11))
+    error = amplitudes[0] @ np.cos(phases) + amplitudes[1] @ np.sin(phases)
+    frf = exact.frf(GRID) * np.exp(0.117 * error / error.std())
+    seen = observe(("2F", "3F", "RF"), GRID, frf, 0.01, 1)
+    found = diagnose(pose(building_of(masses, springs), seen))
+    assert (found.verdict, found.leading.placed.label) == ("partly", "added_mass@RF")
+    assert found.leading.size == pytest.approx(0.115, abs=4.0 * found.leading.size_sd)
