@@ -74,7 +74,7 @@ class VERDICT:
         0.75,
         "share",
         "of the misfit beyond noise, below which a name is told as a candidate alone",
-        "two ties outside the catalogue: wrong names removed .71 and .74; joints of a bench frame "
+        "five ties outside the catalogue: wrong names removed .34 to .74; joints of a bench frame "
         "remove .80 by a fit by hand",
     )
     beside: float = entry(

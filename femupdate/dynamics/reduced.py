@@ -113,7 +113,7 @@ class ReducedModel:
         levels = np.zeros(len(self.floors))
         if self.rotation is not None:  # a base without one has no mass here
             turned, at_base, levels = self.rotation.force, self.rotation.mass, self.rotation.levels
-        terms = self.stiffness_terms.reshape(self.parameters, -1)
+        terms = self.stiffness_terms.reshape(self.parameters, self.size**2)
         forces = np.column_stack([self.excitation, turned])
         rigid = np.column_stack([np.ones_like(levels), levels])
         parts = terms, self.stiffness_constant, forces, at_base, self.floor_shapes, rigid
