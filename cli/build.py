@@ -78,8 +78,6 @@ def build_model(
 
     files = []
     if draft is not None:
-        if building is None:
-            raise click.UsageError("--draft needs another program's model: name its file")
         check_free(draft, overwrite)
         files.append(draft)
     if export is not None:

@@ -157,6 +157,34 @@ class BuildingMesh:
     of_coarser: csr_array | None = None
 
 
+def described(
+    building: Massive,
+    model: FiniteElementModel,
+    base: Integers,
+    floor_nodes: Mapping[str, Integers],
+    *,
+    parts: tuple[Integers, ...] | None,
+    walls: tuple[str, ...] = (),
+    notes: tuple[str, ...],
+) -> BuildingMesh:
+    """The mesh of a whole model whose groups are stories; arguments as of a `BuildingMesh`."""
+    factors = stiffness_factors(building)
+    return BuildingMesh(
+        model=with_factors(model, factors) if building.by_kind else model,
+        floors=building.floors,
+        floor_nodes=floor_nodes,
+        floor_level=building.floor_levels,
+        foot_level=building.foot_levels,
+        base_nodes=base,
+        direction="xy".index(building.sensors.direction),
+        story_names=building.story_names,
+        factors=factors,
+        parts=parts,
+        walls=walls,
+        notes=(*notes, *story_notes(building)),
+    )
+
+
 def finished(
     building: Massive,
     model: FiniteElementModel,
@@ -176,25 +204,12 @@ def finished(
         diaphragms: node indices of each slab that is rigid in plan.
         dead: walls without stiffness, on the model's nodes.
     """
-    masses, factors = place_masses(building, model, dead), stiffness_factors(building)
+    masses = place_masses(building, model, dead)
     _refuse_soft_springs(model, masses, base, building.supports)
     held = connected(model, base, building.supports, sprung(building, model, base), diaphragms)
     _refuse_soft_isolation(held, masses, base)
-    if building.by_kind:
-        held = with_factors(held, factors)
-    return BuildingMesh(
-        model=replace(held, masses=masses),
-        floors=building.floors,
-        floor_nodes=floor_nodes,
-        floor_level=building.floor_levels,
-        foot_level=building.foot_levels,
-        base_nodes=base,
-        direction="xy".index(building.sensors.direction),
-        story_names=building.story_names,
-        factors=factors,
-        parts=parts,
-        notes=(*notes, *story_notes(building)),
-    )
+    whole = replace(held, masses=masses)
+    return described(building, whole, base, floor_nodes, parts=parts, notes=notes)
 
 
 def story_notes(building: Massive) -> Iterator[str]:

@@ -439,6 +439,8 @@ def add_area(
 
 def _corner_mass(tables: ModelTables, row: Row, corners: list[int], mass: float) -> None:
     """Put the mass of an area, kg/m2, at its corners."""
+    if len(corners) < 3:
+        raise row.error(f"it has {len(corners)} corners; give it three or more")
     points = np.array([tables.points[k] for k in corners])
     fan = np.array([[0, k, k + 1] for k in range(1, len(corners) - 1)])
     normals = area_vectors(points[fan])

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.blocks import ElementBlock, by_element, joined
-from femupdate.building.building_mesh import BuildingMesh, finished, sprung, story_notes
+from femupdate.building.building_mesh import BuildingMesh, described, finished, sprung
 from femupdate.building.connections import with_springs
 from femupdate.building.entry import Complaint, complaining, unknown
 from femupdate.building.mesh_check import (
@@ -28,7 +28,6 @@ from femupdate.building.mesh_check import (
 from femupdate.building.mesh_reader import RawMesh, read_mesh
 from femupdate.building.model_files import building_model
 from femupdate.building.own_mesh import MeshBuilding, Part
-from femupdate.building.parameters import stiffness_factors, with_factors
 from femupdate.building.quantities import ALL
 from femupdate.errors import StructureError
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
@@ -118,24 +117,12 @@ def import_mesh(building: MeshBuilding) -> BuildingMesh:
             connection is wrong, or there is no node where a floor or a sensor should be.
     """
     if building.from_program:
-        read, factors = building_model(building), stiffness_factors(building)
+        read = building_model(building)
         model = read.model
         for at, springs in sprung(building, model, read.held):
             model = with_springs(model, at, springs)
-        return BuildingMesh(
-            model=with_factors(model, factors) if building.by_kind else model,
-            floors=building.floors,
-            floor_nodes=_floor_nodes(building, model),
-            floor_level=building.floor_levels,
-            foot_level=building.foot_levels,
-            base_nodes=read.held,
-            direction="xy".index(building.sensors.direction),
-            story_names=building.story_names,
-            factors=factors,
-            parts=read.wall_of,
-            walls=read.walls,
-            notes=(*read.notes, *story_notes(building)),
-        )
+        where = (building, model, read.held, _floor_nodes(building, model))
+        return described(*where, parts=read.wall_of, walls=read.walls, notes=read.notes)
     raw = read_mesh(Path(building.mesh.file).expanduser(), building.mesh.tags)
     nodes = raw.nodes * factor(building.mesh.unit, "length") - [0.0, 0.0, building.mesh.base]
     if building.mesh.merge:

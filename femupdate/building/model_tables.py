@@ -19,7 +19,13 @@ from scipy.spatial import cKDTree
 from femupdate.arrays import Flags, Floats, Integers, Strings
 from femupdate.building.connections import diaphragm_links
 from femupdate.building.entry import Complaint
-from femupdate.building.mesh_check import cell_kinds, check_elements, loose_pieces, place
+from femupdate.building.mesh_check import (
+    LEVEL,
+    cell_kinds,
+    check_elements,
+    loose_pieces,
+    place,
+)
 from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.quantities import ALL
 from femupdate.building.sections import SectionFigures
@@ -39,7 +45,6 @@ from femupdate.fe.model import (
 )
 from femupdate.storage import LARGEST_BYTES, check_regular
 
-LEVEL = 1e-3  # m; what is nearer than this to a floor's level is on it
 # Of sections that give none: bending over the area squared, torsion over bending.
 _LITTLE, _TWIST = 1e-4, 1e-2
 _SURFACES = {4: Shells, 3: Triangles}
@@ -439,7 +444,10 @@ class ModelTables:
             if corners.shape[1] == 2:
                 axis = corners[:, 1] - corners[:, 0]
                 rise = np.abs(axis[:, 2]) / np.maximum(np.linalg.norm(axis, axis=1), 1e-300)
-                kind = np.where((kind == "beam") & (rise > 0.3), "brace", kind).astype("<U24")
+                steep = (kind == "beam") & (rise > 0.3)
+                soft = steep & (block.youngs_modulus < 15e9)  # Pa; stiffer than most masonry
+                kind = np.where(soft, "infill", np.where(steep, "brace", kind)).astype("<U24")
+                self.changes["braces of less than 15 GPa: as struts of infills"] += soft.sum()
             middle, group = corners.mean(axis=1), np.zeros(len(corners), dtype=np.int64)
             if building is not None:
                 group = building.stories_at(middle)
@@ -522,7 +530,9 @@ class ModelTables:
         self.skipped[f"{self.file.node_kind} that nothing uses"] = int(
             (np.delete(names, used) != "").sum()
         )
-        return model, names[used]
+        names = names[used]
+        called = np.array([f"{self.file.node_kind} {name}" if name else "" for name in names])
+        return replace(model, names=called), names
 
 
 @dataclass(frozen=True)
@@ -602,7 +612,7 @@ def _notes(tables: ModelTables, model: FiniteElementModel, levels: Floats | None
     gone |= dict(tables.file.left_out) | {name: counts[name] for name in tables.file.unknown}
     missing: Counter[str] = Counter()
     for text, count in gone.items():
-        missing[text.split()[0]] += count
+        missing[max((n for n in counts if text.startswith(n)), key=len, default="")] += count
     taken = [f"{n} {name}" for name, count in counts.items() if (n := count - missing[name]) > 0]
     total = sum(float(block.mass(model.nodes).sum()) for block in model.elements)
     total += float(model.masses.mass[:, 0].sum())
@@ -611,7 +621,7 @@ def _notes(tables: ModelTables, model: FiniteElementModel, levels: Floats | None
         f"Taken: {', '.join(taken)}.",
         f"They are {', '.join(f'{count} {kind}' for kind, count in kinds.items())} elements.",
         f"Mass of the file {tables.own_mass / 1e3:.6g} t, of the model {total / 1e3:.6g} t.",
-        *(f"Changed: {count} {what}." for what, count in tables.changes.items()),
+        *(f"Changed: {count} {what}." for what, count in tables.changes.items() if count),
     ]
     if gone:
         listed = ", ".join(f"{count} {name}" for name, count in sorted(gone.items()))
@@ -651,7 +661,7 @@ def _stiff(model: FiniteElementModel) -> Flags:
 def _check(model: FiniteElementModel, held: Integers, names: Strings, file: str) -> None:
     """Refuse flat, double and hanging shells, and what has no way to the ground."""
     if not len(held):
-        raise BuildingError(f"{file}: no node is held; add supports at the base, such as an SPC1")
+        raise BuildingError(f"{file}: no node is held; add supports at the base")
     surfaces = {block.cell_type: block.nodes for block in model.elements if block.dimension() == 2}
     try:
         if surfaces:
@@ -703,7 +713,4 @@ def _walls(model: FiniteElementModel) -> tuple[tuple[str, ...], tuple[Integers, 
     names = tuple(f"W{k + 1}" for k in range(owner.max(initial=-1) + 1))
     parts = np.split(owner, np.cumsum([len(b) for b in blocks])[:-1]) if blocks else []
     by_block = dict(zip(map(id, blocks), parts, strict=True))
-    nothing = [np.full(len(b), -1) for b in model.elements]
-    return names, tuple(
-        by_block.get(id(b), none) for b, none in zip(model.elements, nothing, strict=True)
-    )
+    return names, tuple(by_block.get(id(b), np.full(len(b), -1)) for b in model.elements)

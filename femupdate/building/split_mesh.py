@@ -10,7 +10,7 @@ from femupdate.building.building_mesh import BuildingMesh
 from femupdate.fe.element import Elements
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.joints import edge_joints, joint_links
-from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, RigidLinks
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, PointMasses, RigidLinks
 
 # Nodes from which a mesh that was read is taken as fine enough: to halve it would take minutes and
 # gigabytes.
@@ -26,8 +26,8 @@ def split_mesh(mesh: BuildingMesh) -> BuildingMesh:
     """The mesh with new nodes in the middle of every edge and every quadrilateral.
 
     Struts stay whole: in two parts nothing would hold their middle. Nodes keep their numbers. A new
-    one is held, or follows a rigid body, as all of those between which it lies do; masses and
-    springs stay where they are.
+    one is held, or follows a rigid body, as all of those between which it lies do. What a slab
+    carries all over is spread over the new nodes; other masses, and springs, stay where they are.
     """
     model, count = mesh.model, len(mesh.model.nodes)
     pairs = [np.sort(_edges(block), axis=2).reshape(-1, 2) for block in model.elements]
@@ -49,17 +49,14 @@ def split_mesh(mesh: BuildingMesh) -> BuildingMesh:
         fixed=fixed,
         elements=tuple(split),
         links=_links(model.links, parents, count),
+        names=None,
     )
     return replace(
         mesh,
-        model=replace(finer, links=_with_edge_joints(finer, count)),
+        model=replace(finer, links=_with_edge_joints(finer, count), masses=_spread(model, finer)),
         base_nodes=np.concatenate([mesh.base_nodes, count + np.flatnonzero(at_base)]),
-        parts=None
-        if mesh.parts is None
-        else tuple(
-            parent[_parents(block)]
-            for parent, block in zip(mesh.parts, model.elements, strict=True)
-        ),
+        parts=mesh.parts
+        and tuple(p[_parents(b)] for p, b in zip(mesh.parts, model.elements, strict=True)),
         of_coarser=weights,
     )
 
@@ -104,7 +101,7 @@ def _split(block: Elements, middle: Integers, first_centre: int) -> Elements:
         halves = 2 * len(middle)
         start, end = corner[parents[:halves:2]].T
         parts = [np.column_stack(pair) for pair in ((start, middle), (middle, end))]
-        nodes = np.concatenate([_beside(parts), corner[parents[halves:]]])
+        nodes = np.concatenate([np.stack(parts, axis=1).reshape(-1, 2), corner[parents[halves:]]])
         if not isinstance(taken, Beams):
             return replace(taken, nodes=nodes)
         offset, released = taken.offset, taken.released
@@ -124,12 +121,36 @@ def _split(block: Elements, middle: Integers, first_centre: int) -> Elements:
         np.column_stack([corner[:, k], middle[:, k], *last, before[:, k]])
         for k in range(corner.shape[1])
     ]
-    return replace(taken, nodes=_beside([*parts, *inner]))
+    return replace(taken, nodes=np.stack([*parts, *inner], axis=1).reshape(-1, corner.shape[1]))
 
 
-def _beside(parts: list[Integers]) -> Integers:
-    """Nodes of all parts of the first element, then of the second, and so on."""
-    return np.stack(parts, axis=1).reshape(-1, parts[0].shape[1])
+def _spread(model: FiniteElementModel, finer: FiniteElementModel) -> PointMasses:
+    """The masses, of which what all corners of a slab's element have is spread over its parts.
+
+    What both ends of a beam in a slab have beside that, such as of a wall that is mass alone, is
+    spread along it. Lumped masses of elements stay, and so do those of slabs without nodes inside.
+    """
+    mass, spread, inertia = np.zeros((3, len(finer.nodes), 3))
+    np.add.at(mass, model.masses.node, model.masses.mass)
+    np.add.at(inertia, model.masses.node, model.masses.inertia)
+    pairs = [p for p in zip(model.elements, finer.elements, strict=True) if p[0].density.any()]
+    met = np.zeros(len(finer.nodes))  # elements of slabs at each node
+    for kind, least in (("slab", 4), ("beam", 2)):
+        size = np.zeros(len(finer.nodes))  # m2 or m
+        for block, _ in pairs:
+            held = mass[block.nodes] > 1e-9 * mass.max(initial=0.0)  # more than rounding leaves
+            on = (block.kind == kind) & held.any(axis=2).all(axis=1)
+            share = on * block.measure(finer.nodes) / block.node_count()
+            np.add.at(size, block.nodes, share[:, None])
+            np.add.at(met, block.nodes, ((block.kind == "slab") & (kind == "slab"))[:, None])
+        load = mass / np.where(size > 0.0, size, np.inf)[:, None]
+        for block, parts in pairs:
+            chosen = (block.kind == kind) & (met[block.nodes].max(axis=1) >= least)
+            common = load[block.nodes].min(axis=1) * chosen[:, None]
+            for at, each, of in ((mass, block, -common), (spread, parts, common[_parents(block)])):
+                share = each.measure(finer.nodes) / each.node_count()
+                np.add.at(at, each.nodes, (share[:, None] * of)[:, None])
+    return PointMasses(np.arange(len(mass)), np.maximum(mass, 0.0) + spread, inertia)
 
 
 def _with_edge_joints(model: FiniteElementModel, count: int) -> RigidLinks:

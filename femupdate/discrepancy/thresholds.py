@@ -68,7 +68,7 @@ class VERDICT:
         "share",
         "of the misfit beyond noise, below which a second cause is sought, or a name is told with "
         "doubt",
-        "50 right names of fresh cases removed .97 or more",
+        "28 right names of fresh cases removed .98 or more",
     )
     least: float = entry(
         0.75,

@@ -162,20 +162,20 @@ def mesh_modes(structure: Structure) -> FullModes:
     _, operators = structure.meshed
     count = max(_LEAST, min(_KEPT, len(operators.free) // 8))
     modes = lowest_modes(operators, np.ones(operators.parameters), count)
-    full = operators.expand(modes.shapes).reshape(len(operators.nodes), 6, -1)[:, :3]
+    full = operators.expand(modes.shapes).reshape(len(operators.model.nodes), 6, -1)[:, :3]
     shapes = np.moveaxis(full, 2, 0)
     mass = np.zeros((len(shapes), 2))
     for axis in (0, 1):  # shares of the whole mass, that of the supports included
         rigid = operators.rigid_translation(axis)
         total = float(rigid @ (operators.mass_full @ rigid))
         mass[:, axis] = (modes.shapes.T @ operators.inertia(axis)) ** 2 / total
-    levels = operators.nodes[:, 2].min() + np.asarray(structure.levels)
+    levels = operators.model.nodes[:, 2].min() + np.asarray(structure.levels)
     nodal = (operators.mass_full @ operators.rigid_translation(0)).reshape(-1, 6)[:, 0]
     return FullModes(
         modes.frequency_hz,
         shapes.reshape(len(shapes), -1),
         mass,
-        tuple(_direction(shape, operators.nodes, nodal, levels) for shape in shapes),
+        tuple(_direction(shape, operators.model.nodes, nodal, levels) for shape in shapes),
     )
 
 

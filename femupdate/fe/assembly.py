@@ -90,7 +90,7 @@ class AffineOperators:
     # slaves of a rigid link
     free: Integers
     dof: int  # 6N
-    nodes: Floats  # (N, 3) coordinates, m
+    model: FiniteElementModel
     # (nnz, p) values of the terms on the sparsity pattern of `stiffness_constant`, which holds the
     # entries of all terms and of the mass
     stiffness_values: csr_matrix
@@ -184,7 +184,7 @@ def assemble(model: FiniteElementModel) -> AffineOperators:
         mass_full=mass_full,
         free=free,
         dof=model.dof,
-        nodes=model.nodes,
+        model=model,
         stiffness_values=_placed(terms, pattern),
         expansion=expansion,
     )

@@ -3,16 +3,16 @@
 import numpy as np
 from scipy.sparse import csc_matrix, diags
 
-from femupdate.arrays import Floats
+from femupdate.arrays import Flags, Floats
 from femupdate.errors import StructureError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, SingularMatrixError, factorize
 from femupdate.fe.model import DOF_NAMES, DOF_PER_NODE
 
-_FREE = (
-    "moves along {} with nothing to resist it; add a support or a connection there (the modes of a "
-    "structure that is meant to float need a negative shift_hz)"
-)
+_FREE = "moves along {} with nothing to resist it; add a support or a connection there"
+# Stiffness of the softest pattern over that of single degrees of freedom. Rounding leaves up to
+# 3e-16 to a mechanism; a beam 10 000 times as long as its elements are deep still has 3e-14.
+_ROUNDING = 10.0 * float(np.finfo(np.float64).eps)
 _PUSHED = "is pushed along {} by a negative stiffness; check the parameters and the springs there"
 
 
@@ -35,19 +35,20 @@ def factorize_supported(operators: AffineOperators, stiffness: csc_matrix) -> Fa
 def factorize_held(operators: AffineOperators, stiffness: csc_matrix) -> Factorization:
     """As `factorize_supported`, but what a negative stiffness pushes away is not noticed."""
     diagonal = stiffness.diagonal()
-    if not (diagonal > 0.0).all():
-        worst = diagonal.min()
-        reason = _PUSHED if worst < 0.0 else _FREE
-        raise _error(operators, (diagonal == worst).astype(float), reason)
+    node, way = np.divmod(operators.free, DOF_PER_NODE)
+    along = np.zeros(len(operators.model.nodes))  # how stiff each node is held
+    np.maximum.at(along, node[way < 3], diagonal[way < 3])
+    loose = (diagonal <= 0.0) | ((way < 3) & (diagonal < _ROUNDING * along[node]))
+    if loose.any():
+        worst = diagonal[loose].min()
+        raise _error(operators, loose & (diagonal == worst), _PUSHED if worst < 0.0 else _FREE)
     try:
         factorization = factorize(stiffness)
     except SingularMatrixError:
         factorization = factorize((stiffness + 1e-10 * diags(diagonal)).tocsc())
         raise _error(operators, _softest(factorization, diagonal)[0], _FREE) from None
     softest, ratio = _softest(factorization, diagonal)
-    # Stiffness of the softest pattern over that of single degrees of freedom. Rounding leaves up to
-    # 3e-16 to a mechanism; a beam 10 000 times as long as its elements are deep still has 3e-14.
-    if abs(ratio) < 3e-15:
+    if abs(ratio) < _ROUNDING:
         raise _error(operators, softest, _FREE)
     return factorization
 
@@ -79,14 +80,16 @@ def _softest(factorization: Factorization, diagonal: Floats) -> tuple[Floats, fl
     return pattern / scale, ratio
 
 
-def _error(operators: AffineOperators, motion: Floats, reason: str) -> StructureError:
+def _error(operators: AffineOperators, motion: Floats | Flags, reason: str) -> StructureError:
     node, direction = np.divmod(operators.free, DOF_PER_NODE)
-    size = float(np.ptp(operators.nodes, axis=0).max()) or 1.0
+    points, names = operators.model.nodes, operators.model.names
+    size = float(np.ptp(points, axis=0).max()) or 1.0
     # A hundredth of the size makes a rotation comparable to a displacement.
     magnitude = np.abs(motion) * np.where(direction < 3, 1.0, 0.01 * size)
     most = int((magnitude >= 0.999 * magnitude.max()).argmax())
-    place = ", ".join(f"{value:g}" for value in operators.nodes[node[most]])
+    place = ", ".join(f"{value:g}" for value in points[node[most]])
+    name = ("" if names is None else names[node[most]]) or f"node {node[most]}"
     return StructureError(
-        f"the structure is a mechanism: node {node[most]} at ({place}) m "
+        f"the structure is a mechanism: {name} at ({place}) m "
         + reason.format(DOF_NAMES[direction[most]])
     )

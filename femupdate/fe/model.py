@@ -7,7 +7,7 @@ from typing import ClassVar, Self, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femupdate.arrays import Flags, Floats, Integers
+from femupdate.arrays import Flags, Floats, Integers, Strings
 from femupdate.errors import StructureError
 from femupdate.fe.element import Elements, rows
 
@@ -99,6 +99,7 @@ class FiniteElementModel:
     masses: PointMasses = field(default_factory=PointMasses)
     springs: Springs = field(default_factory=Springs)
     links: RigidLinks = field(default_factory=RigidLinks)
+    names: Strings | None = None  # (N,) what a file calls the nodes; empty for those without
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "elements", tuple(block for block in self.elements if len(block)))

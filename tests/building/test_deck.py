@@ -8,7 +8,7 @@ import pytest
 from femupdate.building import building_hash, load_building, mesh_building, save_building
 from femupdate.building.model_draft import draft_text, write_draft
 from femupdate.dynamics import choose_members
-from femupdate.errors import BuildingError
+from femupdate.errors import BuildingError, StructureError
 from femupdate.fe import assemble, lowest_modes
 from femupdate.fe.export_nastran import bulk_data
 from femupdate.interface import inspect
@@ -169,14 +169,14 @@ def test_a_weight_density_is_told_by_wtmass(tmp_path):
 
 
 def test_members_of_a_kind_have_factors_of_their_own(tmp_path):
-    write(tmp_path, FRAME)
+    write(tmp_path, FRAME.replace("2.1+5", "4.0+3"))  # a brace of masonry
     draft = draft_text(tmp_path / "frame.bdf", "N,mm", tmp_path)
     path = tmp_path / "frame.toml"
     path.write_text(draft.replace("[sensors]", '[parameters]\nby = ["story", "kind"]\n\n[sensors]'))
     building = load_building(path)
     mesh = mesh_building(building)
     names = [factor.name for factor in mesh.factors]
-    floor = ("columns", "braces", "slabs")
+    floor = ("columns", "infills", "slabs")
     assert names == [*(f"S1 {k}" for k in ("walls", *floor)), "S2 columns", "S2 slabs"]
     np.testing.assert_allclose(
         frequencies(mesh), frequencies(mesh_building(load_building(tmp_path / "frame.bdf", "N,mm")))
@@ -196,6 +196,13 @@ def test_a_card_may_be_left_out_on_the_users_word(tmp_path):
     own.write_text(draft.replace('force = "N"\n', ""))
     with pytest.raises(BuildingError, match=r"mesh\.force: the key is missing"):
         load_building(own)
+
+
+def test_what_swings_freely_is_called_as_in_the_deck(tmp_path):
+    rod = "GRID,31,,0.,0.,7500.\nCROD,32,5,9,31\nCBEAM   5"
+    path = write(tmp_path, FRAME.replace("CBEAM   5", rod))
+    with pytest.raises(StructureError, match=r"GRID 31 at \(0, 0, 7\.5\) m moves along ux"):
+        frequencies(mesh_building(load_building(path)))
 
 
 def column(*cards, up=(1.0, 0.0, 0.0), ends=""):

@@ -22,7 +22,9 @@ def in_order(nodes):
 
 
 def test_a_read_building_is_split_into_its_own_mesh_of_half_the_size(tmp_path):
-    building, size = load_building(str(BUILDING)), 0.5
+    heavy, size = tmp_path / "heavy.toml", 0.5
+    heavy.write_text(f'{BUILDING.read_text()}[[floor_mass]]\ntotal = "70 t"\n')
+    building = load_building(heavy)
     coarse, fine = mesh_building(building, size), mesh_building(building, size / 2.0)
     path = tmp_path / "model.bdf"
     path.write_text(bulk_data(coarse.model))
