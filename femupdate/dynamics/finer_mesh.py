@@ -140,7 +140,6 @@ def _moved(
         np.sqrt(np.maximum(squared, 0.0)),
         reduced.excitation @ vectors,
         reduced.floor_shapes @ vectors,
-        np.zeros(len(reduced.floors)),
         None if reduced.dashpots is None else reduced.dashpots @ vectors,
     )
     # Responses of less energy, of the largest, are left out.

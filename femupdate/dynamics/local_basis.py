@@ -249,7 +249,7 @@ class _Projected:
         participation, floors = self.driven @ modes, self.floors @ modes
         missed = static - (floors * participation) @ (1.0 / squared)
         stretch = None if self.dashpots is None else self.dashpots @ modes
-        felt = FeltModes(np.sqrt(squared), participation, floors, missed, stretch)
+        felt = FeltModes(np.sqrt(squared), participation, floors, stretch, missed[:, None])
         # Shapes of less energy, of the largest, are left out: a two-story frame with a brace as
         # stiff as itself errs by .0047 rms of ln|H|, by .0050 with 1e-6.
         return modes @ felt.combinations(target, 1e-7)

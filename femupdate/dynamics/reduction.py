@@ -56,7 +56,6 @@ class Reduction:
 
     reduced: ReducedStructure  # the structure on its basis
     rms_error: float = 0.0  # rms difference of ln|H| at the lowest damping, over all checks
-    largest_error: float = 0.0  # largest difference of ln|H| at the lowest damping, anywhere
     checks: int = 0  # number of samples checked; 0 for what is its own reduction
     worst_error: float = 0.0  # rms difference of ln|H| over floors and grid at the worst of them
 
@@ -107,8 +106,7 @@ def reduce_structure(
         basis = compressed(mass, shapes, _SIZES[-1])
         expanded = basis if space is None else space.expanded(basis)
         reduced = whole = reduced_on(structure, expanded)
-        unit = rng.random((checks, len(target.lower)))
-        unseen = target.lower + (target.upper - target.lower) * unit  # even over the box
+        unseen = rng.uniform(target.lower, target.upper, (checks, len(target.lower)))
         judge = partial(_full_log_frf, asked)
         if space is not None:
             judge = partial(_beyond, *space.with_inertia(basis), whole.model)
@@ -124,8 +122,7 @@ def reduce_structure(
         each = np.sqrt((errors**2).mean(axis=(1, 2)))
         rms = float(np.sqrt((each**2).mean()))
         if rms <= target.tolerance:
-            largest = float(np.abs(errors).max())
-            return Reduction(reduced, rms, largest, len(each), float(each.max()))
+            return Reduction(reduced, rms, len(each), float(each.max()))
         least = reduced.model.size + 1
         worst = unseen[CHOOSE + np.argsort(each)[-_JOIN:]]
         progress.start("Reducing the model, on more samples", len(worst) + checks)
@@ -180,7 +177,7 @@ def _snapshots(asked: _Question, target: ReductionTarget, sample: Floats) -> Sin
     parts = []
     # A base that turns moves the roof as one that translates does.
     for scale, force in zip((1.0, 1.0 / structure.levels[-1])[: 1 + turns], driven.T, strict=False):
-        felt = FeltModes(omega, scale * force, floors, np.zeros(len(floors)), dashpots)
+        felt = FeltModes(omega, scale * force, floors, dashpots)
         static = shapes @ (scale * force / omega**2)
         parts += [shapes @ felt.combinations(target), STATIC_WEIGHT * static[:, None]]
     return np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
@@ -252,7 +249,7 @@ def _driven(space: _Space, target: ReductionTarget, theta: Floats) -> Floats:
     force, rows = space.force, space.rows
     found = driven_shapes(space.at(theta), space.mass, force, rows, target.top_hz)
     omega, driven = 2.0 * np.pi * found.frequency_hz, force[:, 0] @ found.shapes
-    felt = FeltModes(omega, driven, rows @ found.shapes, np.zeros(len(rows)))
+    felt = FeltModes(omega, driven, rows @ found.shapes)
     weights = np.column_stack([felt.combinations(target), STATIC_WEIGHT * driven / omega**2])
     return combined(found.shapes, weights)
 
@@ -269,9 +266,8 @@ def _beyond(
     # From the responses of the reduced model and a step from them: in the six-story frame it leaves
     # a tenth of what 230 shapes err by.
     squared, vectors = np.linalg.eigh(model.stiffness(theta))
-    none = np.zeros(len(model.floors))
     driven, floors = model.excitation, model.floor_shapes
-    felt = FeltModes(np.sqrt(squared), driven @ vectors, floors @ vectors, none)
+    felt = FeltModes(np.sqrt(squared), driven @ vectors, floors @ vectors)
     # Responses of less energy, of the largest, are left out.
     moved = combined(basis, vectors @ felt.combinations(target, 1e-5))
     factors = space.at(theta)
@@ -283,4 +279,4 @@ def _beyond(
     squared, vectors = np.linalg.eigh(0.5 * (both + both.T))
     driven = np.append(driven, space.force[:, 0] @ fresh) @ vectors
     floors = np.column_stack([floors, space.rows @ fresh]) @ vectors
-    return FeltModes(np.sqrt(squared), driven, floors, none).log_frf(target)
+    return FeltModes(np.sqrt(squared), driven, floors).log_frf(target)

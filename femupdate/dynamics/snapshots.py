@@ -53,8 +53,9 @@ class FeltModes:
     omega: Floats  # (m,) circular frequencies, rad/s
     participation: Floats  # (m,) participation factors
     floors: Floats  # (f, m) floor shapes
-    missed: Floats  # (f,) what the modes lack of the floors' static displacement, s2
     dashpots: Floats | None = None  # (j, m) stretch of dashpots of one N s/m each
+    # (f, 1) what the modes lack of the floors' static displacement, s2
+    missed: Floats | float = 0.0
 
     def log_frf(self, target: ReductionTarget) -> Floats:
         """ln|H| (f, k) of the floors, at the lowest damping."""
@@ -77,7 +78,7 @@ class FeltModes:
         else:
             frf = 1.0 + self.floors @ (w**2 * driven)
         # A frequency weighs no more where |H| is smaller.
-        size = np.abs(frf + self.missed[:, None] * w**2).clip(1e-3)
+        size = np.abs(frf + self.missed * w**2).clip(1e-3)
         primal = driven * (w**2 / size.min(axis=0))
         # Duals matter less than the motion itself: a twentieth of its weight was best of those
         # tried.

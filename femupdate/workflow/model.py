@@ -270,7 +270,6 @@ def on_kept_finer(study: Study, model: StudyModel) -> StudyModel:
 def keep_reduction(study: Study, building: Building, reduction: Reduction) -> StudyModel:
     """Write a building and its reduced model into a study, as it was certified."""
     certified = {
-        "largest_error": reduction.largest_error,
         "checks": reduction.checks,
         "worst_error": reduction.worst_error,
         "share_no_worse": reduction.share,

@@ -99,7 +99,6 @@ def test_the_error_reported_is_that_of_the_checks(frame, reduced):
     # The reference has no damping in the modes above 1.8 times the top.
     assert reduced.rms_error == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=0.25)
     assert reduced.rms_error <= 0.02
-    assert reduced.largest_error == pytest.approx(np.abs(errors).max(), rel=0.2)
 
 
 @pytest.mark.parametrize("theta", UNSEEN[:2], ids=str)
@@ -176,7 +175,7 @@ def test_the_estimate_holds_at_theta_nobody_has_seen(frame, tolerance):
     # The reference of the checks itself is good to a few thousandths in soft corners of the box.
     assert 0.5 * true < result.rms_error < 2.0 * true + 2e-3
     assert np.mean(errors <= result.worst_error) >= result.share - 0.06  # 1.5 binomial errors
-    assert result.rms_error <= result.worst_error <= result.largest_error
+    assert result.rms_error <= result.worst_error
 
 
 def test_a_tolerance_that_cannot_be_met(frame):
