@@ -151,7 +151,7 @@ def calibration(job: Job, latent: bool, beside: int | None, **plan: Any) -> Repo
 @benchmark("records")
 @count("--records", 12, 2, "Records of every kind.")
 def records(job: Job, records: int) -> Report:
-    """Errors over stated standard deviations of a right model, by records of eleven kinds."""
+    """Errors over stated standard deviations of a right model, by records of thirteen kinds."""
     from .records import run_records
 
     return run_records(job, records)

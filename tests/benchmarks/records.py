@@ -2,6 +2,7 @@
 
 Three equal stories by exact modes, periodic over four times the record, of which the last quarter
 is measured: white motion finds the tower moving. Sensors of the base and of floors have the noise.
+Where the building states tolerances its masses, gains and clocks are off by as much.
 """
 
 from pathlib import Path
@@ -16,6 +17,7 @@ from femupdate.workflow import (
     CalibrationSettings,
     ObservationSource,
     StudyModel,
+    calibrate_study,
     measured_of,
     open_study,
     settled_likelihood,
@@ -33,32 +35,38 @@ _TOWER = "".join(
         '[damping]\nlaw = "constant"\nratio = 0.02\n',
     ]
 )
+_TOLERANCES = '[tolerances]\nmass = "3 %"\ngain = "1 %"\ndelay = "1 ms"\n'
 _STEP, _FACTORS, _FLOORS = 0.01, np.array([0.9, 1.2, 0.8]), ("2F", "3F", "RF")
-# Motion, seconds, noise over the base's rms, damping, floors seen.
+# Motion, seconds, noise over the base's rms, damping, floors seen, whether with tolerances.
 _KINDS = [
-    ("white", 600.0, 0.01, 0.02, _FLOORS),
-    ("white", 120.0, 0.01, 0.02, _FLOORS),
-    ("white", 120.0, 0.1, 0.02, _FLOORS),
-    ("white", 60.0, 0.2, 0.02, _FLOORS),
-    ("white", 60.0, 0.02, 0.04, ("RF",)),
-    ("white", 30.0, 0.03, 0.02, _FLOORS),
-    ("white", 20.0, 0.02, 0.01, _FLOORS),
-    ("quake", 120.0, 0.01, 0.04, _FLOORS),
-    ("quake", 60.0, 0.01, 0.02, _FLOORS),
-    ("quake", 60.0, 0.02, 0.02, ("2F", "RF")),
-    ("quake", 40.0, 0.05, 0.005, _FLOORS),
+    ("white", 600.0, 0.01, 0.02, _FLOORS, False),
+    ("white", 120.0, 0.01, 0.02, _FLOORS, False),
+    ("white", 120.0, 0.1, 0.02, _FLOORS, False),
+    ("white", 60.0, 0.2, 0.02, _FLOORS, False),
+    ("white", 60.0, 0.02, 0.04, ("RF",), False),
+    ("white", 30.0, 0.03, 0.02, _FLOORS, False),
+    ("white", 20.0, 0.02, 0.01, _FLOORS, False),
+    ("quake", 120.0, 0.01, 0.04, _FLOORS, False),
+    ("quake", 60.0, 0.01, 0.02, _FLOORS, False),
+    ("quake", 60.0, 0.02, 0.02, ("2F", "RF"), False),
+    ("quake", 40.0, 0.05, 0.005, _FLOORS, False),
+    ("white", 120.0, 0.02, 0.02, _FLOORS, True),
+    ("quake", 60.0, 0.02, 0.02, _FLOORS, True),
 ]
 
 
 def _record(
-    motion: str, seconds: float, noise: float, zeta: float, seed: tuple[int, ...]
+    motion: str, seconds: float, noise: float, zeta: float, off: bool, seed: tuple[int, ...]
 ) -> Floats:
     """Times and noisy accelerations (5, n) of base and floors."""
     rng, count = np.random.default_rng(seed), round(seconds / _STEP)
-    springs = 3000.0 * _FACTORS
+    # By which masses, gains and clocks (s) are off what the file says.
+    away = np.random.default_rng((*seed, 1)).standard_normal((3, 3))
+    mass, gain, late = off * np.array([[0.03], [0.01], [0.001]]) * away
+    springs, root = 3000.0 * _FACTORS, np.sqrt(1.0 + mass)
     chain = np.diag(springs + np.append(springs[1:], 0.0))
     chain -= np.diag(springs[1:], 1) + np.diag(springs[1:], -1)
-    squares, shapes = np.linalg.eigh(chain)
+    squares, shapes = np.linalg.eigh(chain / np.outer(root, root))
     fine = np.fft.rfftfreq(4 * count, _STEP)
     omega, time = 2.0 * np.pi * fine, _STEP * np.arange(4 * count) - 3.0 * seconds
     spectrum = np.fft.rfft(rng.standard_normal(4 * count))
@@ -69,7 +77,8 @@ def _record(
         soil = 225.0 / (225.0 - omega**2 + 15.0j * omega)
         spectrum = np.fft.rfft(np.fft.irfft(soil * spectrum, 4 * count) * envelope)
     below = squares[:, None] - omega**2 + 2j * zeta * np.sqrt(squares)[:, None] * omega
-    frf = 1.0 + (shapes * shapes.sum(axis=0)) @ (omega**2 / below)
+    frf = 1.0 + (shapes / root[:, None] * (root @ shapes)) @ (omega**2 / below)
+    frf *= (1.0 + gain[:, None]) * np.exp(-1j * omega * late[:, None])
     rows = np.fft.irfft(np.vstack([spectrum, frf * spectrum]), 4 * count)[:, -count:]
     rows *= 0.3 / rows[0].std()
     rows += noise * 0.3 * rng.standard_normal(rows.shape)
@@ -77,15 +86,21 @@ def _record(
 
 
 def _away(
-    model: StudyModel, path: Path, record: Floats, zeta: float, seen: tuple[str, ...]
+    study: Study, model: StudyModel, path: Path, record: Floats, zeta: float, seen: tuple[str, ...]
 ) -> Floats:
-    """Errors (4,) of factors and damping over their standard deviations about the maximum."""
+    """Errors (4,) of factors and damping over standard deviations, at the maximum or of draws."""
     rows = [0, 1, *(2 + _FLOORS.index(floor) for floor in seen)]
     head = ",".join(["time_s", *(f"{name} (m/s2)" for name in ("base", *seen))])
     np.savetxt(path, record[rows].T, "%.9g", ",", header=head, comments="")
-    measured = measured_of(model.building, ObservationSource(path))
-    found = settled_likelihood(model, measured, CalibrationSettings())
-    prior, truth = found.likelihood.prior, np.append(_FACTORS, zeta)
+    source, truth = ObservationSource(path), np.append(_FACTORS, zeta)
+    if model.building.tolerances is not None:
+        settings = CalibrationSettings(particles=400, exact=True, chains=1)
+        draws = calibrate_study(study, model, source, settings).posterior
+        assert draws.zeta_samples is not None
+        known = np.column_stack([draws.of("stiffness").samples, draws.zeta_samples])
+        return np.asarray((known.mean(axis=0) - truth) / known.std(axis=0))
+    found = settled_likelihood(model, measured_of(model.building, source), CalibrationSettings())
+    prior = found.likelihood.prior
     # Of several solutions that next to the truth.
     maxima = prior.from_normal(found.found.z)
     nearest = int((maxima - torch.from_numpy(truth)).square().sum(1).argmin())
@@ -99,16 +114,19 @@ def run_records(job: Job, records: int) -> Report:
     """So many records of every kind."""
     content, rows = [], []
     with TemporaryDirectory() as folder:
-        file = Path(folder) / "tower.toml"
-        file.write_text(_TOWER, encoding="utf-8")
-        model = open_study(Study(Path(folder) / "study"), str(file))
-        for number, (motion, seconds, noise, zeta, seen) in enumerate(_KINDS):
+        models = []
+        for name, more in (("exact", ""), ("tolerances", _TOLERANCES)):
+            file = Path(folder) / f"{name}.toml"
+            file.write_text(_TOWER + more, encoding="utf-8")
+            study = Study(Path(folder) / name)
+            models.append((study, open_study(study, str(file))))
+        for number, (motion, seconds, noise, zeta, seen, off) in enumerate(_KINDS):
             away = np.array(
                 [
                     _away(
-                        model,
+                        *models[off],
                         Path(folder) / "record.csv",
-                        _record(motion, seconds, noise, zeta, (job.seed, number, run)),
+                        _record(motion, seconds, noise, zeta, off, (job.seed, number, run)),
                         zeta,
                         seen,
                     )
@@ -117,9 +135,11 @@ def run_records(job: Job, records: int) -> Report:
             )
             rms, held = np.sqrt((away**2).mean(axis=0)), (np.abs(away) < 1.645).mean()
             kind = {"motion": motion, "seconds": seconds, "noise": noise, "damping": zeta}
-            content.append({**kind, "floors": seen, "error_over_sd": rms, "in_90": held})
+            kind |= {"floors": seen, "tolerances": off}
+            content.append({**kind, "error_over_sd": rms, "in_90": held})
             words = f"{motion}, {seconds:g} s, noise {noise:.0%}, damping {zeta:.1%}"
             few = "" if seen == _FLOORS else f", {' and '.join(seen)}"
+            few += ", with tolerances" if off else ""
             each = [f"{value:.2f}" for value in rms]
             rows.append((words + few, *each[:3], each[3], f"{held:.0%}"))
     head = ("record", *(f"theta_{k}" for k in (1, 2, 3)), "damping", "in 90 %")
