@@ -35,7 +35,7 @@ def status(study: Study, bars: Bars) -> Answer:
 @click.argument("before")
 @click.argument("after")
 @option("--picture", "Draw the intervals of both into a PNG.", NEW_FILE)
-@option("--columns", "Floors of a universal file's points: 2F=1 +X,RF=2 +X.", COLUMNS)
+@option("--columns", "Column names or points of the files: ours=theirs,...", COLUMNS)
 @study_options(writes=False, draws=False, seeded=False)
 def compare(
     before: str, after: str, picture: Path | None, columns: Any, study: Study, bars: Bars

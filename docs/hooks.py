@@ -55,13 +55,18 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     return _LINK.sub(lambda found: _in_site(found[1], source, uri), markdown)
 
 
-def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
+def on_post_page(output: str, page: Page | None, config: MkDocsConfig) -> str:
     """Let the keyboard scroll code that is too wide, and name every menu for screen readers."""
     output = re.sub(r"(<pre><span></span>)(<code)?", _scrolled, output)
     # A corner without words is no heading.
     output = re.sub(r"<th( [^>]*)?></th>", r"<td\1></td>", output)
     output = output.replace('"search" role="dialog"', '"search" role="dialog" aria-label="Search"')
     return _MENU.sub(r'aria-label="\3"\2', output)
+
+
+def on_post_template(output: str, template_name: str, config: MkDocsConfig) -> str:
+    """The same for what stands in place of a missing page."""
+    return on_post_page(output, None, config) if template_name == "404.html" else output
 
 
 def _scrolled(found: re.Match[str]) -> str:

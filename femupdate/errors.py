@@ -10,20 +10,20 @@ from typing import Any
 _NOT_SHOWN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 
 
-# Commands that functions have another name for; those that take no study, and those named alone.
-_VERBS = {"report": "write_report", "build-model": "build_model", "list": "catalogue"}
-_VERBS |= {"examples": "copy_examples"}  # `femupdate.examples` is a package
-_FREE, _ALONE = ("identify", "inspect", "list", "examples"), ("list", "status", "report", "train")
-_COMMAND = re.compile(
-    r"(`?)femupdate (build-model|calibrate|compare|demo|diagnose|examples|identify|inspect|list|"
-    r"predict|render|repair|report|simulate|status|train)\b([^`\n;]*?)(\.?)(?:`|(?=[;\n]|$))"
+# The function of every command; those that take no study, and those named alone.
+_SAME = (
+    "calibrate compare demo diagnose identify inspect predict render repair simulate status train"
 )
+VERBS = {"report": "write_report", "build-model": "build_model", "list": "catalogue"}
+VERBS |= {"examples": "copy_examples", **{name: name for name in _SAME.split()}}
+_FREE, _ALONE = ("identify", "inspect", "list", "examples"), ("list", "status", "report", "train")
+_COMMAND = re.compile(rf"(`?)femupdate ({'|'.join(VERBS)})\b([^`\n;]*?)(\.?)(?:`|(?=[;\n]|$))")
 _PAIRS = r"(?:time_s|frequency_hz|(?:base|force|RF|\d+F)[\w/.:@-]*)=[^\s,;]+"
 _PAIRS += f"(?:,{_PAIRS})*"
 _OPTION = re.compile(
     rf"--([a-z][a-z-]*)(?:[ =]({_PAIRS}|\"[^\"]*\"|[A-Z]{{4,}}|m/s2\S*|[\d.]*\d))?"
 )
-_KEYWORDS = {"band": "band_hz", "rms": "rms_m_s2", "mode": "wanted", "member": "members"}
+KEYWORDS = {"band": "band_hz", "rms": "rms_m_s2", "mode": "wanted", "member": "members"}
 _FLAGS = ("anyway", "exact", "fresh", "thorough")
 _CORRECTED = ", or write them to a file that you can correct, by --write-mapping"
 
@@ -41,7 +41,7 @@ def _value(text: str, key: str = "") -> str:
 
 def _keyword(key: str, text: str) -> str:
     value = _value(text, key) if text else "True" * (key in _FLAGS)
-    return f"{_KEYWORDS.get(key, key.replace('-', '_'))}={value}"
+    return f"{KEYWORDS.get(key, key.replace('-', '_'))}={value}"
 
 
 def _call(found: re.Match[str]) -> str:
@@ -59,7 +59,7 @@ def _call(found: re.Match[str]) -> str:
         study = f"femupdate.Study({study}, {_value(posterior)})"
     listed = [study][command in _FREE :] + given + [_keyword(*pair) for pair in named.items()]
     listed += [] if rest or command in _ALONE else ["..."]
-    return f"{ticks}femupdate.{_VERBS.get(command, command)}({', '.join(listed)}){end}{ticks}"
+    return f"{ticks}femupdate.{VERBS[command]}({', '.join(listed)}){end}{ticks}"
 
 
 def in_python(text: str) -> str:

@@ -404,7 +404,7 @@ def compare(
     Args:
         before, after: names of posteriors of the study, study folders or posterior files; or two
             files of modes; or files of FRFs or records, one of which may be a posterior instead.
-        columns: our floors to the measuring points of universal files of modes.
+        columns: our column name to the files' own, or to points of universal files of modes.
 
     Raises:
         StudyError: there is no such posterior.
@@ -422,7 +422,7 @@ def compare(
         read = [read_measured(file) for file in measured]
         if len(read) == 2 and any(one.modes or one.mode_table is not None for one in read):
             return compare_modes(files[0], files[1], columns)
-        return compare_frfs(before, after, opened)
+        return compare_frfs(before, after, opened, columns)
     return compare_states(find_state(before, opened), find_state(after, opened))
 
 
@@ -631,7 +631,7 @@ def _files(study: Study, given: "Sequence[File | Observation | GroundMotion]") -
                 f"a {type(data).__name__} is no measurement; give names of files, or arrays by "
                 "Observation.from_accelerations or Observation.from_arrays"
             )
-        path, histories = study.path("measured", f"{Path(data.source).stem}.csv"), data.histories
+        path, histories = path_of(study, data), data.histories
         if histories is not None and not data.frequency_hz.size:
             paths.append(write_observation_histories(path, histories))
         else:
@@ -639,6 +639,14 @@ def _files(study: Study, given: "Sequence[File | Observation | GroundMotion]") -
     if not paths:
         raise FemupdateError("no measured file is named; give one or more after the study")
     return paths
+
+
+def path_of(study: Folder, data: "File | Observation | GroundMotion") -> Path:
+    """Of a measured file, or where a study keeps arrays."""
+    if isinstance(data, str | Path):
+        return Path(data)
+    name = getattr(data, "source", None) or getattr(data, "name", "")
+    return _study(study).path("measured", f"{Path(name).stem}.csv")
 
 
 def _name(building: File | None) -> str | None:

@@ -2,10 +2,13 @@
 
 import functools
 import sys
+from collections.abc import Mapping
+from inspect import signature
 from typing import Any
 
 from femupdate import interface
-from femupdate.errors import FemupdateError, in_python
+from femupdate.errors import KEYWORDS, VERBS, FemupdateError, in_python
+from femupdate.study import MAIN_POSTERIOR, made_by
 
 
 class SessionBars:
@@ -39,6 +42,34 @@ class SessionBars:
             self._bar.close()
 
 
+_COMMANDS = {verb: command for command, verb in VERBS.items()} | {"reduce": "build-model"}
+_OPTIONS = {ours: option for option, ours in KEYWORDS.items()}
+_MANY = ("members", "wanted", "files")  # each an option, or a file, of its own
+_UNSAID = ("study", "building", "progress")  # a study knows its building
+
+
+def _words(name: str, given: Mapping[str, Any]) -> list[str]:
+    """The command that does what a call does, for those who do it again."""
+    study, words = given["study"], [_COMMANDS[name]]
+    for key, value in given.items():
+        option = [] if key == "files" else ["--" + _OPTIONS.get(key, key).replace("_", "-")]
+        if key == "use_phase":
+            option, value = ["--no-phase"], not value
+        if key == "spectrum_damping":
+            option = ["--floor-spectra", *option]
+        if key in _UNSAID or value is None or value is False:
+            continue
+        if isinstance(value, Mapping):
+            value = ",".join(f"{ours}={theirs}" for ours, theirs in value.items())
+        for each in value if key in _MANY else (value,):
+            plain = interface.path_of(study, each) if key in ("files", "record") else each
+            listed = isinstance(each, list | tuple)
+            said = ",".join(map(str, each)) if listed else str(plain)
+            words += option if value is True else [*option, said]
+    named = getattr(study, "posterior", MAIN_POSTERIOR)
+    return words + ["--posterior", named] * (named != MAIN_POSTERIOR)
+
+
 def __getattr__(name: str) -> Any:
     verb = getattr(interface, name)
     shows = "progress" in verb.__annotations__
@@ -48,8 +79,11 @@ def __getattr__(name: str) -> Any:
         # Someone waits: at a prompt, or in a notebook.
         waits = hasattr(sys, "ps1") or "ipykernel" in sys.modules
         bars = SessionBars() if shows and waits and "progress" not in kwargs else None
+        given = signature(verb).bind(*args, **kwargs).arguments
+        given |= given.pop("settings", {})
         try:
-            return verb(*args, **kwargs, **({"progress": bars} if bars else {}))
+            with made_by(_words(name, given) if "study" in given else ()):
+                return verb(*args, **kwargs, **({"progress": bars} if bars else {}))
         except FemupdateError as error:
             error.args = (in_python(str(error)),)
             raise

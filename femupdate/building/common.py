@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -76,7 +76,7 @@ class Range(Entry):
 class Prior(Entry):
     """Uniform priors: theta of all stories, of single ones, and zeta where it is a nuisance."""
 
-    theta: Range
+    theta: Range = Range(lower=1.0 / 3.0, upper=3.0)
     stories: Mapping[str, Range] = Field(default_factory=dict)
     zeta: Range | None = None
 
@@ -104,6 +104,13 @@ class Damping(Entry):
     ratio: PositiveNumber
     anchors: tuple[Frequency, ...] | None = None
     ratios: tuple[PositiveNumber, ...] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _first_ratio(cls, document: Any) -> Any:
+        if isinstance(document, Mapping) and isinstance(document.get("ratios"), list | tuple):
+            return {"ratio": next(iter(document["ratios"]), None), **document}
+        return document
 
     def _complaints(self) -> Complaints:
         if self.ratio >= 1.0:
@@ -240,7 +247,7 @@ class Building(Entry):
     description: str = ""
     stories: tuple[Story, ...]
     frequency_grid: FrequencyGrid
-    prior: Prior
+    prior: Prior = Prior()
     damping: Damping
     observation: ObservationSettings = ObservationSettings()
     reduction: ReductionSettings = ReductionSettings()

@@ -75,7 +75,6 @@ def load_building(path_or_name: str | Path, units: str | None = None) -> Buildin
         if deck:
             raise
         raise BuildingError(f"{where}: {error}") from None
-    _log.info("loaded the building %s from %s", building.name, where)
     return building
 
 

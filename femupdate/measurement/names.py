@@ -18,7 +18,7 @@ TIME_NAME = re.compile(
 )
 # How columns that are named by other people end where they say a direction.
 DIRECTION_END = re.compile(
-    r"[ _.-](x|y|z|ns|ew|ud|n-s|e-w|u-d|up|north|east|vert(?:ical)?)$", re.IGNORECASE
+    r"(?:^a?|[ _.-])(x|y|z|ns|ew|ud|n-s|e-w|u-d|up|north|east|vert(?:ical)?)$", re.IGNORECASE
 )
 SECONDS_NAME = re.compile(
     r"^(t|time)([_ .]s(ec(ond)?s?)?)?$|^sec(ond)?s?$|^time_?stamp$", re.IGNORECASE

@@ -215,7 +215,7 @@ def resolved(table: ColumnTable, columns: Mapping[str, str] | None) -> ColumnTab
         first = names[0]
         raise file.error(
             f"one column must be {TIME} or {FREQUENCY}, the first is {first!r}; rename it or map"
-            f" it by --columns {TIME}={first}"
+            f" it by --columns {TIME}={first},... (`femupdate inspect {file.path}` proposes all)"
         )
     ((at, axis),) = axes.items()
     if axis == FREQUENCY and table.values[0, at] == 0.0:  # where nothing accelerates

@@ -92,7 +92,7 @@ def _members(mesh: BuildingMesh, story: int) -> dict[str, Floats]:
     return {
         "column": bars[run <= 0.05 * rise][:, 0, :2],
         "beam": bars[rise <= 0.05 * run][:, :, :2],
-        "brace": bars[(run > 0.05 * rise) & (rise > 0.05 * run)][:, :, :2],
+        "brace or infill": bars[(run > 0.05 * rise) & (rise > 0.05 * run)][:, :, :2],
         "wall": walls[np.arange(len(walls)), longest],
     }
 
@@ -108,7 +108,7 @@ def _draw_plan(panel: Axes, plan: Mapping[str, Floats], sensors: Floats, grid: L
             panel.annotate(name, at, xycoords=frame, **look).set_in_layout(False)
     looks: dict[str, Any] = {
         "beam": (QUIET, 1.0, "-"),
-        "brace": (GREEN, 1.6, "--"),
+        "brace or infill": (GREEN, 1.6, "--"),
         "wall": (INK, 3.2, "-"),
     }
     for name, (color, wide, dashes) in looks.items():

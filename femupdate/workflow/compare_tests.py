@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,8 +23,6 @@ from femupdate.units import percent
 from femupdate.workflow.calibration_report import kept_posterior
 from femupdate.workflow.model import open_calibrated
 from femupdate.workflow.observed import direction_of
-
-_STEP, _BAND = 0.1, (0.3, 20.0)  # Hz, of two records without a grid of their own
 
 
 def compare_modes(before: Path, after: Path, points: Mapping[str, str] | None = None) -> Told:
@@ -120,11 +119,14 @@ def _by_floor(name: str, floors: Sequence[str], values: Floats, *more: Column) -
     return Table(name=name, key=name, columns=columns)
 
 
-def compare_frfs(before: str, after: str, study: Study) -> Told:
+def compare_frfs(
+    before: str, after: str, study: Study, columns: Mapping[str, str] | None = None
+) -> Told:
     """Compare FRFs under base motion of files, or of a file and the mean of a posterior.
 
     Args:
         before, after: files, or one name of a posterior of the study, or a study folder.
+        columns: our column name to the files'; by default as a study has read them before.
 
     Raises:
         MeasurementError: a file holds none, or they share no floor or too few frequencies.
@@ -135,7 +137,10 @@ def compare_frfs(before: str, after: str, study: Study) -> Told:
     for name, path in ((name, Path(name)) for name in (before, after)):
         if not path.is_file():
             continue
-        kind = kind_in(read_measured(path))
+        known: dict[str, Any] = study.reading_of(path)
+        for folder in (folder for folder in (before, after) if Path(folder).is_dir()):
+            known |= Study(folder).reading_of(path)
+        kind = kind_in(read_measured(path), known.get("unit"), columns or known.get("columns"))
         if isinstance(kind, IdentifiedModes):
             raise MeasurementError(f"{path} holds modes; compare it with another file of modes")
         files[name] = kind if isinstance(kind, Histories) else kind[0]

@@ -175,12 +175,6 @@ def _holding(
     words = artefact.settings.get("words", ())
     if not words or (words[0] != artefact.command and artefact.command in _ALONE):
         words = [artefact.command, *sources]
-        if artefact.command == "predict":
-            words.insert(1, "--record")
-        words += [word for option, file in beside.items() for word in (f"--{option}", file)]
-        if owner_of(name) != MAIN_POSTERIOR:
-            option = "--name" if artefact.command == "calibrate" else "--posterior"
-            words += [option, owner_of(name)]
     path, state, reason = study.path(artefact.file), CURRENT, ""
     if not path.exists():
         state = MISSING
