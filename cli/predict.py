@@ -52,7 +52,7 @@ from .parameters import INPUT_FILE, MEMBER
 @option(
     "--member members",
     "Also compute member forces; may be given several times. x,y,z (m): end forces of the "
-    "nearest beam or column element. LINE:STORY or LINE:FROM-TO:STORY, such as X2:Y1-Y2:S1: forces "
+    "nearest beam, column or brace. LINE:STORY or LINE:FROM-TO:STORY, such as X2:Y1-Y2:S1: forces "
     "at the foot of the wall.",
     MEMBER,
     multiple=True,

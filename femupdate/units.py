@@ -61,7 +61,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
             "GN m s/rad": 1e9,
         },
         "stiffness per mass": {"1/s2": 1.0, "N/m/kg": 1.0, "kN/m/t": 1.0},
-        "frequency": {"Hz": 1.0, "rad/s": 0.5 / math.pi},
+        "frequency": {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / math.pi},
         "force": {
             "N": 1.0,
             "kN": 1e3,

@@ -226,8 +226,8 @@ def choose_members(building: Building, wanted: Sequence[Place | str]) -> ChosenM
     Args:
         building: a frame, or one with its own mesh. Its effects may move it in another way, but
             leave its members as they are.
-        wanted: places, m, that mean the beam element whose middle is nearest, and names of walls
-            (see `wall_cut`).
+        wanted: places, m, that mean the beam element whose axis is nearest, of several that whose
+            middle is; and names of walls (see `wall_cut`).
 
     Raises:
         BuildingError: the building has no such member, or an effect that changes members, makes
@@ -266,10 +266,14 @@ def _nearest(building: Building, model: FiniteElementModel, place: Place) -> Cut
     beams = model.elements_of(Beams)
     if not len(beams):
         raise BuildingError(f"{building.name}: there are neither beams nor columns; leave them out")
-    middle = model.nodes[beams.nodes].mean(axis=1)
-    beam = int(np.linalg.norm(middle - np.array(place), axis=1).argmin())
-    ends = model.nodes[beams.nodes[beam]]
-    (x, y, z), (a, b, c) = ends
+    start, stop = np.moveaxis(model.nodes[beams.nodes], 1, 0)
+    along, since = stop - start, np.array(place) - start
+    share = np.clip((since * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    away, of_middle = (
+        np.linalg.norm(since - part * along, axis=1).round(6) for part in (share[:, None], 0.5)
+    )
+    beam = int(np.lexsort((of_middle, away))[0])
+    (x, y, z), (a, b, c) = ends = np.array([start[beam], stop[beam]])
     name = f"({x:g}, {y:g}, {z:g}) to ({a:g}, {b:g}, {c:g}) m"
     return CutMember(str(beams.kind[beam]), name, ends, Beams.force_names, beam)
 

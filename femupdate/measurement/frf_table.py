@@ -107,7 +107,7 @@ def _observation(
         if wrong.size:
             raise table.file.error(
                 f"{what} is {values[wrong[0]]:g} and must be above zero; give |H| or both its parts"
-                " (modes are told by a column mode), or remove the row",
+                " (levels are named RF (dB), modes are told by a column mode)",
                 int(table.lines[wrong[0]]),
                 table.title(position),
             )

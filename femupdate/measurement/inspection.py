@@ -21,6 +21,7 @@ from femupdate.measurement.names import (
     channel_name,
     floor_height,
     floors_of,
+    is_first_floor,
     parse_channel,
     parse_frf_column,
     parse_history,
@@ -158,9 +159,9 @@ def next_step(
         command = f"calibrate {name}{options}" if based else f"identify {name} -o modes.csv"
         return NextStep(f"femupdate {command}{columns_option(columns)}", "", columns)
     proposed = _proposal(histories, usable)
-    columns = dict(proposed)
+    columns, numbers = dict(proposed), {o: int(k.lstrip("-")) - 1 for o, k in proposed.items()}
     if names is not None:  # columns of a table go by their names
-        columns = {ours: histories[int(k.lstrip("-")) - 1].name for ours, k in proposed.items()}
+        columns = {ours: histories[k].name for ours, k in numbers.items()}
         time = next((n for n in names if n not in {each.name for each in histories}), TIME)
         columns = columns if time.lower() == TIME else {TIME: time, **columns}
     along = {ours: theirs for ours, theirs in columns.items() if ".y" not in ours}
@@ -175,6 +176,11 @@ def next_step(
         )
     base = [ours for ours in proposed if ours.startswith(BASE)]
     floors = [ours for ours in proposed if not ours.startswith(BASE)]
+    bases = [histories[numbers[ours]] for ours in base]
+    lowest = [each.location or each.name for each in bases if not each.vertical]
+    if len({is_first_floor(place) for place in lowest}) > 1:
+        which = " or ".join(lowest)
+        return NextStep("", f"Is the base {which}? Say it for all channels by --columns.", columns)
     others = [title for title in names or () if title.lower() != TIME]
     ours = len(others) == len(names or ()) - 1 and all(parse_history(title) for title in others)
     mapped = "" if ours else columns_option(along)

@@ -24,7 +24,11 @@ SECONDS_NAME = re.compile(
     r"^(t|time)([_ .]s(ec(ond)?s?)?)?$|^sec(ond)?s?$|^time_?stamp$", re.IGNORECASE
 )
 FREQUENCY_WORD = r"fr[eé]q(s|uenc(y|ies|es?)|uenz(a|e|en)?|u[eê]ncias?)?|fre[kc]uencias?|frekans"
-FREQUENCY_NAME = re.compile(rf"^(f|{FREQUENCY_WORD})([_ ]?hz)?$|^周波数|^频率", re.IGNORECASE)
+_CIRCULAR = "ω|omega|(circular|angular)[ _]"
+CIRCULAR_NAME = re.compile(_CIRCULAR, re.IGNORECASE)
+FREQUENCY_NAME = re.compile(
+    rf"^({_CIRCULAR})?(f|{FREQUENCY_WORD})([_ ]?hz)?$|^(ω|omega)$|^周波数|^频率", re.IGNORECASE
+)
 
 _FLOOR = r"RF|(?:[2-9]|[1-9]\d+)F"
 _CHANNEL = re.compile(
@@ -149,7 +153,7 @@ def _floor_name(text: str) -> str:
 
 _ROOF = re.compile(
     r"\b(roof\w*|RF|top|dach\w*|DG|toit\w*|terrasse|techo|azotea|cubierta|tetto|copertura"
-    r"|cobertura|telhado|[cç]at[iı]|dak)\b|屋[上根顶]|顶层",
+    r"|cobertura|telhado|[cç]at[iı]|dak)\b|屋[上根顶]|顶层|[RＲ]階",
     re.IGNORECASE,
 )
 _STORY = (
@@ -211,6 +215,11 @@ def floors_of(texts: Sequence[str]) -> tuple[str | None, ...]:
     if whole and short and "RF" not in floors:
         floors = ["RF" if floor == f"{counted[-1] + 1}F" else floor for floor in floors]
     return tuple(floors)
+
+
+def is_first_floor(text: str) -> bool:
+    """Whether it is the lowest floor that is counted: a base, where no basement is."""
+    return _number(text) == 1
 
 
 def base_rank(text: str) -> int:

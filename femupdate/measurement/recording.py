@@ -299,6 +299,8 @@ class Recording:
                 if not names and (np.diff(values[:, 0]) > 0.0).all():
                     raise
                 rate = "give the rate: --rate 200"
+                if names and "period" in names[0].lower():
+                    rate = "give frequencies in place of periods, as frequency_hz"
                 raise table.file.error(
                     f"no column of times among {', '.join(names)}; call it time_s, or {rate}"
                     if names

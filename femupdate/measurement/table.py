@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from femupdate.arrays import Floats, Integers
 from femupdate.measurement.clock import is_moment, seconds_of
-from femupdate.measurement.names import FREQUENCY, FREQUENCY_NAME, TIME, FloorChannel, FrfColumn
+from femupdate.measurement.names import (
+    CIRCULAR_NAME,
+    FREQUENCY,
+    FREQUENCY_NAME,
+    TIME,
+    FloorChannel,
+    FrfColumn,
+)
 from femupdate.measurement.quantity import bracketed, force_unit, si_factor, split_unit
 from femupdate.measurement.text import TextFile
 
@@ -195,7 +202,8 @@ class ColumnTable:
     @property
     def frequency_hz(self) -> Floats:
         """(r,) of the rows."""
-        unit = self.units[self.at] or "Hz"
+        circular = CIRCULAR_NAME.match((self.names or ("",))[self.at])
+        unit = self.units[self.at] or ("rad/s" if circular else "Hz")
         return self.values[:, self.at] * si_factor(self.file, unit, "frequency")
 
     @property

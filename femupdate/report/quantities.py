@@ -208,4 +208,4 @@ def _peaks(member: MemberForces, scales: tuple[Scale, Scale]) -> Iterator[tuple[
     columns = np.stack([peak.mean, peak.sd, peak.q05, peak.q95], axis=1)
     for name, values in zip(member.member.forces, columns, strict=True):
         words, unit, factor = in_unit(name, scales)
-        yield (words, unit, *(values / factor).tolist())
+        yield (words, unit, *(values / factor).round(9).tolist())  # no figures of nought

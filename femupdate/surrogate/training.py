@@ -328,7 +328,7 @@ def _epochs(
     validation = _draw_samples(task, settings, 0, order[:held_out])
     training: _Samples | None = None
     validation_loss = run.best_loss if run.epoch else math.nan
-    progress.start("Training the MVAE", 100 * settings.epochs)
+    progress.start("Training the surrogate", 100 * settings.epochs)
     shown = Percent(progress)
     while run.epoch < settings.epochs and run.epoch - run.best_epoch < settings.patience:
         started = time.monotonic()

@@ -47,7 +47,7 @@ def test_station_archive_is_an_observation(shared_file):
     recording = read_measured(path)
     assert recording.format == "archive"
     assert recording.notes[0].startswith(
-        "Other files of the archive that hold no histories: 17 (CH"
+        "Other files of the archive that hold no accelerations: 17 (CH"
     )
     free, top = recording.channels[16], recording.channels[6]
     assert (free.location, free.direction) == ("On Ground: Near West Abutment", "Tran")
@@ -191,7 +191,7 @@ def test_archive_of_other_records_and_a_note(archived, texts, wave):
     recording = read_measured(archived("k", members))
     assert [c.name for c in recording.channels] == ["E-W, C", "E-W, A", "N-S"]
     assert recording.notes == (
-        "Other files of the archive that hold no histories: 1 (readme.txt).",
+        "Other files of the archive that hold no accelerations: 1 (readme.txt).",
     )
     assert [c.azimuth_deg for c in recording.channels] == [90.0, 90.0, 0.0]
 

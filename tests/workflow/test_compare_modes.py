@@ -1,5 +1,7 @@
 """compare, of two files of modes: partners, MAC and COMAC against their definitions."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -90,6 +92,11 @@ def test_frac_is_one_of_the_same_curve_and_falls_where_it_moves(tmp_path):
     found = femupdate.compare(tmp_path, one, gained)
     np.testing.assert_allclose([row["frac"] for row in found.frac], 1.0)
     np.testing.assert_allclose([row["ratio"] for row in found.frac], [1, 1, 2])
+    for name in (one, gained):
+        Path(name).write_text(Path(name).read_text().replace("RF", "roof"))
+    theirs = {"2F": "2F", "3F": "3F", "RF": "roof"}
+    assert found.frac == femupdate.compare(tmp_path, one, gained, columns=theirs).frac
+    _, one = curves(1.0, 1.0, "one.csv")
     found = femupdate.compare(tmp_path, one, two)
     product = [abs(np.vdot(a, b)) ** 2 for a, b in zip(first, moved, strict=True)]
     size = (np.abs(first) ** 2).sum(1) * (np.abs(moved) ** 2).sum(1)

@@ -130,7 +130,7 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
         records = {n: r for n, r in records.items() if not kinds[n] <= _INTEGRATED}
     left_out = [name for name in unpacked if name not in (records or readable)]
     some = ", ".join(left_out[:3]) + (" ..." if len(left_out) > 3 else "")
-    other = f"Other files of the archive that hold no histories: {len(left_out)} ({some})."
+    other = f"Other files of the archive that hold no accelerations: {len(left_out)} ({some})."
     notes = (other,) if left_out else ()
     if len(records or readable) == 1:
         (only,) = (records or readable).values()
