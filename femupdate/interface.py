@@ -645,7 +645,7 @@ def path_of(study: Folder, data: "File | Observation | GroundMotion") -> Path:
     """Of a measured file, or where a study keeps arrays."""
     if isinstance(data, str | Path):
         return Path(data)
-    name = getattr(data, "source", None) or getattr(data, "name", "")
+    name = str(getattr(data, "source", None) or getattr(data, "name", ""))
     return _study(study).path("measured", f"{Path(name).stem}.csv")
 
 

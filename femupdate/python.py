@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from inspect import signature
 from typing import Any
 
-from femupdate import interface
-from femupdate.errors import KEYWORDS, VERBS, FemupdateError, in_python
-from femupdate.study import MAIN_POSTERIOR, made_by
+from femupdate import errors, interface
+from femupdate.study import made_by
 
 
 class SessionBars:
@@ -34,7 +33,7 @@ class SessionBars:
         """Write a line above the bar."""
         from tqdm.auto import tqdm
 
-        tqdm.write(in_python(text))
+        tqdm.write(errors.in_python(text))
 
     def close(self) -> None:
         """End the bar."""
@@ -42,13 +41,13 @@ class SessionBars:
             self._bar.close()
 
 
-_COMMANDS = {verb: command for command, verb in VERBS.items()} | {"reduce": "build-model"}
-_OPTIONS = {ours: option for option, ours in KEYWORDS.items()}
+_COMMANDS = {verb: command for command, verb in errors.VERBS.items()} | {"reduce": "build-model"}
+_OPTIONS = {ours: option for option, ours in errors.KEYWORDS.items()}
 _MANY = ("members", "wanted", "files")  # each an option, or a file, of its own
 _UNSAID = ("study", "building", "progress")  # a study knows its building
 
 
-def _words(name: str, given: Mapping[str, Any]) -> list[str]:
+def words_of(name: str, given: Mapping[str, Any]) -> list[str]:
     """The command that does what a call does, for those who do it again."""
     study, words = given["study"], [_COMMANDS[name]]
     for key, value in given.items():
@@ -66,8 +65,8 @@ def _words(name: str, given: Mapping[str, Any]) -> list[str]:
             listed = isinstance(each, list | tuple)
             said = ",".join(map(str, each)) if listed else str(plain)
             words += option if value is True else [*option, said]
-    named = getattr(study, "posterior", MAIN_POSTERIOR)
-    return words + ["--posterior", named] * (named != MAIN_POSTERIOR)
+    named = getattr(study, "posterior", "posterior")
+    return words + ["--posterior", named] * (named != "posterior")
 
 
 def __getattr__(name: str) -> Any:
@@ -82,10 +81,10 @@ def __getattr__(name: str) -> Any:
         given = signature(verb).bind(*args, **kwargs).arguments
         given |= given.pop("settings", {})
         try:
-            with made_by(_words(name, given) if "study" in given else ()):
+            with made_by(words_of(name, given) if "study" in given else ()):
                 return verb(*args, **kwargs, **({"progress": bars} if bars else {}))
-        except FemupdateError as error:
-            error.args = (in_python(str(error)),)
+        except errors.FemupdateError as error:
+            error.args = (errors.in_python(str(error)),)
             raise
         finally:
             if bars is not None:

@@ -143,18 +143,16 @@ def atomic_path(path: Path | str, failure: type[FemupdateError] = StudyError) ->
             temporary.unlink(missing_ok=True)
 
 
-def write_bytes(
-    path: Path | str, content: bytes, failure: type[FemupdateError] = StudyError
-) -> None:
+def write_bytes(path: Path | str, content: bytes) -> None:
     """Write a binary file atomically.
 
     Libraries that write their own formats should do so in memory, and leave the disk to this: HDF5
     brings the process down where a disk fills up under an open file (h5py 3.16).
 
     Raises:
-        FemupdateError: of the kind `failure`, where the file cannot be written.
+        StudyError: the file cannot be written.
     """
-    with atomic_path(path, failure) as temporary:
+    with atomic_path(path) as temporary:
         temporary.write_bytes(content)
 
 

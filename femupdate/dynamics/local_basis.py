@@ -45,7 +45,6 @@ def local_structure(
     target: ReductionTarget,
     progress: Progress = SILENT,
     *,
-    spread: float = SPREAD,
     size: int = SIZE,
     present: Sequence[Sized] | None = None,
 ) -> ReducedStructure:
@@ -57,7 +56,6 @@ def local_structure(
 
     Args:
         theta: (p,) story factors.
-        spread: half width of the neighbourhood in ln theta.
         present: effects that the model has, and the first parameter of each, where no others need
             act; several such sets where it may have one or another; None for the catalogue.
     """
@@ -71,7 +69,7 @@ def local_structure(
     questions: list[Question] = [(terms, theta) for terms in sets]
     # Eight samples of theta near the middle are solved beside it.
     unit = even_points(8, len(theta), 3)
-    questions += [(sets[0], near) for near in theta * np.exp(spread * (2.0 * unit - 1.0))]
+    questions += [(sets[0], near) for near in theta * np.exp(SPREAD * (2.0 * unit - 1.0))]
     middle = equations_at(structure, theta, sets[0])
     changed = replace(structure.operators, stiffness_constant=middle.stiffness, mass=middle.mass)
     alone = with_terms(changed, ())  # without stiffness factors

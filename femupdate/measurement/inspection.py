@@ -21,10 +21,10 @@ from femupdate.measurement.names import (
     channel_name,
     floor_height,
     floors_of,
-    is_first_floor,
     parse_channel,
     parse_frf_column,
     parse_history,
+    two_bases,
 )
 from femupdate.measurement.quantity import RAW, is_acceleration, si_factor
 from femupdate.measurement.reader import base_motion_in, read_measured, readers
@@ -145,8 +145,7 @@ def next_step(
     Args:
         names: of a table's columns, the one of times included; None of any other file.
     """
-    # As far as is told, horizontal accelerations.
-    kinds = ("acceleration", "unknown")
+    kinds = ("acceleration", "unknown")  # as far as is told
     usable = [k for k, e in enumerate(histories) if e.quantity in kinds and not e.vertical]
     units = (histories[k].unit for k in usable)
     unknown = unit is None and any(stated is None or RAW.fullmatch(stated) for stated in units)
@@ -165,8 +164,7 @@ def next_step(
         time = next((n for n in names if n not in {each.name for each in histories}), TIME)
         columns = columns if time.lower() == TIME else {TIME: time, **columns}
     along = {ours: theirs for ours, theirs in columns.items() if ".y" not in ours}
-    told = proposed_floors(histories)
-    left_over = [histories[k].name for k in usable if told[k] is None]
+    left_over = [histories[k].name for k in usable if proposed_floors(histories)[k] is None]
     if proposed and left_over and (names is not None or not any(h.location for h in histories)):
         return NextStep(
             "",
@@ -176,11 +174,9 @@ def next_step(
         )
     base = [ours for ours in proposed if ours.startswith(BASE)]
     floors = [ours for ours in proposed if not ours.startswith(BASE)]
-    bases = [histories[numbers[ours]] for ours in base]
-    lowest = [each.location or each.name for each in bases if not each.vertical]
-    if len({is_first_floor(place) for place in lowest}) > 1:
-        which = " or ".join(lowest)
-        return NextStep("", f"Is the base {which}? Say it for all channels by --columns.", columns)
+    bases = (histories[numbers[ours]] for ours in base)
+    if two_bases(lowest := [each.location or each.name for each in bases if not each.vertical]):
+        return NextStep("", f"Is the base {' or '.join(lowest)}? Say it by --columns.", columns)
     others = [title for title in names or () if title.lower() != TIME]
     ours = len(others) == len(names or ()) - 1 and all(parse_history(title) for title in others)
     mapped = "" if ours else columns_option(along)
@@ -194,9 +190,8 @@ def next_step(
         force = str(pushed + 1) if names is None else histories[pushed].name
         option = columns_option({"force/RF": force, **along}, [] if floors else ["RF"], what)
         return NextStep(calibrate + option, _FORCED, columns)
-    of_one_place = len(histories) == 1 or (
-        len(histories) < 4 and all(h.direction for h in histories)
-    )
+    of_one_place = len(histories) < 4 and all(h.direction for h in histories)
+    of_one_place |= len(histories) == 1
     if of_one_place and not floors:
         largest = max(usable, key=lambda k: float(abs(histories[k].values).max()))
         channel = f" --channel {largest + 1}" if len(histories) > 1 else ""

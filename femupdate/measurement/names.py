@@ -217,9 +217,9 @@ def floors_of(texts: Sequence[str]) -> tuple[str | None, ...]:
     return tuple(floors)
 
 
-def is_first_floor(text: str) -> bool:
-    """Whether it is the lowest floor that is counted: a base, where no basement is."""
-    return _number(text) == 1
+def two_bases(texts: Sequence[str]) -> bool:
+    """Whether of places that are each taken for the base some are a first floor, others below."""
+    return len({_number(text) == 1 for text in texts}) > 1
 
 
 def base_rank(text: str) -> int:

@@ -124,10 +124,9 @@ def base_motion_in(
     recording: Recording,
     unit: str | None = None,
     columns: Mapping[str, str] | None = None,
-    noise: float = SPECTRUM.default_noise,
 ) -> Histories | Observation:
     """What `read_observation_file` reads, in a file that was opened."""
-    found = kind_in(recording, unit, columns, noise=noise)
+    found = kind_in(recording, unit, columns)
     what = "identified modes"
     if not isinstance(found, IdentifiedModes):
         first = found if isinstance(found, Histories) else found[0]

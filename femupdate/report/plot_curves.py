@@ -70,9 +70,7 @@ def _grid(
 
 
 @styled
-def frf_fit(
-    curves: Sequence[Curve], *, title: str = "Frequency response, floor over base"
-) -> Figure:
+def frf_fit(curves: Sequence[Curve]) -> Figure:
     """Draw |H| of every floor as `response_curves` describes it."""
     columns, width = (1, 10.0) if len(curves) == 1 else (2, 5.0)
     first = curves[0]
@@ -87,6 +85,7 @@ def frf_fit(
     several = len(first.bands) > 1
     which = "The dark bands" if several else "The bands"
     note = thin_band_note(nearly_all(inner) / (top - bottom), which)
+    title = "Frequency response, floor over base"
     add_head(figure, title, note=note, columns=3 if several else None)
     return figure
 

@@ -151,11 +151,8 @@ def find_surrogate(study: Study, building: Building) -> tuple[Surrogate, Path] |
         return (surrogate, path) if fits else None
 
 
-def require_surrogate(study: Study, building: Building, asked: str | None = None) -> Surrogate:
+def require_surrogate(study: Study, building: Building) -> Surrogate:
     """A surrogate that fits the building.
-
-    Args:
-        asked: name or path by which the building was chosen, for the message.
 
     Raises:
         SurrogateError: there is none.
@@ -163,7 +160,6 @@ def require_surrogate(study: Study, building: Building, asked: str | None = None
     found = find_surrogate(study, building)
     if found is None:
         options = f"--study {shlex.quote(str(study.folder))}"
-        options += f" --building {shlex.quote(asked)}" if asked else ""
         raise SurrogateError(
             f"no trained surrogate fits the building {building.name}; run `femupdate train "
             f"{options}` (once for each building), or calibrate with --exact"

@@ -12,9 +12,9 @@ from femupdate.arrays import Complexes, Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.frf import estimate_frf, on_grid
 from femupdate.measurement.histories import Histories
-from femupdate.measurement.modes import IdentifiedModes, identified_modes, mac
+from femupdate.measurement.modes import identified_modes, mac
 from femupdate.measurement.observation import Observation
-from femupdate.measurement.reader import kind_in, read_measured
+from femupdate.measurement.reader import read_measured, read_observation_file
 from femupdate.progress import SILENT
 from femupdate.result import Item, Note, Notes, Told
 from femupdate.study import Study
@@ -137,17 +137,11 @@ def compare_frfs(
     for name, path in ((name, Path(name)) for name in (before, after)):
         if not path.is_file():
             continue
-        known: dict[str, Any] = study.reading_of(path)
-        for folder in (folder for folder in (before, after) if Path(folder).is_dir()):
-            known |= Study(folder).reading_of(path)
-        kind = kind_in(read_measured(path), known.get("unit"), columns or known.get("columns"))
-        if isinstance(kind, IdentifiedModes):
-            raise MeasurementError(f"{path} holds modes; compare it with another file of modes")
-        files[name] = kind if isinstance(kind, Histories) else kind[0]
-        if files[name].excitation.force:
-            raise MeasurementError(
-                f"{path} holds responses to a force; FRAC compares those under base motion"
-            )
+        read: dict[str, Any] = {}
+        for opened in (study, *(Study(each) for each in (before, after) if Path(each).is_dir())):
+            read |= opened.reading_of(path)
+        read["columns"] = columns or read.get("columns")
+        files[name] = read_observation_file(path, **read)
     grids = [data.frequency_hz for data in files.values() if isinstance(data, Observation)]
     for name in {before, after} - set(files):
         opened = Study(name) if Path(name).is_dir() else Study(study.folder, name)

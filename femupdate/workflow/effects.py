@@ -40,9 +40,7 @@ from femupdate.workflow.model import (
 BASIS, NEAR_BASIS = "effect basis", "finder's basis"
 
 
-def open_structure(
-    study: Study, building: Building, progress: Progress = SILENT
-) -> ReducedStructure:
+def open_structure(study: Study, building: Building) -> ReducedStructure:
     """The reduced structure of a study's building, on the basis that the study keeps.
 
     Without one a basis for the building's effects over the whole prior is made (of a frame, in
@@ -55,7 +53,7 @@ def open_structure(
     def make() -> Floats:
         placed = building_effects(building).placed
         target = with_size_ranges(reduction_target(building), placed)
-        return reduce_structure(structure, target, placed, progress).reduced.basis
+        return reduce_structure(structure, target, placed).reduced.basis
 
     basis = study.cached(basis_part(BASIS, structure), finder_origin(building), make)
     return reduced_on(structure, basis)

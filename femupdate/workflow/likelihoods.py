@@ -147,17 +147,11 @@ LEAST_EXPLAINED = 0.25
 """Share of the measured variation below which a model explains nothing."""
 
 
-def smooth_likelihood(
-    model: StudyModel, measured: Measured, least_noise: float = 0.0
-) -> Likelihood:
+def smooth_likelihood(model: StudyModel, measured: Measured) -> Likelihood:
     """The likelihood of all that was measured, the errors of the model not yet known.
 
     By all modes in double precision, which makes it smooth in the parameters. Phases count where
     an effect of the model shows in nothing else.
-
-    Args:
-        least_noise: standard deviation of ln|H| below which the noise of FRFs under base motion is
-            not believed, where that is more than the model's own (see `StudyModel.least_noise`).
     """
     phase = any(place.effect.needs_phase for place in model.system.placed)
     forces = data_of_forces(measured, model.system, use_phase=phase)
@@ -173,8 +167,7 @@ def smooth_likelihood(
         base = base if phase else base.as_logs(model.system, modes=None)
         cost = cost_of_scatter(measured.base, base)
     # Of what the reduced model is known to miss, the data say nothing.
-    least = max(least_noise, model.least_noise, model.reduction_error)
-    base = base.with_least_noise(least)
+    base = base.with_least_noise(max(model.least_noise, model.reduction_error))
     whole = likelihood_of((base, *others), model.system, model.parameters, cost)
     return replace(whole, known=model.shared)
 

@@ -82,13 +82,13 @@ class ObservationSource:
         recording = self._recording(path)
         return kind_in(recording, self.unit, self.columns, direction, self.force, noise)
 
-    def read_base_motion(self, noise: float = SPECTRUM.default_noise) -> Histories | Observation:
+    def read_base_motion(self) -> Histories | Observation:
         """Histories or response functions under base motion in the first file.
 
         Raises:
             MeasurementError: the file cannot be used, or is of another kind.
         """
-        return base_motion_in(self._recording(self.path), self.unit, self.columns, noise)
+        return base_motion_in(self._recording(self.path), self.unit, self.columns)
 
     def _recording(self, path: Path) -> Recording:
         return self.files[path][1] if path in self.files else read_measured(path)

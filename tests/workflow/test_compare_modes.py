@@ -96,7 +96,7 @@ def test_frac_is_one_of_the_same_curve_and_falls_where_it_moves(tmp_path):
         Path(name).write_text(Path(name).read_text().replace("RF", "roof"))
     theirs = {"2F": "2F", "3F": "3F", "RF": "roof"}
     assert found.frac == femupdate.compare(tmp_path, one, gained, columns=theirs).frac
-    _, one = curves(1.0, 1.0, "one.csv")
+    curves(1.0, 1.0, "one.csv")
     found = femupdate.compare(tmp_path, one, two)
     product = [abs(np.vdot(a, b)) ** 2 for a, b in zip(first, moved, strict=True)]
     size = (np.abs(first) ** 2).sum(1) * (np.abs(moved) ** 2).sum(1)
