@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from femupdate.arrays import Floats
 from femupdate.measurement.names import (
     BASE,
-    CIRCULAR_NAME,
     FREQUENCY,
     FREQUENCY_WORD,
     floor_height,
@@ -146,7 +145,7 @@ def _columns(table: ColumnTable, columns: Mapping[str, str], named: bool) -> dic
             )
         known = known or title
         unit, factor = table.units[position], 1.0
-        if unit is None and known == FREQUENCY and CIRCULAR_NAME.match(title):
+        if unit is None and known == FREQUENCY and re.match("ω|omega|circular", title.lower()):
             unit = "rad/s"
         if unit and known in (FREQUENCY, FREQUENCY_SD):
             factor = si_factor(table.file, unit, "frequency")

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from femupdate.arrays import Floats, Integers
 from femupdate.measurement.clock import is_moment, seconds_of
 from femupdate.measurement.names import (
-    CIRCULAR_NAME,
     FREQUENCY,
     FREQUENCY_NAME,
     TIME,
@@ -202,8 +201,8 @@ class ColumnTable:
     @property
     def frequency_hz(self) -> Floats:
         """(r,) of the rows."""
-        circular = CIRCULAR_NAME.match((self.names or ("",))[self.at])
-        unit = self.units[self.at] or ("rad/s" if circular else "Hz")
+        named = FREQUENCY_NAME.match((self.names or ("",))[self.at])
+        unit = self.units[self.at] or ("rad/s" if named and named["circular"] else "Hz")
         return self.values[:, self.at] * si_factor(self.file, unit, "frequency")
 
     @property

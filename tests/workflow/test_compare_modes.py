@@ -86,26 +86,26 @@ def test_frac_is_one_of_the_same_curve_and_falls_where_it_moves(tmp_path):
         np.savetxt(tmp_path / name, parts, delimiter=",", header=head, comments="")
         return h, str(tmp_path / name)
 
-    first, one = curves(1.0, 1.0, "one.csv")
+    first, plain = curves(1.0, 1.0, "one.csv")
     _, gained = curves(1.0, 2.0, "gained.csv")
     moved, two = curves(0.8, 1.0, "two.csv")
-    found = femupdate.compare(tmp_path, one, gained)
+    found = femupdate.compare(tmp_path, plain, gained)
     np.testing.assert_allclose([row["frac"] for row in found.frac], 1.0)
     np.testing.assert_allclose([row["ratio"] for row in found.frac], [1, 1, 2])
-    for name in (one, gained):
+    for name in (plain, gained):
         Path(name).write_text(Path(name).read_text().replace("RF", "roof"))
     theirs = {"2F": "2F", "3F": "3F", "RF": "roof"}
-    assert found.frac == femupdate.compare(tmp_path, one, gained, columns=theirs).frac
+    assert found.frac == femupdate.compare(tmp_path, plain, gained, columns=theirs).frac
     curves(1.0, 1.0, "one.csv")
-    found = femupdate.compare(tmp_path, one, two)
+    found = femupdate.compare(tmp_path, plain, two)
     product = [abs(np.vdot(a, b)) ** 2 for a, b in zip(first, moved, strict=True)]
     size = (np.abs(first) ** 2).sum(1) * (np.abs(moved) ** 2).sum(1)
     np.testing.assert_allclose([row["frac"] for row in found.frac], product / size, rtol=1e-6)
     modes = written(tmp_path / "modes.csv", HERTZ, SHAPES)
     with pytest.raises(StudyError):
-        femupdate.compare(tmp_path, one, "nobody")
+        femupdate.compare(tmp_path, plain, "nobody")
     with pytest.raises(MeasurementError):
-        femupdate.compare(tmp_path, one, modes)
+        femupdate.compare(tmp_path, plain, modes)
 
 
 def test_frac_of_a_model_and_its_record(tower, tower_observation):
