@@ -404,7 +404,7 @@ def compare(
     Args:
         before, after: names of posteriors of the study, study folders or posterior files; or two
             files of modes; or files of FRFs or records, one of which may be a posterior instead.
-        columns: our column name to the files' own, or to points of universal files of modes.
+        columns: our column name to that of the files, or to points of universal files of modes.
 
     Raises:
         StudyError: there is no such posterior.

@@ -10,13 +10,7 @@ from numpy.typing import NDArray
 
 from femupdate.arrays import Floats, Integers
 from femupdate.measurement.clock import is_moment, seconds_of
-from femupdate.measurement.names import (
-    FREQUENCY,
-    FREQUENCY_NAME,
-    TIME,
-    FloorChannel,
-    FrfColumn,
-)
+from femupdate.measurement.names import FREQUENCY, FREQUENCY_NAME, TIME, FloorChannel, FrfColumn
 from femupdate.measurement.quantity import bracketed, force_unit, si_factor, split_unit
 from femupdate.measurement.text import TextFile
 

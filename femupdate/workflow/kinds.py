@@ -224,7 +224,7 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
     low, high = source.band_hz or (0.0, np.inf)
     band = max(low, float(grid[0])), min(high, float(grid[-1]))
     for path in source.paths:
-        read = source.read(path, direction, building.observation.noise_sd)
+        read = source.read(path, direction, noise=building.observation.noise_sd)
         if isinstance(read, IdentifiedModes):
             require_floors_of_building(read.source, read.floors, building.floors)
             if source.sensors:

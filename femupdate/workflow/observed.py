@@ -18,7 +18,6 @@ from femupdate.measurement.reader import AnyKind, base_motion_in, kind_in, read_
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.runs import agreement, pooled
 from femupdate.measurement.text import read_head
-from femupdate.measurement.thresholds import SPECTRUM
 from femupdate.study import Study, file_hash
 
 
@@ -70,7 +69,7 @@ class ObservationSource:
             files[path] = file_hash(path), read_measured(path).without_text()
         return replace(self, files=files)
 
-    def read(self, path: Path, direction: str, noise: float = SPECTRUM.default_noise) -> AnyKind:
+    def read(self, path: Path, direction: str, **noise: float) -> AnyKind:
         """What one of the files holds, for a direction of the motion.
 
         Args:
@@ -80,7 +79,7 @@ class ObservationSource:
             MeasurementError: the file cannot be used.
         """
         recording = self._recording(path)
-        return kind_in(recording, self.unit, self.columns, direction, self.force, noise)
+        return kind_in(recording, self.unit, self.columns, direction, self.force, **noise)
 
     def read_base_motion(self) -> Histories | Observation:
         """Histories or response functions under base motion in the first file.
