@@ -98,8 +98,7 @@ device_option = option("--device", "Device for torch: cpu, cuda, ...", default="
 unit_option = option("--unit", "Unit of the accelerations, where the file gives none.")
 channel_option = option("--channel", "Channel of the record, by name or number.", CHANNEL)
 scale_option = option("--scale", "Factor on the record.", float, 1.0)
-overwrite_option = flag("--overwrite --replace overwrite", "Overwrite an existing file.")
-"""Of commands that write one file, with `check_free`; --replace is what it was called before."""
+overwrite_option = flag("--overwrite", "Overwrite an existing file.")
 no_pictures_option = flag("--no-pictures", "Draw no pictures.")
 
 

@@ -165,6 +165,8 @@ def _columns(table: ColumnTable, columns: Mapping[str, str], named: bool) -> dic
             values[FREQUENCY] = 1.0 / values[PERIOD]
         if PERIOD_SD in values:
             values[FREQUENCY_SD] = values[PERIOD_SD] * values[FREQUENCY] ** 2
+    elif PERIOD in values and (np.abs(values[FREQUENCY] * values[PERIOD] - 1.0) > 0.05).any():
+        raise table.file.error("frequencies and periods do not fit each other; leave out one")
     return values
 
 
@@ -374,6 +376,8 @@ def mode_findings(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
     ]
     for mode, name in zip(modes, called, strict=True):
         shape = np.asarray(mode.shape)
+        if not 0.0 < mode.frequency_hz < np.inf:
+            findings.append(f"{name} has no frequency above 0: correct it")
         # Buildings have damping ratios of .005 to .1.
         if mode.damping is not None and not 0.0 < mode.damping <= 0.1:
             findings.append(f"{name} has a damping ratio of {mode.damping:.3g}")

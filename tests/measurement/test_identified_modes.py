@@ -186,6 +186,14 @@ def test_wrong_tables(write, text, message):
         read(write(text, "m.csv"))
 
 
+def test_periods_that_no_mode_has_and_that_contradict_frequencies(write):
+    found = inspect_file(write("mode,period_s,2F,RF\n1,-0.3,.4,1\n2,.1,1,-.5\n", "m.csv"))
+    assert "mode 1 at -3.333 Hz has no frequency above 0" in found.all_findings[0]
+    both = "mode,period_s,frequency_hz,2F,RF\n1,.25,5,.4,1\n2,.1,10,1,-.5\n"
+    with pytest.raises(MeasurementError, match="do not fit each other; leave out one"):
+        inspect_file(write(both, "m.csv"))
+
+
 def test_circular_frequencies_and_letters_of_modes(write):
     text = "mode,{0},damping (%),2F,RF\nX1,11,2,.4,1\nT1,18.85,2,.9,-1\nX2,31.4,2,-1,.5\n"
     for title in ("omega (rad/s)", "omega", "frequency (rad/s)", "Circular frequency (rad/s)"):

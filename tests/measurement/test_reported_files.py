@@ -144,7 +144,7 @@ def test_every_file_is_ticked_off(shared_file):
 FRICTIONS = {
     1: ("inspect {shared}/first_day/names_en.csv", ("base=Ground", "RF=Roof")),
     2: ("simulate -o x.csv --study none", ("has no building yet; name one",)),
-    4: ("predict --help", ("--member",)),
+    4: ("predict --help", ("--member", "beam, column or brace")),  # and test_member_histories.py
     5: ("build-model shear_3dof --study b --no-pictures", ("Heaviest modes: 3.880 Hz (X)",)),
     7: (
         "calibrate run.csv --study s --exact --particles 200 --no-pictures",
