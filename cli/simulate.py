@@ -88,5 +88,5 @@ def command(
     require_named(study, building)
     chosen = choose_building(study, building)
     say_building(study, building, chosen, bars)
-    simulation = simulate_observation(chosen, SimulationSettings(**settings), bars)
-    return Answer(write_simulation(simulation, output))
+    made = simulate_observation(chosen, SimulationSettings(**settings), bars)
+    return Answer(write_simulation(made, output))

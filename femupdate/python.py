@@ -43,27 +43,24 @@ class SessionBars:
 
 _COMMANDS = {verb: command for command, verb in errors.VERBS.items()} | {"reduce": "build-model"}
 _OPTIONS = {ours: option for option, ours in errors.KEYWORDS.items()}
-_MANY = ("members", "wanted", "files")  # each an option, or a file, of its own
-_UNSAID = ("study", "building", "progress")  # a study knows its building
+_SAID = {"files": [], "use_phase": ["--no-phase"]}
+_SAID |= {"spectrum_damping": ["--floor-spectra", "--spectrum-damping"]}
+_MANY = ("members", "wanted", "files")  # each has an option, or stands, by itself
 
 
 def words_of(name: str, given: Mapping[str, Any]) -> list[str]:
     """The command that does what a call does, for those who do it again."""
     study, words = given["study"], [_COMMANDS[name]]
     for key, value in given.items():
-        option = [] if key == "files" else ["--" + _OPTIONS.get(key, key).replace("_", "-")]
-        if key == "use_phase":
-            option, value = ["--no-phase"], not value
-        if key == "spectrum_damping":
-            option = ["--floor-spectra", *option]
-        if key in _UNSAID or value is None or value is False:
+        option = _SAID.get(key, ["--" + _OPTIONS.get(key, key).replace("_", "-")])
+        value = not value if key == "use_phase" else value
+        if key in ("study", "building", "progress") or value is None or value is False:
             continue
         if isinstance(value, Mapping):
             value = ",".join(f"{ours}={theirs}" for ours, theirs in value.items())
         for each in value if key in _MANY else (value,):
-            plain = interface.path_of(study, each) if key in ("files", "record") else each
-            listed = isinstance(each, list | tuple)
-            said = ",".join(map(str, each)) if listed else str(plain)
+            each = interface.path_of(study, each) if key in ("files", "record") else each
+            said = ",".join(map(str, each)) if isinstance(each, list | tuple) else str(each)
             words += option if value is True else [*option, said]
     named = getattr(study, "posterior", "posterior")
     return words + ["--posterior", named] * (named != "posterior")

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -104,13 +104,6 @@ class Damping(Entry):
     ratio: PositiveNumber
     anchors: tuple[Frequency, ...] | None = None
     ratios: tuple[PositiveNumber, ...] | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _first_ratio(cls, document: Any) -> Any:
-        if isinstance(document, Mapping) and isinstance(document.get("ratios"), list | tuple):
-            return {"ratio": next(iter(document["ratios"]), None), **document}
-        return document
 
     def _complaints(self) -> Complaints:
         if self.ratio >= 1.0:

@@ -269,10 +269,8 @@ def _nearest(building: Building, model: FiniteElementModel, place: Place) -> Cut
     start, stop = np.moveaxis(model.nodes[beams.nodes], 1, 0)
     along, since = stop - start, np.array(place) - start
     share = np.clip((since * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
-    away, of_middle = (
-        np.linalg.norm(since - part * along, axis=1).round(6) for part in (share[:, None], 0.5)
-    )
-    beam = int(np.lexsort((of_middle, away))[0])
+    away = [np.linalg.norm(since - at * along, axis=1).round(6) for at in (0.5, share[:, None])]
+    beam = int(np.lexsort(away)[0])
     (x, y, z), (a, b, c) = ends = np.array([start[beam], stop[beam]])
     name = f"({x:g}, {y:g}, {z:g}) to ({a:g}, {b:g}, {c:g}) m"
     return CutMember(str(beams.kind[beam]), name, ends, Beams.force_names, beam)

@@ -24,9 +24,9 @@ SECONDS_NAME = re.compile(
     r"^(t|time)([_ .]s(ec(ond)?s?)?)?$|^sec(ond)?s?$|^time_?stamp$", re.IGNORECASE
 )
 FREQUENCY_WORD = r"fr[eé]q(s|uenc(y|ies|es?)|uenz(a|e|en)?|u[eê]ncias?)?|fre[kc]uencias?|frekans"
-_CIRCULAR = rf"(?P<circular>ω|omega|(circular|angular)[ _]({FREQUENCY_WORD}))"
 FREQUENCY_NAME = re.compile(
-    rf"^({_CIRCULAR}|(f|{FREQUENCY_WORD})([_ ]?hz)?)$|^周波数|^频率", re.IGNORECASE
+    rf"^((?P<w>ω|omega|(circular|angular) f.+)|(f|{FREQUENCY_WORD})([_ ]?hz)?)$|^周波数|^频率",
+    re.I,
 )
 
 _FLOOR = r"RF|(?:[2-9]|[1-9]\d+)F"

@@ -298,9 +298,7 @@ class Recording:
             except MeasurementError:
                 if not names and (np.diff(values[:, 0]) > 0.0).all():
                     raise
-                rate = "give the rate: --rate 200"
-                if names and "period" in names[0].lower():
-                    rate = "give frequencies in place of periods, as frequency_hz"
+                rate = "give the rate: --rate 200; of periods give frequencies"
                 raise table.file.error(
                     f"no column of times among {', '.join(names)}; call it time_s, or {rate}"
                     if names

@@ -196,7 +196,7 @@ class ColumnTable:
     def frequency_hz(self) -> Floats:
         """(r,) of the rows."""
         named = FREQUENCY_NAME.match((self.names or ("",))[self.at])
-        unit = self.units[self.at] or ("rad/s" if named and named["circular"] else "Hz")
+        unit = self.units[self.at] or ("rad/s" if named and named["w"] else "Hz")
         return self.values[:, self.at] * si_factor(self.file, unit, "frequency")
 
     @property

@@ -85,8 +85,7 @@ def frf_fit(curves: Sequence[Curve]) -> Figure:
     several = len(first.bands) > 1
     which = "The dark bands" if several else "The bands"
     note = thin_band_note(nearly_all(inner) / (top - bottom), which)
-    title = "Frequency response, floor over base"
-    add_head(figure, title, note=note, columns=3 if several else None)
+    add_head(figure, "Frequency response, floor over base", note=note, columns=3 * several or None)
     return figure
 
 

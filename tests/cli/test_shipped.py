@@ -15,10 +15,7 @@ def test_everything_shipped_is_listed(femupdate):
     assert [one["name"] for one in answer["formats"]] == list(readers())
     stick = next(one for one in answer["buildings"] if one["name"] == "shear_4dof")
     assert (stick["kind"], stick["stories"]) == ("shear", 4)
-
-
-def test_an_effect_is_listed_with_its_places_and_units(femupdate):
-    listed = {one["name"]: one for one in femupdate("list", "--json").answer["effects"]}
+    listed = {one["name"]: one for one in answer["effects"]}
     assert all(one["places"] and one["explains"] for one in listed.values())
     delay = listed["channel_delay"]
     assert delay["places"] == "Every floor"
@@ -32,25 +29,14 @@ def test_examples_are_copied_and_nothing_is_replaced(femupdate, tmp_path, snapsh
     own = folder / "six_story_white_noise.csv"
     own.write_text("measured with care")
     answer = femupdate("examples", folder, "--json").answer
-    assert answer["folder"] == str(folder)
     assert answer["kept"] == [str(own)]
     assert own.read_text() == "measured with care"
-    record = folder / "records" / "ridgecrest_2019_clc_90.csv"
-    assert str(record) in answer["copied"]
-    assert record.stat().st_size > 10_000
+    assert str(folder / "records" / "ridgecrest_2019_clc_90.csv") in answer["copied"]
     assert load_building(folder / "models" / "shear_4dof.toml").kind == "shear"
     assert not (folder / "__init__.py").exists()
     before = snapshot(folder)
-    again = femupdate("examples", folder)
-    assert again.code == 0
-    assert "stays as it is" in again.out
+    assert "stays as it is" in femupdate("examples", folder).out
     assert snapshot(folder) == before
-
-
-def test_examples_go_into_a_folder_of_their_own(femupdate, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert femupdate("examples").out.startswith("Examples in examples:")
-    assert (tmp_path / "examples" / "six_story_white_noise.csv").exists()
 
 
 def test_the_measured_example_comes_with_its_building_and_its_licence(femupdate, tmp_path):

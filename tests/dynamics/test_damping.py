@@ -79,6 +79,7 @@ def test_each_mode_has_its_own_ratio_by_its_frequency():
     ratios = [0.01, 0.05, 0.03]
     document["damping"] = {
         "law": "modes",
+        "ratio": 0.01,
         "ratios": ratios,
         "anchors": [f"{hz} Hz" for hz in modes_hz],
     }

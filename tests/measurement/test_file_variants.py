@@ -271,20 +271,13 @@ def test_tables_of_loggers(tmp_path, head, mark):
     np.testing.assert_allclose(data.acceleration, expected, rtol=1e-4, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("name", "factor"),
-    [
-        ("frequency (kHz)", 1e-3),
-        ("omega", 2.0 * np.pi),
-        ("Circular frequency (rad/s)", 2.0 * np.pi),
-    ],
-)
+@pytest.mark.parametrize(("name", "factor"), [("Freq (kHz)", 1e-3), ("omega", 2.0 * np.pi)])
 def test_frequencies_in_other_units(tmp_path, name, factor):
     lines = [f"{name},2F,RF", *(f"{factor * hz},1.5,2" for hz in range(1, 9))]
     seen = read_observation_file(written(tmp_path, lines, "a.csv"))
     np.testing.assert_allclose(seen.frequency_hz, np.arange(1.0, 9.0))
     lines = ["period_s,2F,RF", *(f"{1.0 / hz},1.5,2" for hz in range(1, 9))]
-    with pytest.raises(MeasurementError, match="give frequencies in place of periods"):
+    with pytest.raises(MeasurementError, match="of periods give frequencies"):
         inspect_file(written(tmp_path, lines, "b.csv"))
 
 

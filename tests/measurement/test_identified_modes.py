@@ -178,20 +178,13 @@ HEAD = "mode,frequency_hz,damping,2F,RF\n"
             r"deviation of the frequency of mode 1",
         ),
         ("mode,frequency_hz,2F,2F_sd\n1,2,3,-1\n", r"a standard deviation of the shape of mode 1"),
+        ("mode,period_s,frequency_hz,RF\n1,.25,5,1\n", "do not fit each other; leave out one"),
         ("mode,frequency_hz,RF.y\n1,2,3\n", r"none of the shapes' components is a floor's in dir"),
     ],
 )
 def test_wrong_tables(write, text, message):
     with pytest.raises(MeasurementError, match=message):
         read(write(text, "m.csv"))
-
-
-def test_periods_that_no_mode_has_and_that_contradict_frequencies(write):
-    found = inspect_file(write("mode,period_s,2F,RF\n1,-0.3,.4,1\n2,.1,1,-.5\n", "m.csv"))
-    assert "mode 1 at -3.333 Hz has no frequency above 0" in found.all_findings[0]
-    both = "mode,period_s,frequency_hz,2F,RF\n1,.25,5,.4,1\n2,.1,10,1,-.5\n"
-    with pytest.raises(MeasurementError, match="do not fit each other; leave out one"):
-        inspect_file(write(both, "m.csv"))
 
 
 def test_circular_frequencies_and_letters_of_modes(write):

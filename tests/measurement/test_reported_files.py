@@ -140,9 +140,8 @@ def test_every_file_is_ticked_off(shared_file):
 
 
 # The twenty frictions of a first day: a command each, or what is read, and words it must have.
-# 3 and 13 are files above, 6 is test_pages.py, 8 is test_any_file.py.
+# 1, 3, 13 and 14 are files above, 6 is test_pages.py, 8 is test_any_file.py.
 FRICTIONS = {
-    1: ("inspect {shared}/first_day/names_en.csv", ("base=Ground", "RF=Roof")),
     2: ("simulate -o x.csv --study none", ("has no building yet; name one",)),
     4: ("predict --help", ("--member", "beam, column or brace")),  # and test_member_histories.py
     5: ("build-model shear_3dof --study b --no-pictures", ("Heaviest modes: 3.880 Hz (X)",)),
@@ -154,10 +153,6 @@ FRICTIONS = {
     10: ("page", ("Verdict:", "counter(page)", "prefers-color-scheme", "How it was made")),
     11: ("page", ('alt="model"',)),
     12: ("page", ("share of the mass",)),
-    14: (
-        "inspect {shared}/first_day/quoted_thousands.csv",
-        ("Times in ms are called time_s (ms)",),
-    ),
     15: ("calibrate run.csv --study s --columns x=y", ("no column 'y' to take for x",)),
     17: ("list", ("infill_stiffness",)),
     18: ("calibrate run.csv --study s --particles 200 --no-pictures", ("Verdict:", "Next:")),
@@ -168,8 +163,7 @@ JARGON = ("MVAE", "validation loss", "Gaussians", "effective sample size", "powe
 
 
 @pytest.mark.slow
-def test_the_twenty_frictions_of_a_first_day_are_gone(shared_file, tmp_path, monkeypatch):
-    shared = shared_file("cases/reports/README.md").parents[1]
+def test_the_twenty_frictions_of_a_first_day_are_gone(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     little = "--duration 30 --sampling 100 --band 0.3,40"
     told(shlex.split(f"simulate -o run.csv --building shear_3dof {little}"))
@@ -183,7 +177,7 @@ def test_the_twenty_frictions_of_a_first_day_are_gone(shared_file, tmp_path, mon
         if command in texts:
             said = texts[command].read_text()
         else:
-            said, _ = told(shlex.split(command.format(shared=shared)))
+            said, _ = told(shlex.split(command))
         assert [word for word in words if word not in said] == [], f"{number}: {said[:2000]}"
     # 16: a Python to live with.
     assert {"calibrate", "Observation"} <= {*dir(femupdate)}
