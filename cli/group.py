@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from femupdate.errors import close
 from femupdate.study import made_by
 
 # Heading of an option, by its longest name; what is not listed is a setting of the computation.
@@ -117,9 +118,5 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Suggest the nearest name for a mistyped command."""
         if args and not args[0].startswith("-") and args[0] not in self.modules:
-            import difflib
-
-            near = difflib.get_close_matches(args[0], self.modules, n=1)
-            hint = f" Did you mean {near[0]!r}?" if near else ""
-            ctx.fail(f"No such command {args[0]!r}.{hint}")
+            ctx.fail(f"No such command {args[0]!r}{close(args[0], self.modules)}")
         return super().resolve_command(ctx, args)

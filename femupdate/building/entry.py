@@ -84,10 +84,6 @@ _PLAIN = {
     "string_type": "must be text in quotes",
     "bool_type": "must be true or false",
 }
-_SUCH_AS = {
-    "damping": ', such as [damping] law = "constant", ratio = 0.03',
-    "frequency_grid": ', such as [frequency_grid] start = "0.05 Hz", step = "0.05 Hz", count = 400',
-}
 
 
 def _sentence(problem: Any) -> tuple[str, str]:
@@ -126,7 +122,6 @@ def as_building_error(error: ValidationError, document: Any, where: str) -> Buil
                 continue
         path.append(part)
     key = dotted([*path, below] if below else path)
-    sentence += _SUCH_AS.get(key, "") if problem["type"] == "missing" else ""
     others = error.error_count() - 1
     more = f" ({others} more to mend in this file)" if others else ""
     return BuildingError(f"{where}: {key + ': ' if key else ''}{sentence}{more}")

@@ -40,8 +40,6 @@ def driven_shapes(
     top_hz: float,
     *,
     watched: Sequence[Floats] = (),
-    tolerance: float = 1e-2,
-    most: int = 1200,
 ) -> NaturalModes:
     """Shapes that give the response to some forces up to a frequency, diagonal as modes are.
 
@@ -55,13 +53,13 @@ def driven_shapes(
         watched: groups of further rows (w, n) whose response must be right, such as the forces of
             a member each. They start no shapes. What is small beside the largest of its group, as a
             force that symmetry makes zero, may err by as much as that.
-        tolerance: rms change of the logarithm of the response, of the rows and of every group.
 
     Raises:
-        StructureError: `most` shapes are not enough.
+        StructureError: 1200 shapes are not enough.
     """
     # The observed rows start shapes as well: the error of a response is the product of both errors.
     fresh = factorization.apply(np.column_stack([forces, rows.T]))
+    most, tolerance = 1200, 1e-2  # of shapes; rms change of ln of the response, of every group
     room = most + fresh.shape[1]
     basis = np.empty((len(forces), room), order="F")
     small = np.zeros((room, room))  # the stiffness on the basis

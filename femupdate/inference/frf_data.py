@@ -541,11 +541,10 @@ def base_logs(
     table: ErrorTable = MODEL_ERROR,
     precision: torch.dtype = torch.float64,
     modes: int | None = MODES_KEPT,
-    batch: int | None = None,
 ) -> FrfData:
     """ln|H| under base motion, at all frequencies of an observation (see `FrfData.as_logs`)."""
     data = frf_data(observation, system.floors, use_phase=False, table=table)
-    return data.as_logs(system, precision=precision, modes=modes, batch=batch)
+    return data.as_logs(system, precision=precision, modes=modes)
 
 
 def forced_data(

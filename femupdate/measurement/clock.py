@@ -163,8 +163,7 @@ def even_step(
         raise file.error(text, int(lines[blank[0]]), title)
     steps = np.diff(time)
     if (steps <= 0).mean() > 0.5 and (time[-1] <= time[0] or (steps < 0).any()):
-        text = "the times do not increase; sort the rows, or give frequencies in place of periods"
-        raise file.error(text, None, title)
+        raise file.error("the times do not increase; sort them (periods: give 1/T)", None, title)
     # As many decimals as all times are printed with.
     scale = np.abs(time).max() * 1e-14
     printed = (d for d in range(_DECIMALS) if np.abs(np.round(time, d) - time).max() <= scale)

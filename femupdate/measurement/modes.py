@@ -376,8 +376,6 @@ def mode_findings(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
     ]
     for mode, name in zip(modes, called, strict=True):
         shape = np.asarray(mode.shape)
-        if not 0.0 < mode.frequency_hz < np.inf:
-            findings.append(f"{name} has no frequency above 0: correct it")
         # Buildings have damping ratios of .005 to .1.
         if mode.damping is not None and not 0.0 < mode.damping <= 0.1:
             findings.append(f"{name} has a damping ratio of {mode.damping:.3g}")

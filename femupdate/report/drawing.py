@@ -247,10 +247,7 @@ def renders(renderer: Renderer) -> bool:
 
 
 def probe(command: tuple[str, ...], timeout: float = 60.0) -> str:
-    """Run a command that makes a picture; why it did not live, as half a sentence.
-
-    A first picture takes one to five seconds.
-    """
+    """Run a command that makes a picture; why it did not live, as half a sentence."""
     try:
         done = subprocess.run(
             command,

@@ -12,7 +12,6 @@ from femupdate.discrepancy.repair import Held
 from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
 from femupdate.report.curves import Curve, Interval
-from femupdate.report.drawing import Renderer
 from femupdate.report.figure import add_head, new_figure
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import drawn
@@ -41,7 +40,6 @@ def gap_story(
     names: Sequence[str],
     draws: Sequence[Floats],
     held: Held | None = None,
-    renderer: Renderer = "auto",
 ) -> Figure:
     """Draw residuals before and after, what was added between them, FRFs, factors, held-out data.
 
@@ -55,7 +53,6 @@ def gap_story(
         names: p names of the stiffness factors.
         draws: (n, p) of them before and after.
         held: data kept out, if any.
-        renderer: of the building, as for `mode_shape_figure`.
     """
     kept, mended = _kept_out(held), len(maps) > 1
     # The three floors that the model before missed most, from the top down.
@@ -81,7 +78,7 @@ def gap_story(
         structure = building.structure
         glyphs = drawn(sign for each in added for sign in each.effect.glyphs(building, each.place))
         floors = list(zip(structure.floors, structure.levels.tolist(), strict=True))
-        draw_marked(panels[1], Geometry.of_building(building), glyphs, floors, renderer)
+        draw_marked(panels[1], Geometry.of_building(building), glyphs, floors, "auto")
         panels[1].set_title("\n".join(each.in_words for each in added), loc="center")
     for row, curve in enumerate(chosen, first):
         panel = figure.add_subplot(grid[row, :2])

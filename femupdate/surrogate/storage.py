@@ -159,9 +159,8 @@ def require_surrogate(study: Study, building: Building) -> Surrogate:
     """
     found = find_surrogate(study, building)
     if found is None:
-        options = f"--study {shlex.quote(str(study.folder))}"
         raise SurrogateError(
-            f"no trained surrogate fits the building {building.name}; run `femupdate train "
-            f"{options}` (once for each building), or calibrate with --exact"
+            f"no trained surrogate fits the building {building.name}; run `femupdate train --study "
+            f"{shlex.quote(str(study.folder))}` (once for each building), or calibrate with --exact"
         )
     return found[0]

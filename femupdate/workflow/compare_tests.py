@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -137,10 +136,8 @@ def compare_frfs(
     for name, path in ((name, Path(name)) for name in (before, after)):
         if not path.is_file():
             continue
-        read: dict[str, Any] = {}
-        for opened in (study, *(Study(each) for each in (before, after) if Path(each).is_dir())):
-            read |= opened.reading_of(path)
-        read["columns"] = columns or read.get("columns")
+        opened = next((Study(each) for each in (before, after) if Path(each).is_dir()), study)
+        read = opened.reading_of(path) | ({"columns": columns} if columns else {})
         files[name] = read_observation_file(path, **read)
     grids = [data.frequency_hz for data in files.values() if isinstance(data, Observation)]
     for name in {before, after} - set(files):

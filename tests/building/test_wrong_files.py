@@ -195,8 +195,6 @@ CASES = {
         r"prior\.zeta\.upper: 5 must lie below 1"),
     "prior of no story": ("[prior.zeta]", "[prior.stories.top]\nlower = 1\nupper = 2\n[prior.zeta]",
         r"prior\.stories\.top: no story is named 'top' \(known: low, high\)"),
-    "no damping": ('[damping]\nlaw = "constant"\nratio = 0.02', "",
-        r"damping: the key is missing; add it, such as \[damping\] law = \"constant\""),
     "no law": ('law = "constant"\n', "", r"damping\.law: the key is missing"),
     "nuisance with Rayleigh": ('law = "constant"', 'law = "rayleigh"\nanchors = ["1 Hz", "9 Hz"]',
         r"prior\.zeta: Rayleigh damping is fixed by its anchors"),
