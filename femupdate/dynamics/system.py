@@ -81,7 +81,6 @@ class Responses:
     floors: tuple[int, ...] | None = None  # whose responses are wanted; all where None
     # what an estimate makes of complex FRFs, before the logarithm is taken
     seen: Estimate | None = None
-    batch: int | None = None  # responses at a time; default what is fastest
 
 
 @dataclass(frozen=True, eq=False)
@@ -464,7 +463,6 @@ class System:
             parameters,
             zeta,
             frequency_hz,
-            batch=how.batch,
             seen=how.seen,
         )
         values = torch.cat(list(parts))

@@ -256,7 +256,6 @@ class FrfData:
         *,
         precision: torch.dtype = torch.float64,
         modes: int | None = MODES_KEPT,
-        batch: int | None = None,
     ) -> "FrfData":
         """The same of one record under base motion without phases, as fast as it can be had.
 
@@ -266,14 +265,12 @@ class FrfData:
                 time and moves the log likelihood by a few thousandths.
             modes: kept for a response; all where None, which makes responses smooth in theta:
                 which modes are kept changes from place to place.
-            batch: responses at a time; default what is fastest.
         """
         how = Responses(
             modes=None if system.placed else modes,
             precision=precision,
             floors=self.rows,
             seen=self.blocks[0].estimator,
-            batch=batch,
         )
         return replace(self, logs=how)
 

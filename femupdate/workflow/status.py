@@ -174,7 +174,11 @@ def _holding(
     sources, beside = sources_of(artefact), files_beside_of(artefact)
     words = artefact.settings.get("words", ())
     if not words or (words[0] != artefact.command and artefact.command in _ALONE):
-        words = [artefact.command, *sources]
+        words = [artefact.command, *["--record"] * (artefact.command == "predict"), *sources]
+        words += [word for option, file in beside.items() for word in (f"--{option}", file)]
+        if owner_of(name) != MAIN_POSTERIOR:
+            option = "--name" if artefact.command == "calibrate" else "--posterior"
+            words += [option, owner_of(name)]
     path, state, reason = study.path(artefact.file), CURRENT, ""
     if not path.exists():
         state = MISSING

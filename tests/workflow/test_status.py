@@ -81,8 +81,9 @@ def test_a_command_is_told_as_it_was_called(look, tower_observation, words, agai
 def test_a_new_posterior_makes_the_prediction_stale(look):
     study, states = look
     write_text(study.path("prediction.nc"), "bands")
-    words = {"file": "r.at2", "words": ["predict", "--record", "r.at2"]}
-    study.record("prediction", "prediction.nc", "predict", {"posterior": "older"}, words)
+    study.record(
+        "prediction", "prediction.nc", "predict", {"posterior": "older"}, {"file": "r.at2"}
+    )
     assert states()["prediction"] == "stale"
     command, reason = study_status(study).next[0]
     assert command.startswith("femupdate predict --record r.at2")
