@@ -12,7 +12,7 @@ from femupdate.effects import CATALOGUE
 from femupdate.errors import MeasurementError
 from femupdate.inference import load_posterior
 from femupdate.measurement import GroundMotion
-from femupdate.study import Study, made_by
+from femupdate.study import Study
 from femupdate.workflow import (
     CalibrationSettings,
     ObservationSource,
@@ -57,11 +57,12 @@ def repaired(home, calibrated_before):
     """The report of the repair, and the study's own files before it."""
     study = calibrated_before
     before = {p: study.path(p).read_bytes() for p in ("building.toml", "posterior.nc")}
-    heavy, kept = home / "heavy.csv", home / "kept.csv"
-    with made_by(("repair", str(heavy), "--holdout", str(kept))):
-        report = repair_study(
-            study, open_study(study), ObservationSource(heavy), ObservationSource(kept)
-        )
+    report = repair_study(
+        study,
+        open_study(study),
+        ObservationSource(home / "heavy.csv"),
+        ObservationSource(home / "kept.csv"),
+    )
     return report, before
 
 
