@@ -26,7 +26,7 @@ from femupdate.measurement.names import (
     parse_history,
     two_bases,
 )
-from femupdate.measurement.quantity import RAW, is_acceleration, si_factor
+from femupdate.measurement.quantity import RAW, force_unit, is_acceleration, si_factor
 from femupdate.measurement.reader import base_motion_in, read_measured, readers
 from femupdate.measurement.recording import (
     RecordedChannel,
@@ -425,6 +425,8 @@ def inspect_file(
     """
     path = Path(path)
     recording = read_measured(path)
+    if unit and not force_unit(unit):
+        si_factor(recording.file, unit, "acceleration")  # refuses what is no unit
     functions = (*recording.functions, *_functions_of_table(recording, unit, columns))
     table = recording.mode_table
     modes = recording.modes if table is None else modes_in_table(table, columns or {}, named=False)
@@ -527,8 +529,8 @@ def _step(
         asked = names == () and not columns
         return replace(step, advice=f"{step.advice} {_NO_HEADER}".strip()) if asked else step
     calibrate = f"femupdate calibrate {shlex.quote(str(path))}"
-    if any(mode.damping is not None and mode.damping <= 0.0 for mode in modes):
-        return NextStep("", "Damping ratios must be above 0: leave blank what is not known.")
+    if any(not min(e.frequency_hz, 1.0 if e.damping is None else e.damping) > 0.0 for e in modes):
+        return NextStep("", "Frequencies and damping ratios must be above 0: correct the file.")
     if modes:
         placed = all(parse_channel(sensor) for mode in modes for sensor in mode.sensors)
         if columns or placed:

@@ -12,13 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Floats
-from femupdate.measurement.names import (
-    BASE,
-    FREQUENCY,
-    FREQUENCY_WORD,
-    floor_height,
-    parse_channel,
-)
+from femupdate.measurement.names import BASE, FREQUENCY, FREQUENCY_WORD, floor_height, parse_channel
 from femupdate.measurement.quantity import si_factor
 from femupdate.measurement.recording import RecordedMode, Recording, mean_of_tests
 from femupdate.measurement.resolve import positions, renamed_columns, whole_or_parts
@@ -72,11 +66,11 @@ def modes_in_table(
             f"there is no column {FREQUENCY}; columns of identified modes are {MODE_COLUMNS}"
         )
     frequency = values[FREQUENCY]
-    blank = np.flatnonzero(np.isnan(frequency))
-    if blank.size:
+    wrong = np.flatnonzero(~((frequency > 0.0) & np.isfinite(frequency)))
+    if wrong.size:
         raise table.file.error(
-            "the mode has no frequency; give it or remove the row",
-            int(table.lines[blank[0]]),
+            "the mode has no frequency above 0; give it or remove the row",
+            int(table.lines[wrong[0]]),
             FREQUENCY,
         )
     parts = [name for name in values if name not in _NAMED]
@@ -148,9 +142,9 @@ def _columns(table: ColumnTable, columns: Mapping[str, str], named: bool) -> dic
         if unit is None and known == FREQUENCY and re.match("ω|omega|circular", title.lower()):
             unit = "rad/s"
         if unit and known in (FREQUENCY, FREQUENCY_SD):
-            factor = si_factor(table.file, unit, "frequency")
+            factor = si_factor(table.file, unit, "frequency", title)
         elif unit and known in (PERIOD, PERIOD_SD):
-            factor = si_factor(table.file, unit, "time")
+            factor = si_factor(table.file, unit, "time", title)
         elif known in (DAMPING, DAMPING_SD) and unit == "%":
             factor = 0.01
         elif unit and known not in (MODE, TEST) and unit not in ("-", "1"):
@@ -376,6 +370,8 @@ def mode_findings(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
     ]
     for mode, name in zip(modes, called, strict=True):
         shape = np.asarray(mode.shape)
+        if not mode.frequency_hz > 0.0:
+            findings.append(f"{name}: the frequency must be above 0")
         # Buildings have damping ratios of .005 to .1.
         if mode.damping is not None and not 0.0 < mode.damping <= 0.1:
             findings.append(f"{name} has a damping ratio of {mode.damping:.3g}")

@@ -76,7 +76,7 @@ def plain_unit(unit: str) -> str:
     explained = _EXPLAINED.match(name)
     if explained:
         name = explained.group(1)
-    return re.sub(r"(?<![^\W\d])sec(?=\b|\d|\^|\*|²|-|⁻)", "s", name, flags=re.IGNORECASE)
+    return re.sub(r"(?<![^\W\d])sec(?:ond)?s?(?=\b|\d|\^|\*|²|-|⁻)", "s", name, flags=re.IGNORECASE)
 
 
 def is_unit(text: str) -> bool:
@@ -114,12 +114,12 @@ def bracketed(title: str) -> tuple[str, str | None]:
     return text[:at].rstrip(), inside
 
 
-def si_factor(file: TextFile, unit: str, kind: str) -> float:
+def si_factor(file: TextFile, unit: str, kind: str, column: str | None = None) -> float:
     """Return the SI factor of a unit that a file or an option names."""
     try:
         return _factor(plain_unit(unit), kind)
     except UnitError as error:
-        raise file.error(str(error)) from None
+        raise file.error(str(error), column=column) from None
 
 
 def _known(name: str, kind: str) -> bool:
@@ -131,7 +131,7 @@ def _known(name: str, kind: str) -> bool:
 
 
 def _factor(name: str, kind: str) -> float:
-    several = re.fullmatch(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*?\s*([^\d\s].*)", name)
+    several = re.fullmatch(r"(\d+\.?\d*(?:[eE][-+]?\d+)?)\s*\*?\s*([^\d\s.].*)", name)
     if several and kind == "acceleration":  # 4.7e-6 m/s2 is what a count of a digitiser may be
         return float(several[1]) * factor(several[2], kind)
     # The first digitised CSMIP records are written in tenths of g.

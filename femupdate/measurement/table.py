@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from femupdate.arrays import Floats, Integers
 from femupdate.measurement.clock import is_moment, seconds_of
-from femupdate.measurement.names import FREQUENCY, FREQUENCY_NAME, TIME, FloorChannel, FrfColumn
+from femupdate.measurement.names import (
+    FREQUENCY,
+    FREQUENCY_NAME,
+    TIME,
+    TIME_NAME,
+    FloorChannel,
+    FrfColumn,
+)
 from femupdate.measurement.quantity import bracketed, force_unit, si_factor, split_unit
 from femupdate.measurement.text import TextFile
 
@@ -478,6 +485,10 @@ def read_head_rows(
                 line,
             )
     units: tuple[str | None, ...] = tuple(unit for _, unit in titles)
+    for kind, named in (("time", TIME_NAME), ("frequency", FREQUENCY_NAME)):
+        name, inside = bracketed(first[0])
+        if inside and units[0] is None and named.match(name):
+            si_factor(file, inside, kind, first[0])  # refuses what is no unit
     second = cells_of(rows[1][1], delimiter) if len(rows) > 1 else ["0"]
     if any(is_number(cell) for cell in second):
         return names, units, rows[1:]

@@ -8,12 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement import (
-    inspect_file,
-    read_measured,
-    read_observation_file,
-    read_record,
-)
+from femupdate.measurement import inspect_file, read_measured, read_observation_file, read_record
 
 RATE = 200.0
 ROWS = np.random.default_rng(3).normal(size=(3, 90)) * [[1.0], [2.0], [4.0]]

@@ -279,6 +279,14 @@ def test_frequencies_in_other_units(tmp_path, name, factor):
     lines = ["period_s,2F,RF", *(f"{1.0 / hz},1.5,2" for hz in range(1, 9))]
     with pytest.raises(MeasurementError, match="of periods give frequencies"):
         inspect_file(written(tmp_path, lines, "b.csv"))
+    lines = ["time (seconds),base,RF", *(f"{k},{k % 3},2" for k in range(12))]
+    assert inspect_file(written(tmp_path, lines, "b.csv"), "2.5 gal").channels[0].peak_m_s2 == 0.05
+    for lines[0] in ("Freq (kHzz),2F,RF", "time (msx),2F,RF"):
+        with pytest.raises(MeasurementError, match=r"column \w+ \(\w+\): unknown unit '\w+' for"):
+            inspect_file(written(tmp_path, lines, "b.csv"))
+    for unit in ("x gal", "-1 gal", "1.2.3 gal"):
+        with pytest.raises(MeasurementError, match=f"unknown unit '{unit}'"):
+            inspect_file(written(tmp_path, ["time_s,base,RF", *lines[1:]], "b.csv"), unit)
 
 
 @pytest.mark.parametrize(

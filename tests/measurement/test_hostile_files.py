@@ -72,13 +72,15 @@ def test_figures_that_no_force_and_no_motion_has(write, tmp_path):
 
 
 def test_modes_of_any_scale_and_of_no_frequency(write):
-    """Scales of a shape mean nothing; a negative frequency is a finding, not a failure."""
+    """Scales of a shape mean nothing; no mode has a negative frequency or period."""
     head = "mode,frequency_hz,damping,2F,RF\n"
     large = kind_in(read_measured(write(f"{head}1,2,0.01,1e300+1e298j,-2e300\n", "a.csv")))
     small = kind_in(read_measured(write(f"{head}1,2,0.01,1+0.01j,-2\n", "b.csv")))
     np.testing.assert_allclose(large.shape / large.shape[0, 0], small.shape / small.shape[0, 0])
-    wrong = write(f"{head}1,-2,0.01,1,2\n2,2,0.01,1,-2\n", "c.csv")
-    assert inspect_file(wrong).summary
+    for name, wrong in (("frequency_hz", -2), ("period (s)", -2), ("period (s)", 0)):
+        rows = f"{head.replace('frequency_hz', name)}1,2,0.01,1,2\n2,{wrong},0.01,1,-2\n"
+        with pytest.raises(MeasurementError, match=r"line 3.*no frequency above 0"):
+            inspect_file(write(rows, "c.csv"))
 
 
 def test_functions_with_fewer_values_than_frequencies(tmp_path):
