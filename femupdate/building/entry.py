@@ -76,6 +76,10 @@ def dotted(parts: Iterable[str | int]) -> str:
 
 _PLAIN = {
     "missing": "the key is missing; add it",
+    "frequency_grid": "the table is missing; add one with the lines [frequency_grid]"
+    ', start = "0.1 Hz", step = "0.1 Hz" and count = 200, say',
+    "damping": "the table is missing; add one with the lines [damping]"
+    ', law = "constant" and ratio = 0.02, say',
     "tuple_type": "must be a list",
     "dict_type": "must be a table",
     "mapping_type": "must be a table",
@@ -104,6 +108,7 @@ def _sentence(problem: Any) -> tuple[str, str]:
     if kind in ("too_long", "too_short"):
         wanted = context.get("max_length", context.get("min_length"))
         return "", f"the list has {context['actual_length']} entries; write {wanted}"
+    kind = problem["loc"][-1] if kind == "missing" and problem["loc"][-1] in _PLAIN else kind
     return "", _PLAIN.get(kind, problem["msg"][:1].lower() + problem["msg"][1:])
 
 

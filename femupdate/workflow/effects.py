@@ -29,13 +29,7 @@ from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
 from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart, write_text
-from femupdate.workflow.model import (
-    FINER_PART,
-    FinerMesh,
-    StudyModel,
-    finer_origin,
-    on_kept_finer,
-)
+from femupdate.workflow.model import FINER_PART, FinerMesh, StudyModel, finer_origin, on_kept_finer
 
 BASIS, NEAR_BASIS = "effect basis", "finder's basis"
 

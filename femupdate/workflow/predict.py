@@ -343,10 +343,8 @@ def _notes(
     scatter = _chosen_scatter(posterior, settings, np.arange(posterior.log_likelihood.size))
     sizes = (float(np.median(sd)) for sd in (scatter.stiffness, scatter.damping))
     between = "stiffness scatters by {} and damping by {}".format(*map(percent, sizes))
-    if posterior.scatter is None or settings.scatter is not None:
-        between += " (--scatter, --damping-scatter)"
-    else:
-        between += f", as between the {posterior.scatter.runs} runs"
+    learned = None if settings.scatter is not None else posterior.scatter
+    between += " (assumed)" if learned is None else f", as between the {learned.runs} runs"
     errs = (
         "; the calibration learned no error of the model, so none is in them"
         if posterior.model_error is None

@@ -25,13 +25,7 @@ from femupdate.study import Study
 from femupdate.units import capital
 from femupdate.workflow.calibration_report import kept_posterior
 from femupdate.workflow.model import StudyModel, on_kept_finer
-from femupdate.workflow.modes import (
-    StudyMode,
-    find_modes,
-    mode_table,
-    posterior_modes,
-    shape_table,
-)
+from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes, shape_table
 from femupdate.workflow.observed import direction_of
 
 

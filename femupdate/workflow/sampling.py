@@ -23,11 +23,7 @@ from femupdate.study import Study
 from femupdate.surrogate.storage import find_surrogate, require_surrogate
 from femupdate.units import percent
 from femupdate.workflow.calibrate_effects import FittedEffects
-from femupdate.workflow.conclusion import (
-    calibration_notes,
-    elsewhere_warnings,
-    noise_notes,
-)
+from femupdate.workflow.conclusion import calibration_notes, elsewhere_warnings, noise_notes
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
     FEW,

@@ -22,11 +22,7 @@ from femupdate.surrogate.storage import (
     find_surrogate,
     load_surrogate,
 )
-from femupdate.surrogate.training import (
-    TrainingSettings,
-    TrainingTask,
-    train_mvae,
-)
+from femupdate.surrogate.training import TrainingSettings, TrainingTask, train_mvae
 from femupdate.workflow.effects import with_finer_mesh
 from femupdate.workflow.likelihoods import unserved
 from femupdate.workflow.model import StudyModel, choose_building, require_named
