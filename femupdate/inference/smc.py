@@ -327,7 +327,7 @@ class TemperedSmc:
         settings: SmcSettings | None = None,
         moves: Sequence[tuple[Move, int]] | None = None,
     ) -> None:
-        self.prior, self._log_likelihood = prior, log_likelihood
+        self.prior, self.log_likelihood = prior, log_likelihood
         self.settings = chosen = settings or SmcSettings()
         first = max(0, min(chosen.independence_moves, chosen.moves))
         usual = (
@@ -347,7 +347,7 @@ class TemperedSmc:
         Raises:
             InferenceError: no finite likelihood, or too many levels.
         """
-        density = Tempered(self.prior, self._log_likelihood, self.settings.rows)
+        density = Tempered(self.prior, self.log_likelihood, self.settings.rows)
         generator = torch_generator(seed, self.prior.device)
         points, log_evidence, levels, _ = self._raised(density, generator, particles, 1, progress)
         return SamplerRun(
@@ -380,7 +380,7 @@ class TemperedSmc:
         Raises:
             InferenceError: no finite likelihood, or too many levels.
         """
-        density = Tempered(self.prior, self._log_likelihood, self.settings.rows)
+        density = Tempered(self.prior, self.log_likelihood, self.settings.rows)
         generator = torch_generator(seed, self.prior.device)
         points, evidence, levels, moves = self._raised(
             density, generator, particles, groups, progress

@@ -15,7 +15,7 @@ from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import TRUSTED, draws_about
 from femupdate.inference.parameters import Parameters
-from femupdate.inference.smc import Hamiltonian, SmcSettings, TemperedSmc
+from femupdate.inference.smc import Hamiltonian, LogLikelihood, SmcSettings, TemperedSmc
 from femupdate.maximise import Descent
 from femupdate.progress import SILENT, Percent, Progress, waiting
 from femupdate.seeds import Seed, spawn, torch_generator
@@ -87,10 +87,8 @@ def sampled_about_maxima(
     """
     assert target.maxima is not None
     # Rounds of fitting take some hundred draws a parameter.
-    total, few = count + 200 * target.prior.size, target.prior.sample(64, torch_generator(0))
-    started = time.monotonic()
-    target.likelihood(few)
-    ahead = waiting((time.monotonic() - started) * total / len(few))
+    total = count + 200 * target.prior.size
+    ahead = _ahead(target.prior, target.likelihood, 64, total)
     show.start(f"Importance sampling ({ahead}, {total:,} responses of the building)", total)
     drawing, choosing = spawn(seed, 2)
     # A thousand at a time: all processors start and end together.
@@ -123,11 +121,21 @@ def sampled_chains(
     sampler: TemperedSmc, label: str, settings: CalibrationSettings, seed: Seed, show: Progress
 ) -> list[SamplerRun]:
     """Independent runs of a sampler, all from the prior, with their progress under a label."""
-    show.start(label, 100 * settings.chains)
+    # Levels and moves together take some forty likelihoods a particle.
+    total = 40 * settings.each * settings.chains
+    ahead = _ahead(sampler.prior, sampler.log_likelihood, settings.each, total)
+    show.start(f"{label}, {ahead}", 100 * settings.chains)
     return [
         sampler.run(settings.each, stream, _by_power(Percent(show)))
         for stream in spawn(seed, settings.chains)
     ]
+
+
+def _ahead(prior: Parameters, likelihood: LogLikelihood, count: int, total: int) -> str:
+    """The time that likelihoods of `total` draws take, told from that of `count`."""
+    few, started = prior.sample(count, torch_generator(0)), time.monotonic()
+    likelihood(few)
+    return waiting((time.monotonic() - started) * total / count)
 
 
 def sampled_by_particles(
