@@ -64,7 +64,7 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
         raise file.error("the file holds no array of numbers; save one for each channel")
     if timed := _channels_with_clocks(file, columns, scalars, arrays):
         return Recording(file, timed)
-    axis = _axis(columns, scalars)
+    axis = _axis(file, columns, scalars)
     if axis is None and any(map(np.iscomplexobj, columns.values())):
         raise file.error("complex arrays need their frequencies; add the array frequency_hz (Hz)")
     count = columns[axis].size if axis else max(column.size for column in columns.values())
@@ -182,7 +182,7 @@ def _columns(name: str, array: NDArray[Any], labels: Sequence[str] = ()) -> dict
     return {name: array} if array.ndim == 1 and array.size > 1 else {}
 
 
-def _axis(columns: dict[str, _Column], scalars: Mapping[str, float]) -> str | None:
+def _axis(file: TextFile, columns: dict[str, _Column], scalars: Mapping[str, float]) -> str | None:
     """Name of the column of times or frequencies; one is added where a rate gives it, else None."""
     for kind, name in ((TIME_NAME, TIME), (FREQUENCY_NAME, FREQUENCY)):
         real = (key for key, column in columns.items() if not np.iscomplexobj(column))
@@ -191,15 +191,18 @@ def _axis(columns: dict[str, _Column], scalars: Mapping[str, float]) -> str | No
             counted = {"_ms": 1e-3, "_us": 1e-6}.get(key_of_axis.lower()[-3:], 1.0)
             columns[name] = counted * columns.pop(key_of_axis)
             return name
-    steps = (
-        1.0 / value if _RATE.match(plain) else value
+    steps = {
+        name: 1.0 / value if _RATE.match(plain) else value
         for name, value in scalars.items()
         for plain in (name.rpartition(".")[2],)
-        if np.isfinite(value) and value > 0.0 and (_RATE.match(plain) or _STEP.match(plain))
-    )
-    step = next(steps, None)
-    if step is None:
+        if np.isfinite(value) and value and (_RATE.match(plain) or _STEP.match(plain))
+    }
+    if not steps:
         return None
+    step = max(steps.values())
+    if not 0.0 < step < 1.001 * min(steps.values()):
+        told = " and ".join(f"{name} says {value:g} s" for name, value in steps.items())
+        raise file.error(f"of the step {told}; leave what is right and above 0")
     longest = max(column.size for column in columns.values())
     columns[TIME] = np.arange(longest, dtype=np.float64) * step
     return TIME

@@ -206,6 +206,7 @@ def _peaks(member: MemberForces, scales: tuple[Scale, Scale]) -> Iterator[tuple[
     """Name, unit, mean, sd and 5 and 95 % of every force."""
     peak = member.peak
     columns = np.stack([peak.mean, peak.sd, peak.q05, peak.q95], axis=1)
+    columns[peak.mean < 1e-6 * peak.mean.max()] = 0.0  # no figures of nought
     for name, values in zip(member.member.forces, columns, strict=True):
         words, unit, factor = in_unit(name, scales)
-        yield (words, unit, *(values / factor).round(9).tolist())  # no figures of nought
+        yield (words, unit, *(values / factor).tolist())

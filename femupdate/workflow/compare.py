@@ -187,9 +187,10 @@ def find_state(text: str, study: Study) -> State:
         return open_state(Study(path), text)
     if path.is_file():
         return State(name=text, posterior=load_posterior(path), titles={}, hashes={})
-    known = f"; {study.folder} holds {', '.join(names)}" if names else ""
+    known = f", or choose of {study.folder} {', '.join(names)}" if names else ""
     raise StudyError(
-        f"there is no study folder, no posterior file and no posterior called {text}{known}"
+        f"there is no study folder, posterior file or posterior called {text}; make it by "
+        f"`femupdate calibrate FILE --name {text}`{known}"
     )
 
 

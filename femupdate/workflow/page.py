@@ -111,7 +111,7 @@ def _told(result: Result | None, missing: str) -> Iterator[Block]:
 def _kept_pictures(study: Study, made: Path, names: Sequence[str]) -> list[Image]:
     """Pictures that were drawn when a file was made, and cannot be drawn from what it holds."""
     folder = study.result("pictures")
-    found = (sorted(folder.glob(f"{name}*.png"), key=lambda path: len(path.name)) for name in names)
+    found = (sorted(folder.glob(f"{name}*.png"), key=lambda p: (len(p.name), p)) for name in names)
     paths = [path for of_name in found for path in of_name]
     larger = DOTS_PER_INCH / DOTS
     return [Image(path, larger) for path in paths if path.stat().st_mtime >= made.stat().st_mtime]

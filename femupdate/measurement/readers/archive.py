@@ -145,7 +145,7 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
         )
     if not records:
         raise file.error(
-            f"the archive holds no record, only {', '.join(left_out) or 'nothing'}"
+            f"the archive holds no record, only {', '.join(left_out) or 'nothing'}; give another"
             if not readable
             else f"the archive holds several tables ({', '.join(readable)}); unpack it and give one"
         )
