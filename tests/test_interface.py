@@ -11,13 +11,7 @@ from click import Context
 from femupdate.cli.main import group
 
 import femupdate
-from femupdate.errors import (
-    BuildingError,
-    FemupdateError,
-    MeasurementError,
-    ReportError,
-    in_python,
-)
+from femupdate.errors import BuildingError, FemupdateError, MeasurementError, ReportError, in_python
 from femupdate.measurement import read_observation_file
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "how-to" / "python.md"

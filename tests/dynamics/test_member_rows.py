@@ -6,18 +6,9 @@ import torch
 from scipy.sparse.linalg import splu
 
 from femupdate.building import from_document
-from femupdate.dynamics import (
-    ConstantDamping,
-    Rows,
-    SensorRows,
-    driven_system,
-    response_spectrum,
-)
+from femupdate.dynamics import ConstantDamping, Rows, SensorRows, driven_system, response_spectrum
 from femupdate.dynamics.history import displacement_histories
-from femupdate.dynamics.members import (
-    beam_end_rows,
-    cut_rows,
-)
+from femupdate.dynamics.members import beam_end_rows, cut_rows
 from femupdate.effects import structure_of
 from femupdate.fe import Beams, static_displacement
 

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.errors import StructureError
-from femupdate.fe import (
-    Beams,
-    Shells,
-    Triangles,
-    cell_types,
-    element_for,
-    element_kinds,
-)
+from femupdate.fe import Beams, Shells, Triangles, cell_types, element_for, element_kinds
 
 
 @pytest.fixture

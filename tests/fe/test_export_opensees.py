@@ -8,14 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.fe import (
-    PointMasses,
-    RigidLinks,
-    Springs,
-    assemble,
-    lowest_modes,
-    opensees_script,
-)
+from femupdate.fe import PointMasses, RigidLinks, Springs, assemble, lowest_modes, opensees_script
 
 THETA = np.array([0.7, 1.4])
 

@@ -5,10 +5,7 @@ import pytest
 import torch
 from scipy.stats import multivariate_normal
 
-from femupdate.inference.model_error import (
-    ErrorTable,
-    LearnedError,
-)
+from femupdate.inference.model_error import ErrorTable, LearnedError
 
 FREQUENCY = torch.linspace(0.5, 12.0, 40, dtype=torch.float64)
 FEW = ErrorTable(sizes=(0.05, 0.3), lengths=(1 / 20, 1 / 5), noise=(1.0, 2.0))

@@ -8,12 +8,7 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from femupdate.errors import SurrogateError
-from femupdate.surrogate import (
-    Surrogate,
-    SurrogateInfo,
-    load_surrogate,
-    save_surrogate,
-)
+from femupdate.surrogate import Surrogate, SurrogateInfo, load_surrogate, save_surrogate
 
 
 @pytest.fixture(scope="module")

@@ -87,5 +87,5 @@ def test_two_posteriors_of_one_study_are_compared_by_their_names(states, tmp_pat
     report = compare_states(find_state("posterior", study), find_state("after", study))
     assert report.verdict == "changed"
     assert report.as_dict()["after"] == "after"
-    with pytest.raises(StudyError, match=r"called later; .* holds posterior, after$"):
+    with pytest.raises(StudyError, match=r"called later; make it .* posterior, after$"):
         find_state("later", study)
