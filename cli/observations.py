@@ -34,16 +34,9 @@ from .parameters import INPUT_FILE
     click.IntRange(200),
     5000,
 )
+@option("--chains", "Runs of the sampler apart, whose agreement is checked.", click.IntRange(1), 4)
 @option(
-    "--chains",
-    "Runs of the sampler apart, whose agreement is checked.",
-    click.IntRange(1),
-    4,
-)
-@option(
-    "--name",
-    "Name of the posterior; a study keeps any number of them.",
-    default=MAIN_POSTERIOR,
+    "--name", "Name of the posterior; a study keeps any number of them.", default=MAIN_POSTERIOR
 )
 @device_option
 @flag("--anyway", "Keep a posterior even where the file is unlike the building.")

@@ -27,21 +27,10 @@ from .parameters import INPUT_FILE, MEMBER
 @unit_option
 @scale_option
 @option(
-    "--damping",
-    "Damping ratio of all modes; default: the posterior's.",
-    click.FloatRange(0.0, 1.0),
+    "--damping", "Damping ratio of all modes; default: the posterior's.", click.FloatRange(0.0, 1.0)
 )
-@option(
-    "--samples",
-    "Draws of the posterior whose response is computed.",
-    click.IntRange(2),
-    300,
-)
-@option(
-    "--measured",
-    "Observation file with the floors measured in the same motion.",
-    INPUT_FILE,
-)
+@option("--samples", "Draws of the posterior whose response is computed.", click.IntRange(2), 300)
+@option("--measured", "Observation file with the floors measured in the same motion.", INPUT_FILE)
 @flag("--floor-spectra", "Also compute response spectra of the floors.")
 @option(
     "--spectrum-damping",
@@ -58,10 +47,7 @@ from .parameters import INPUT_FILE, MEMBER
     multiple=True,
 )
 @option(
-    "--member-draws",
-    "Posterior draws for which member forces are computed.",
-    click.IntRange(2),
-    24,
+    "--member-draws", "Posterior draws for which member forces are computed.", click.IntRange(2), 24
 )
 @option(
     "--scatter",
@@ -105,10 +91,7 @@ def command(
     multiple=True,
 )
 @option(
-    "--samples",
-    "Draws of the posterior over which shapes are averaged.",
-    click.IntRange(5),
-    60,
+    "--samples", "Draws of the posterior over which shapes are averaged.", click.IntRange(5), 60
 )
 @study_options(needs="posterior", draws=False, workbook="modes")
 def render(study: Study, bars: Bars, **asked: Any) -> Answer:

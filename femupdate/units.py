@@ -47,12 +47,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         },
         "density": {"kg/m3": 1.0, "t/m3": 1e3},
         "stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6, "N/mm": 1e3, "kN/mm": 1e6},
-        "rotational stiffness": {
-            "N m/rad": 1.0,
-            "kN m/rad": 1e3,
-            "MN m/rad": 1e6,
-            "GN m/rad": 1e9,
-        },
+        "rotational stiffness": {"N m/rad": 1.0, "kN m/rad": 1e3, "MN m/rad": 1e6, "GN m/rad": 1e9},
         "damping": {"N s/m": 1.0, "kN s/m": 1e3, "MN s/m": 1e6, "kN s/mm": 1e6},
         "rotational damping": {
             "N m s/rad": 1.0,

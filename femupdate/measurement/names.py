@@ -25,8 +25,7 @@ SECONDS_NAME = re.compile(
 )
 FREQUENCY_WORD = r"fr[eé]q(s|uenc(y|ies|es?)|uenz(a|e|en)?|u[eê]ncias?)?|fre[kc]uencias?|frekans"
 FREQUENCY_NAME = re.compile(
-    rf"^((?P<w>ω|omega|(circular|angular) f.+)|(f|{FREQUENCY_WORD})([_ ]?hz)?)$|^周波数|^频率",
-    re.I,
+    rf"^((?P<w>ω|omega|(circular|angular) f.+)|(f|{FREQUENCY_WORD})([_ ]?hz)?)$|^周波数|^频率", re.I
 )
 
 _FLOOR = r"RF|(?:[2-9]|[1-9]\d+)F"

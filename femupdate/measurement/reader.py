@@ -121,9 +121,7 @@ def read_observation_file(
 
 
 def base_motion_in(
-    recording: Recording,
-    unit: str | None = None,
-    columns: Mapping[str, str] | None = None,
+    recording: Recording, unit: str | None = None, columns: Mapping[str, str] | None = None
 ) -> Histories | Observation:
     """What `read_observation_file` reads, in a file that was opened."""
     found = kind_in(recording, unit, columns)

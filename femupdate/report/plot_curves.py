@@ -200,10 +200,7 @@ POINTS = 1200  # instants drawn of each
 
 @styled
 def story_shear_drift(
-    shear: Floats,
-    drift: Floats,
-    stiffness: Floats,
-    stories: Sequence[str],
+    shear: Floats, drift: Floats, stiffness: Floats, stories: Sequence[str]
 ) -> Figure:
     """Draw shear against drift of every story, the top story first, with its mean stiffness.
 

@@ -84,11 +84,7 @@ def residual_pictures(
 
 
 @styled
-def residual_map(
-    maps: Sequence[tuple[str, ResidualMap]],
-    *,
-    title: str = DISAGREE,
-) -> Figure:
+def residual_map(maps: Sequence[tuple[str, ResidualMap]], *, title: str = DISAGREE) -> Figure:
     """Draw the misfit of every floor in every band, one panel a model.
 
     Args:

@@ -188,10 +188,7 @@ def _draw_spectra(axes: Axes, channels: Sequence[InspectedChannel], unit: str) -
 
 
 def _draw_response(
-    response: Axes,
-    share: Axes,
-    driver: InspectedChannel,
-    floors: Mapping[int, InspectedChannel],
+    response: Axes, share: Axes, driver: InspectedChannel, floors: Mapping[int, InspectedChannel]
 ) -> None:
     from scipy.signal import coherence, csd, welch
 

@@ -127,10 +127,7 @@ class BuildReport(Result):
 
 
 def build_study(
-    study: Study,
-    building: str | None = None,
-    progress: Progress = SILENT,
-    units: str | None = None,
+    study: Study, building: str | None = None, progress: Progress = SILENT, units: str | None = None
 ) -> BuildReport:
     """Build the model of a building into a study.
 

@@ -53,10 +53,7 @@ class FittedEffects:
 
 
 def fitted_effects(
-    study: Study,
-    model: StudyModel,
-    measured: Measured,
-    progress: Progress,
+    study: Study, model: StudyModel, measured: Measured, progress: Progress
 ) -> FittedEffects:
     """Fit the effects that a building lists; the basis that serves there is kept.
 

@@ -394,9 +394,7 @@ class CalibrationReport(Result):
         yield Picture(
             "stiffness_factors",
             lambda: theta_intervals(
-                [titles[name] for name in factors.names],
-                {label: factors.samples},
-                factors.bounds,
+                [titles[name] for name in factors.names], {label: factors.samples}, factors.bounds
             ),
         )
 
@@ -428,11 +426,7 @@ class CalibrationReport(Result):
 
 
 def predictive_log_frf(
-    system: System,
-    model: StudyModel,
-    posterior: Posterior,
-    count: int = 200,
-    seed: int = 0,
+    system: System, model: StudyModel, posterior: Posterior, count: int = 200, seed: int = 0
 ) -> Floats:
     """ln|H| (n, f, k) of all floors at n posterior draws, measured or not.
 

@@ -198,10 +198,7 @@ def _modes_told(found: AmbientModes, path: Path, written: Path) -> Told:
         key="modes",
         columns=tuple(
             Column(
-                [getattr(mode, key) for mode in found.modes],
-                heads.get(key),
-                told.get(key),
-                key=key,
+                [getattr(mode, key) for mode in found.modes], heads.get(key), told.get(key), key=key
             )
             for key in keys
         ),

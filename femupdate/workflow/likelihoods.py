@@ -173,10 +173,7 @@ def smooth_likelihood(model: StudyModel, measured: Measured) -> Likelihood:
 
 
 def base_data(
-    records: Iterable[Observation],
-    system: System,
-    use_phase: bool,
-    table: ErrorTable = MODEL_ERROR,
+    records: Iterable[Observation], system: System, use_phase: bool, table: ErrorTable = MODEL_ERROR
 ) -> FrfData:
     """FRFs under base motion of one record or several, each at its level and with its halves.
 

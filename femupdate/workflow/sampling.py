@@ -248,10 +248,7 @@ def sample_exact(
         missed = float(left.square().mean().sqrt())
         warnings = elsewhere_warnings(model, measured.base, model.least_noise, missed)
     return replace(
-        sampled,
-        notes=notes,
-        warnings=(*sampled.warnings, *warnings),
-        least_noise=model.least_noise,
+        sampled, notes=notes, warnings=(*sampled.warnings, *warnings), least_noise=model.least_noise
     )
 
 
