@@ -404,6 +404,8 @@ class _DeckReading:
                 continue
             named = card.name == "CELAS1"
             rate = known(card, rates, card.whole(1), "PELAS") if named else card.real(1)
+            if rate < 0.0:
+                raise card.error("its stiffness is negative; give K of 0 or more")
             self.tables.spring(first, second, direction, rate)
         for card in self.deck.of("CBUSH"):
             bush, first = self._property(card, ("PBUSH",)), self.node(card, 2)

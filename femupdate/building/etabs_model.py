@@ -144,7 +144,9 @@ class _EtabsReading:
         self.level: dict[str, float] = {}
         z = 0.0
         for name, row in zip(self.stories, file.of("STORY")[::-1], strict=True):
-            z = row.real("ELEV", usual=z + row.real("HEIGHT", usual=0.0))
+            if (height := row.real("HEIGHT", usual=0.0)) < 0.0:
+                raise row.error(f"HEIGHT {height:g} is negative; write it from the floor below")
+            z = row.real("ELEV", usual=z + height)
             self.level[name] = z
         tables.levels = {n: tables.length * z for n, z in list(self.level.items())[1:]}
         self.plan = once(file.of("POINT"), "1")
@@ -197,8 +199,10 @@ class _EtabsReading:
         for row in self.file.of("POINTASSIGN"):
             node = self.node(row, row.named("1"), row.named("2"))
             held = row.text("RESTRAINT").upper().split()
+            if odd := [way for way in held if way not in _WAYS]:
+                raise row.error(f"RESTRAINT {odd[0]} is not known; write some of {' '.join(_WAYS)}")
             if held:
-                self.tables.holds.append((node, [_WAYS.index(w) for w in held if w in _WAYS]))
+                self.tables.holds.append((node, [_WAYS.index(way) for way in held]))
             if row.text("SPRINGPROP", "LINKPROP"):
                 raise row.error("its spring has no counterpart; hold it, or model it as a frame")
             name = row.text("DIAPH")

@@ -144,6 +144,7 @@ unit = "{length}"      # of length in the model, {why}
 force = "{force}"
 base = "{base} m"      # level of the lowest node that is held
 # ignore = {unknown}  # {what} to be left out, which are named and counted
+# infills = "15 GPa"  # softer diagonals are struts of infills; without this all are braces
 {lacks}
 {supports}# Floors lie at the sums of these heights above the base.
 # Members belong to the story between whose floors they are. Of towers, setbacks and mezzanines say

@@ -112,6 +112,7 @@ def building_model(building: MeshBuilding) -> ReadModel:
         ignored=mesh.ignore or (),
         elastic=mesh.elastic or (),
         mass=mesh.mass,
+        infills=mesh.infills or 0.0,
         diaphragms=rigid,
         base=base if "supports.base" in file.lacks else None,
         sections={name: section.figures() for name, section in building.sections.items()},

@@ -138,6 +138,7 @@ class Said:
     elastic: tuple[str, ...] = ()  # nonlinear ones that are taken at their initial stiffness
     mass: str | None = None  # "lumped" or "consistent", of elements
     diaphragms: tuple[int, ...] | None = None  # numbers of floors that are rigid in plan
+    infills: float = 0.0  # Pa, below which diagonals are struts of infills
     base: str | None = None  # "fixed" or "pinned", where the file says nothing
     # that the file only names
     sections: Mapping[str, SectionFigures] = field(default_factory=dict)
@@ -439,9 +440,9 @@ class ModelTables:
                 axis = corners[:, 1] - corners[:, 0]
                 rise = np.abs(axis[:, 2]) / np.maximum(np.linalg.norm(axis, axis=1), 1e-300)
                 steep = (kind == "beam") & (rise > 0.3)
-                soft = steep & (block.youngs_modulus < 15e9)  # Pa; stiffer than most masonry
+                soft = steep & (block.youngs_modulus < self.said.infills)
                 kind = np.where(soft, "infill", np.where(steep, "brace", kind)).astype("<U24")
-                self.changes["braces of less than 15 GPa: as struts of infills"] += soft.sum()
+                self.changes["diagonals softer than mesh.infills: struts of infills"] += soft.sum()
             middle, group = corners.mean(axis=1), np.zeros(len(corners), dtype=np.int64)
             if building is not None:
                 group = building.stories_at(middle)

@@ -18,6 +18,7 @@ from femupdate.building.quantities import (
     LengthOrZero,
     Names,
     Number,
+    Stress,
 )
 from femupdate.building.references import require, resolve
 from femupdate.building.shipped import program_of
@@ -41,6 +42,8 @@ class MeshFile(Entry):
     elastic: Names | None = None
     # whether the elements of a model have their mass at their nodes
     mass: Literal["lumped", "consistent"] | None = None
+    # diagonals of a model that are of less than this are struts of infills, the others braces
+    infills: Stress | None = None
     # floors of a model that are rigid in plan, beside those that it names itself; or "none"
     diaphragms: Literal["none"] | Names | None = None
 

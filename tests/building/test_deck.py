@@ -172,12 +172,13 @@ def test_members_of_a_kind_have_factors_of_their_own(tmp_path):
     write(tmp_path, FRAME.replace("2.1+5", "4.0+3"))  # a brace of masonry
     draft = draft_text(tmp_path / "frame.bdf", "N,mm", tmp_path)
     path = tmp_path / "frame.toml"
-    path.write_text(draft.replace("[sensors]", '[parameters]\nby = ["story", "kind"]\n\n[sensors]'))
-    building = load_building(path)
-    mesh = mesh_building(building)
-    names = [factor.name for factor in mesh.factors]
-    floor = ("columns", "infills", "slabs")
-    assert names == [*(f"S1 {k}" for k in ("walls", *floor)), "S2 columns", "S2 slabs"]
+    draft = draft.replace("[sensors]", '[parameters]\nby = ["story", "kind"]\n\n[sensors]')
+    for diagonals in ("braces", "infills"):  # which the user tells
+        path.write_text(draft.replace("# infills", "# " if diagonals == "braces" else "infills"))
+        mesh = mesh_building(load_building(path))
+        first = (f"S1 {kind}" for kind in ("walls", "columns", diagonals, "slabs"))
+        assert [factor.name for factor in mesh.factors] == [*first, "S2 columns", "S2 slabs"]
+    assert "diagonals softer than mesh.infills" in " ".join(mesh.notes)
     np.testing.assert_allclose(
         frequencies(mesh), frequencies(mesh_building(load_building(tmp_path / "frame.bdf", "N,mm")))
     )
