@@ -530,7 +530,7 @@ def _step(
         return replace(step, advice=f"{step.advice} {_NO_HEADER}".strip()) if asked else step
     calibrate = f"femupdate calibrate {shlex.quote(str(path))}"
     if any(not min(e.frequency_hz, 1.0 if e.damping is None else e.damping) > 0.0 for e in modes):
-        return NextStep("", "Frequencies and damping ratios must be above 0: correct the file.")
+        return NextStep("", "Frequency and damping must be above 0: leave blank what is unknown.")
     if modes:
         placed = all(parse_channel(sensor) for mode in modes for sensor in mode.sensors)
         if columns or placed:
