@@ -460,7 +460,7 @@ def main(folder: Path, pattern: str = "*", seed: str = "0") -> None:
     totals = figures(told)
     text = "\n".join(f"{key}: {value}" for key, value in totals.items())
     print(text)
-    Job(folder).write("fresh_effects", {"figures": totals, "cases": told}, text)
+    Job(folder, int(seed)).write("fresh_effects", {"figures": totals, "cases": told}, text)
 
 
 if __name__ == "__main__":
