@@ -165,14 +165,16 @@ class Tolerances(Entry):
     """How well is known what is taken as known: standard deviations, 0 where it was measured.
 
     `mass` is that of each floor by itself, `gain` that of each sensor, the base's among them,
-    `delay` that of each floor's clock against the base's, and `damping_of_modes` that of a mode's
-    damping ratio about the law of the building.
+    `delay` that of each floor's clock against the base's, `damping_of_modes` that of a mode's
+    damping ratio about the law of the building, and `members` that of each kind of member in what
+    it adds to the stiffness of its stories.
     """
 
     mass: Share = 0.0
     gain: Share = 0.0
     delay: Time = 0.0
     damping_of_modes: Share = 0.0
+    members: Share = 0.0
 
     def _complaints(self) -> Complaints:
         for key, most, text in (
@@ -180,6 +182,7 @@ class Tolerances(Entry):
             ("gain", 0.5, "50 %"),
             ("delay", 0.05, "50 ms"),
             ("damping_of_modes", 0.5, "50 %"),
+            ("members", 0.5, "50 %"),
         ):
             if getattr(self, key) > most:
                 yield (key, f"it is above {text}, which is no tolerance; correct it")
@@ -308,6 +311,13 @@ class Building(Entry):
         if self.by_kind and self.effects:
             text = "effects need one factor a story; remove [parameters], or the effects"
             raise Complaint("effects", text)
+        if (
+            self.tolerances
+            and self.tolerances.members
+            and (self.by_kind or not isinstance(self, MeshedBuilding))
+        ):
+            text = "it is for frames and meshes whose stories have one factor each; remove it"
+            raise Complaint("tolerances.members", text)
         seen: list[str] = []
         for number, name in enumerate(self.story_names):
             if name in seen:

@@ -6,12 +6,13 @@ from functools import lru_cache
 import torch
 from torch import Tensor
 
-from femupdate.building.common import Tolerances
+from femupdate.building.common import MeshedBuilding, Tolerances
 from femupdate.building.document import Building
 from femupdate.effects.catalogue.added_mass import AddedMass
 from femupdate.effects.catalogue.channels import BaseGain, ChannelDelay, ChannelGain
 from femupdate.effects.catalogue.damping_law import OtherDampingLaw
-from femupdate.effects.effect import Effect, Placed, Terms
+from femupdate.effects.effect import Effect, Placed, Stiffness, Terms, change
+from femupdate.effects.families import MemberStiffness
 from femupdate.effects.structure import Structure
 
 TOLERANCES = {
@@ -19,6 +20,7 @@ TOLERANCES = {
     "gain": "gains",
     "delay": "clocks",
     "damping_of_modes": "damping of modes",
+    "members": "kinds of members",
 }
 """Keys of a building's tolerances, each with what it is of in words."""
 
@@ -46,6 +48,7 @@ def tolerances_of(building: Building, unstated: Tolerances | None = None) -> tup
         (ChannelGain, "gain", stated.gain, floors),
         (ChannelDelay, "delay", stated.delay, floors),
         (_DampingOfModes, "damping_of_modes", stated.damping_of_modes, _OCTAVES),
+        (_MembersOfAKind, "members", stated.members, _kinds(building)),
     )
     return tuple(
         Placed(_known_to(kind, key, sd), place)
@@ -86,6 +89,32 @@ class _DampingOfModes(OtherDampingLaw):
         away = torch.log2(omega / first).clamp(0.0, len(_OCTAVES) - 1.0) - octave
         share = (1.0 - away.abs()).clamp_min(0.0)
         return torch.clamp(ratio * (1.0 + sizes[:, :1] * share), 1e-4, 0.9)
+
+
+class _MembersOfAKind(MemberStiffness):
+    """A factor on the stiffness of all members of a kind, beside those of the stories."""
+
+    parameters = change("change of the stiffness of a kind of member", 0.1, -0.9, 1.0)
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """As `Effect.places`."""
+        return _kinds(structure.building)
+
+    def points(self, structure: Structure) -> tuple[str, ...]:
+        """As `Effect.points`."""
+        return ()
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """The stiffness of the members in every story, scaled by its factor."""
+        matrices = enumerate(structure.member_stiffness((place,)))
+        return Terms(stiffness=tuple(Stiffness(k, matrix) for k, matrix in matrices if matrix.nnz))
+
+
+def _kinds(building: Building) -> tuple[str, ...]:
+    """Kinds of members that a frame has, and that a mesh may have."""
+    kinds = ("wall", "column", "beam", "slab", "brace", "infill")
+    meshed = isinstance(building, MeshedBuilding)
+    return tuple(kind for kind in kinds if getattr(building, f"{kind}s", meshed))
 
 
 @lru_cache

@@ -8,7 +8,7 @@ import torch
 
 from femupdate.building import from_document
 from femupdate.dynamics import ConstantDamping, System, reduced_on
-from femupdate.effects import CATALOGUE, Placed, structure_of
+from femupdate.effects import CATALOGUE, Placed, building_effects, structure_of
 
 ZETA = 0.04
 GRID = np.linspace(0.2, 9.0, 45)
@@ -129,6 +129,17 @@ def test_wall_stiffness_is_a_building_file_with_another_concrete(frame_document,
     ours = structure.stiffness(theta) + sum(-0.4 * theta[k] * matrix for k, matrix, _ in terms)
     exact = frame_of(from_document(other), theta).K
     np.testing.assert_allclose(ours.toarray(), exact, atol=1e-12 * np.abs(exact).max())
+
+
+def test_all_kinds_of_members_together_are_their_stories(frame_document):
+    building = from_document(frame_document | {"tolerances": {"members": 0.1}})
+    structure, theta, size = structure_of(building), np.array([0.8, 1.3]), 0.07
+    varying = building_effects(building).placed
+    assert [placed.place for placed in varying] == ["wall", "column", "beam", "slab"]
+    terms = [placed.effect.terms(structure, placed.place).stiffness for placed in varying]
+    added = sum(size * theta[k] * matrix for kind in terms for k, matrix, _ in kind)
+    ours, exact = structure.stiffness(theta) + added, structure.stiffness((1.0 + size) * theta)
+    np.testing.assert_allclose(ours.toarray(), exact.toarray(), atol=1e-12 * abs(exact).max())
 
 
 def test_rigid_motions_of_a_free_frame_cost_no_energy(frame):

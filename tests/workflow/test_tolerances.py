@@ -85,6 +85,7 @@ def test_modes_may_be_damped_about_the_law(tmp_path):
         ("mass = 0.03", "tolerances.mass: 0.03 has no unit"),
         ('mass = "-3 %"', "tolerances.mass: '-3 %' is not a not negative share"),
         ('gain = "60 %"', "tolerances.gain: it is above 50 %"),
+        ('members = "10 %"', "tolerances.members: it is for frames and meshes"),
         ('delay = "3 %"', "tolerances.delay: "),
         ('delay = "1 s"', "tolerances.delay: it is above 50 ms"),
         ('masses = "3 %"', "tolerances.masses"),
