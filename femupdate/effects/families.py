@@ -71,8 +71,8 @@ class MemberStiffness(Effect):
         return ranges_of(stories, [k - first for k in structure.building.below[first:]])
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
-        """The members themselves."""
-        return drawn.members(self.kinds, place)
+        """The members themselves, of the kinds or of that which the place names."""
+        return drawn.members(self.kinds or (place,), place)
 
     def terms(self, structure: Structure, place: str) -> Terms:
         """The stiffness of the members, scaled by the factor of their story."""

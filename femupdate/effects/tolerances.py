@@ -95,6 +95,7 @@ class _MembersOfAKind(MemberStiffness):
     """A factor on the stiffness of all members of a kind, beside those of the stories."""
 
     parameters = change("change of the stiffness of a kind of member", 0.1, -0.9, 1.0)
+    kinds = ()
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """As `Effect.places`."""

@@ -8,7 +8,7 @@ import torch
 
 from femupdate.building import from_document
 from femupdate.dynamics import ConstantDamping, System, reduced_on
-from femupdate.effects import CATALOGUE, Placed, building_effects, structure_of
+from femupdate.effects import CATALOGUE, DrawnBuilding, Placed, building_effects, structure_of
 
 ZETA = 0.04
 GRID = np.linspace(0.2, 9.0, 45)
@@ -137,6 +137,8 @@ def test_all_kinds_of_members_together_are_their_stories(frame_document):
     varying = building_effects(building).placed
     assert [placed.place for placed in varying] == ["wall", "column", "beam", "slab"]
     terms = [placed.effect.terms(structure, placed.place).stiffness for placed in varying]
+    drawn = DrawnBuilding(structure)
+    assert all(any(placed.effect.glyphs(drawn, placed.place)) for placed in varying)
     added = sum(size * theta[k] * matrix for kind in terms for k, matrix, _ in kind)
     ours, exact = structure.stiffness(theta) + added, structure.stiffness((1.0 + size) * theta)
     np.testing.assert_allclose(ours.toarray(), exact.toarray(), atol=1e-12 * abs(exact).max())
