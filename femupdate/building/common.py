@@ -311,11 +311,8 @@ class Building(Entry):
         if self.by_kind and self.effects:
             text = "effects need one factor a story; remove [parameters], or the effects"
             raise Complaint("effects", text)
-        if (
-            self.tolerances
-            and self.tolerances.members
-            and (self.by_kind or not isinstance(self, MeshedBuilding))
-        ):
+        kinds_vary = self.tolerances and self.tolerances.members
+        if kinds_vary and (self.by_kind or not isinstance(self, MeshedBuilding)):
             text = "it is for frames and meshes whose stories have one factor each; remove it"
             raise Complaint("tolerances.members", text)
         seen: list[str] = []
