@@ -202,7 +202,7 @@ def _axis(file: TextFile, columns: dict[str, _Column], scalars: Mapping[str, flo
     step = max(steps.values())
     if not 0.0 < step < 1.001 * min(steps.values()):
         told = " and ".join(f"{name} says {value:g} s" for name, value in steps.items())
-        raise file.error(f"of the step {told}; leave what is right and above 0")
+        raise file.error(f"steps must agree and be above 0: {told}; remove what is wrong")
     longest = max(column.size for column in columns.values())
     columns[TIME] = np.arange(longest, dtype=np.float64) * step
     return TIME
