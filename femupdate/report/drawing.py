@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
 from femupdate.arrays import Floats, Integers, Pixels
+from femupdate.report.figure import FAINT, INK, ORANGE, QUIET
 from femupdate.report.geometry import VIEW, Geometry, Landmarks, mesh_lines, outline
 from femupdate.report.glyphs import Glyphs
-from femupdate.report.style import FAINT, INK, ORANGE, QUIET
 
 
 def draw(

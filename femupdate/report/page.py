@@ -152,7 +152,7 @@ def _picture_data(picture: Picture | Image) -> str:
         content = picture.path.read_bytes()
         kind = "png" if content.startswith(_PNG) else "jpeg"
     else:
-        from femupdate.report.style import styled
+        from femupdate.report.figure import styled
 
         drawn = BytesIO()
         styled(picture.figure().savefig)(drawn, format="png", dpi=DOTS)

@@ -11,11 +11,20 @@ from matplotlib.figure import Figure
 from femupdate.arrays import Floats
 from femupdate.building.mesh import BuildingMesh
 from femupdate.report.drawing import project
-from femupdate.report.figure import add_head, new_figure, panel_grid
+from femupdate.report.figure import (
+    FAINT,
+    GREEN,
+    INK,
+    ORANGE,
+    QUIET,
+    add_head,
+    new_figure,
+    panel_grid,
+    styled,
+)
 from femupdate.report.geometry import Geometry
 from femupdate.report.glyphs import Glyphs
 from femupdate.report.scenes import draw_marked
-from femupdate.report.style import FAINT, GREEN, INK, ORANGE, QUIET, styled
 
 Lines = Sequence[Mapping[str, float]]
 """Names and places, m, of the grid lines at a constant x and of those at a constant y."""

@@ -13,6 +13,11 @@ from matplotlib.ticker import MaxNLocator
 from femupdate.arrays import Floats
 from femupdate.report.curves import LEFT_OUT, MEASURED, Curve
 from femupdate.report.figure import (
+    BAND,
+    BLUE,
+    FAINT,
+    INK,
+    QUIET,
     add_head,
     frequency_ticks,
     label_edges,
@@ -20,11 +25,11 @@ from femupdate.report.figure import (
     nearly_all,
     new_figure,
     panel_grid,
+    styled,
     thin_band_note,
 )
+from femupdate.report.figure import MEASURED as WIDE
 from femupdate.report.scale import Scale, force_scale, interval_text, length_scale
-from femupdate.report.style import BAND, BLUE, FAINT, INK, QUIET, styled
-from femupdate.report.style import MEASURED as WIDE
 from femupdate.units import capital
 
 ZOOM_CYCLES = 20  # there, at most

@@ -12,8 +12,17 @@ from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
 from femupdate.inference.model_error import Cell
-from femupdate.report.figure import add_head, frequency_ticks, new_figure
-from femupdate.report.style import BLUE, FAINT, INK, ORANGE, QUIET, styled
+from femupdate.report.figure import (
+    BLUE,
+    FAINT,
+    INK,
+    ORANGE,
+    QUIET,
+    add_head,
+    frequency_ticks,
+    new_figure,
+    styled,
+)
 from femupdate.result import Picture
 
 DISAGREE = "Where model and measurement disagree"

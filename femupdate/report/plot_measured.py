@@ -15,9 +15,17 @@ from femupdate.measurement.inspection import InspectedChannel, Inspection
 from femupdate.measurement.modes import in_phase
 from femupdate.measurement.names import BASE
 from femupdate.measurement.recording import RecordedFunction, RecordedMode
-from femupdate.report.figure import add_head, frequency_ticks, new_figure
+from femupdate.report.figure import (
+    FAINT,
+    QUIET,
+    add_head,
+    frequency_ticks,
+    hue,
+    look,
+    new_figure,
+    styled,
+)
 from femupdate.report.scale import with_unit
-from femupdate.report.style import FAINT, QUIET, hue, look, styled
 
 MOST_LINES = 24
 POINTS = 4000  # of a history drawn, as the extremes of short stretches

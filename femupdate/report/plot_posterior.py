@@ -12,9 +12,8 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from femupdate.arrays import Floats
 from femupdate.report.curves import Interval
-from femupdate.report.figure import add_head, new_figure
+from femupdate.report.figure import DASHES, FAINT, KNOWN, add_head, hue, look, new_figure, styled
 from femupdate.report.scale import plus_minus
-from femupdate.report.style import DASHES, FAINT, KNOWN, hue, look, styled
 
 POINTS = 250  # drawn under the contours; more hide each other
 MOST = 12  # parameters in one figure; more cannot be read

@@ -8,8 +8,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
-from femupdate.report.figure import add_head, nearly_all, new_figure, thin_band_note
-from femupdate.report.style import BAND, BLUE, QUIET, styled
+from femupdate.report.figure import (
+    BAND,
+    BLUE,
+    QUIET,
+    add_head,
+    nearly_all,
+    new_figure,
+    styled,
+    thin_band_note,
+)
 
 
 @styled

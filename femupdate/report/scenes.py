@@ -13,10 +13,19 @@ from matplotlib.figure import Figure
 from femupdate.arrays import Floats
 from femupdate.report import drawing
 from femupdate.report.drawing import Renderer, project, renders
-from femupdate.report.figure import add_head, new_figure, show
+from femupdate.report.figure import (
+    FAINT,
+    MAGNITUDE_MAP,
+    ORANGE,
+    QUIET,
+    SPREAD_MAP,
+    add_head,
+    new_figure,
+    show,
+    styled,
+)
 from femupdate.report.geometry import DEFORMATION, Geometry, Landmarks, deformed, outline
 from femupdate.report.glyphs import Glyphs
-from femupdate.report.style import FAINT, MAGNITUDE_MAP, ORANGE, QUIET, SPREAD_MAP, styled
 
 
 @styled

@@ -11,8 +11,16 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from femupdate.arrays import Floats
 from femupdate.errors import ReportError
-from femupdate.report.figure import add_head, label_edges, new_figure
-from femupdate.report.style import FAINT, INK, QUIET, SERIES, styled
+from femupdate.report.figure import (
+    FAINT,
+    INK,
+    QUIET,
+    SERIES,
+    add_head,
+    label_edges,
+    new_figure,
+    styled,
+)
 
 _COLUMNS = 4
 _SMALLEST = 2e-4  # errors below are as good as none and drawn there
