@@ -15,7 +15,7 @@ class Glyph:
     """Something to be drawn on a building."""
 
     kind: str  # "ball", "arrow", "spring", "dashpot", "lines", "surfaces" or "sensor"
-    # what the function of that name in `femupdate.report.glyphs` takes; points m
+    # what the function of that name in `femupdate.report.geometry` takes; points m
     arguments: tuple[Any, ...]
 
     @classmethod

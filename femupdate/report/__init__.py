@@ -6,8 +6,7 @@ __all__, __getattr__ = public(
     __name__,
     {
         "figure": "draw save_figure",
-        "geometry": "Geometry",
-        "glyphs": "drawn Glyphs",
+        "geometry": "drawn Geometry Glyphs",
         "page": "Section items_of kept_items page_html",
         "page_scene": "scene_content thinned_geometry",
         "plot_curves": "frf_fit",

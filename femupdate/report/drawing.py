@@ -15,8 +15,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 
 from femupdate.arrays import Floats, Integers, Pixels
 from femupdate.report.figure import FAINT, INK, ORANGE, QUIET
-from femupdate.report.geometry import VIEW, Geometry, Landmarks, mesh_lines, outline
-from femupdate.report.glyphs import Glyphs
+from femupdate.report.geometry import VIEW, Geometry, Glyphs, Landmarks, mesh_lines, outline
 
 
 def draw(

@@ -7,8 +7,7 @@ import numpy as np
 
 from femupdate.arrays import Floats, Integers
 from femupdate.report.figure import MAGNITUDE_MAP, SPREAD_MAP
-from femupdate.report.geometry import Geometry, at_levels, outline
-from femupdate.report.glyphs import Glyphs
+from femupdate.report.geometry import Geometry, Glyphs, at_levels, outline
 
 MOST_FACES = 6000  # that a phone's processor sorts and draws ten times a second
 _MAPS = {"magnitude": MAGNITUDE_MAP, "spread": SPREAD_MAP, "factor": "cividis"}

@@ -22,8 +22,7 @@ from femupdate.report.figure import (
     panel_grid,
     styled,
 )
-from femupdate.report.geometry import Geometry
-from femupdate.report.glyphs import Glyphs
+from femupdate.report.geometry import Geometry, Glyphs
 from femupdate.report.scenes import draw_marked
 
 Lines = Sequence[Mapping[str, float]]

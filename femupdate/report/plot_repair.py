@@ -13,8 +13,7 @@ from femupdate.effects.drawn_building import DrawnBuilding
 from femupdate.effects.effect import Placed
 from femupdate.report.curves import Curve, Interval
 from femupdate.report.figure import BLUE, DASHES, MEASURED, ORANGE, add_head, new_figure, styled
-from femupdate.report.geometry import Geometry
-from femupdate.report.glyphs import drawn
+from femupdate.report.geometry import Geometry, drawn
 from femupdate.report.plot_diagnosis import ResidualMap, draw_misfit, largest_misfit
 from femupdate.report.plot_posterior import draw_intervals, short_note
 from femupdate.report.scenes import draw_marked

@@ -24,8 +24,7 @@ from femupdate.report.figure import (
     show,
     styled,
 )
-from femupdate.report.geometry import DEFORMATION, Geometry, Landmarks, deformed, outline
-from femupdate.report.glyphs import Glyphs
+from femupdate.report.geometry import DEFORMATION, Geometry, Glyphs, Landmarks, deformed, outline
 
 
 @styled

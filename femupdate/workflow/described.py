@@ -126,8 +126,7 @@ class BuildingDescription(Result):
 
     def figures(self) -> Iterator[Picture]:
         """The model at rest, and plans where it has a mesh."""
-        from femupdate.report.geometry import Geometry
-        from femupdate.report.glyphs import drawn
+        from femupdate.report.geometry import Geometry, drawn
         from femupdate.report.plot_building import building_view, story_plans
 
         building = self.model.building

@@ -18,8 +18,7 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import building_effects
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.report.figure import DOTS_PER_INCH
-from femupdate.report.geometry import Geometry
-from femupdate.report.glyphs import Glyphs, drawn
+from femupdate.report.geometry import Geometry, Glyphs, drawn
 from femupdate.report.page import DOTS, Block, Image, Scene, Section, items_of
 from femupdate.report.page_scene import scene_content, thinned_geometry
 from femupdate.report.prediction import Prediction

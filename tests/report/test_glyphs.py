@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from femupdate.errors import ReportError
 from femupdate.report import Geometry, Glyphs
-from femupdate.report.glyphs import SIGNS, ball, sign
+from femupdate.report.geometry import SIGNS, ball, sign
 from femupdate.report.scenes import draw_marked
 
 LOW, HIGH = np.zeros(3), np.array([0.0, 0.0, 2.0])
