@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
 from femupdate.building.mesh import BuildingMesh
-from femupdate.report.drawing import project
 from femupdate.report.figure import (
     FAINT,
     GREEN,
@@ -23,7 +22,7 @@ from femupdate.report.figure import (
     styled,
 )
 from femupdate.report.geometry import Geometry, Glyphs
-from femupdate.report.scenes import draw_marked
+from femupdate.report.scenes import draw_marked, project
 
 Lines = Sequence[Mapping[str, float]]
 """Names and places, m, of the grid lines at a constant x and of those at a constant y."""

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from femupdate.report import Geometry
-from femupdate.report.drawing import probe, rendering
 from femupdate.report.geometry import at_levels, outline
-from femupdate.report.scenes import mode_shape_figure
+from femupdate.report.scenes import mode_shape_figure, probe, rendering
 
 
 def frame(stories: int = 2) -> Geometry:
