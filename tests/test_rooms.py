@@ -14,7 +14,7 @@ ROOMS = (
 INNER = {
     "femupdate.building.lattice",
     "femupdate.building.mesh_spans",
-    "femupdate.building.quantities",
+    "femupdate.building.entry",
     "femupdate.building.sections",
     "femupdate.effects.catalogue",
     "femupdate.effects.structure",

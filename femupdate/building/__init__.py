@@ -9,12 +9,11 @@ __all__, __getattr__ = public(
         "common": "EffectEntry",
         "document": "building_hash from_document mechanics_hash to_document",
         "files": "load_building save_building",
-        "frame": "FrameBuilding",
+        "kinds": "FrameBuilding shear_operators",
         "mesh": "mesh_building",
         "mesh_import": "import_mesh",
         "parameters": "factor_titles stiffness_factors",
         "sections": "Section",
-        "shear": "shear_operators",
         "shipped": "building_text shipped_buildings",
     },
 )

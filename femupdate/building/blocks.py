@@ -10,7 +10,7 @@ import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers, Strings
 from femupdate.building.entry import Complaint
-from femupdate.building.frame import FrameBuilding
+from femupdate.building.kinds import FrameBuilding
 from femupdate.building.lattice import ExtraLines, Lattice, quadrilaterals, strips
 from femupdate.building.members import Material, Wall
 from femupdate.building.references import (

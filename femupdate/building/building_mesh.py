@@ -10,13 +10,11 @@ from femupdate.arrays import Floats, Integers
 from femupdate.building.blocks import DeadWall
 from femupdate.building.common import BASE
 from femupdate.building.connections import connected
-from femupdate.building.entry import Complaint
-from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
+from femupdate.building.entry import ALL, Complaint
+from femupdate.building.kinds import CLOSEST_LINES, FrameBuilding, MeshBuilding
 from femupdate.building.members import SPRING_KEYS, SixSprings, Supports
 from femupdate.building.mesh_check import nodes_at
-from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.parameters import StiffnessFactor, stiffness_factors, with_factors
-from femupdate.building.quantities import ALL
 from femupdate.building.references import intersections, resolve
 from femupdate.fe.model import FiniteElementModel, PointMasses
 

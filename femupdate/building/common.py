@@ -9,17 +9,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from femupdate.arrays import Floats
-from femupdate.building.entry import Complaint, Complaints, Entry, unknown
-from femupdate.building.members import (
-    Base,
-    FloorMass,
-    FrameStory,
-    Material,
-    SpringGroup,
-    Story,
-    Supports,
-)
-from femupdate.building.quantities import (
+from femupdate.building.entry import (
+    Complaint,
+    Complaints,
+    Entry,
     Flag,
     Frequency,
     FrequencyOrZero,
@@ -29,6 +22,16 @@ from femupdate.building.quantities import (
     Share,
     Time,
     Whole,
+    unknown,
+)
+from femupdate.building.members import (
+    Base,
+    FloorMass,
+    FrameStory,
+    Material,
+    SpringGroup,
+    Story,
+    Supports,
 )
 from femupdate.building.references import require, resolve
 from femupdate.building.sections import Section

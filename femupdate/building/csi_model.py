@@ -10,8 +10,8 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.deck_model import SHAPES
+from femupdate.building.entry import ALL
 from femupdate.building.model_tables import ModelTables, Stuff, known
-from femupdate.building.quantities import ALL
 from femupdate.building.sections import SectionFigures
 from femupdate.errors import BuildingError
 from femupdate.fe.element import area_vectors

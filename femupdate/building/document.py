@@ -10,9 +10,7 @@ from pydantic import ValidationError
 
 from femupdate.building.deck import whole_text
 from femupdate.building.entry import as_building_error
-from femupdate.building.frame import FrameBuilding
-from femupdate.building.own_mesh import MeshBuilding
-from femupdate.building.shear import ShearBuilding
+from femupdate.building.kinds import FrameBuilding, MeshBuilding, ShearBuilding
 from femupdate.errors import BuildingError, close
 
 Building = FrameBuilding | MeshBuilding | ShearBuilding

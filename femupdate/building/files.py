@@ -12,10 +12,9 @@ import tomlkit
 
 from femupdate.building.common import Building as AnyBuilding
 from femupdate.building.document import Building, from_document, to_document
-from femupdate.building.frame import FrameBuilding
+from femupdate.building.kinds import FrameBuilding, MeshBuilding
 from femupdate.building.mesh import check_mesh
 from femupdate.building.model_draft import load_text
-from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.plausible import doubts
 from femupdate.building.shipped import building_text
 from femupdate.errors import BuildingError

@@ -23,8 +23,8 @@ from femupdate.building.blocks import (
 from femupdate.building.building_mesh import BuildingMesh, finished
 from femupdate.building.connections import face_lines
 from femupdate.building.entry import Complaint, complaining
-from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
 from femupdate.building.infill_struts import infill_blocks, infill_notes
+from femupdate.building.kinds import CLOSEST_LINES, FrameBuilding
 from femupdate.building.lattice import Lattice, lattice_of
 from femupdate.building.mesh_check import first_double, loose_pieces, nodes_at, place
 from femupdate.building.references import intersections

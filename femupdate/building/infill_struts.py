@@ -9,7 +9,7 @@ import numpy as np
 
 from femupdate.building.blocks import ElementBlock, pinned
 from femupdate.building.entry import Complaint
-from femupdate.building.frame import FrameBuilding
+from femupdate.building.kinds import FrameBuilding
 from femupdate.building.lattice import Lattice
 from femupdate.building.references import (
     Intersection,

@@ -9,7 +9,7 @@ import numpy as np
 
 from femupdate.arrays import Floats, Integers
 from femupdate.building.common import BASE
-from femupdate.building.frame import CLOSEST_LINES, FrameBuilding
+from femupdate.building.kinds import CLOSEST_LINES, FrameBuilding
 from femupdate.building.references import Intersection, Stretch
 from femupdate.errors import BuildingError
 

@@ -4,12 +4,13 @@ from typing import Literal
 
 from pydantic import Field
 
-from femupdate.building.entry import Complaints, Entry
-from femupdate.building.quantities import (
+from femupdate.building.entry import (
     ALL,
+    Complaints,
     Coordinate,
     Damping,
     Density,
+    Entry,
     Flag,
     Label,
     Length,

@@ -4,11 +4,10 @@ import math
 
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.document import Building
-from femupdate.building.frame import FrameBuilding
 from femupdate.building.frame_mesh import mesh_frame
+from femupdate.building.kinds import FrameBuilding, MeshBuilding
 from femupdate.building.lattice import lattice_of
 from femupdate.building.mesh_import import import_mesh
-from femupdate.building.own_mesh import MeshBuilding
 from femupdate.errors import BuildingError
 
 

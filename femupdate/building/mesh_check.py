@@ -8,8 +8,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from femupdate.arrays import Floats, Integers, Strings
-from femupdate.building.entry import Complaint
-from femupdate.building.quantities import Point
+from femupdate.building.entry import Complaint, Point
 from femupdate.fe.element import area_vectors
 from femupdate.fe.model import FiniteElementModel
 

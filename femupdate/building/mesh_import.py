@@ -12,7 +12,8 @@ from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.blocks import ElementBlock, by_element, joined
 from femupdate.building.building_mesh import BuildingMesh, described, finished, sprung
 from femupdate.building.connections import with_springs
-from femupdate.building.entry import Complaint, complaining, unknown
+from femupdate.building.entry import ALL, Complaint, complaining, unknown
+from femupdate.building.kinds import MeshBuilding, Part
 from femupdate.building.mesh_check import (
     LEVEL,
     UPRIGHT,
@@ -27,8 +28,6 @@ from femupdate.building.mesh_check import (
 )
 from femupdate.building.mesh_reader import RawMesh, read_mesh
 from femupdate.building.model_files import building_model
-from femupdate.building.own_mesh import MeshBuilding, Part
-from femupdate.building.quantities import ALL
 from femupdate.errors import StructureError
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
 from femupdate.fe.registry import element_for

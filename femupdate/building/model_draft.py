@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.entry import ALL
 from femupdate.building.model_files import LACKING, model_units, open_model
 from femupdate.building.model_tables import ModelFile, ReadModel, Said, read_model
-from femupdate.building.quantities import ALL
 from femupdate.building.shipped import PROGRAMS, building_text, program_of
 from femupdate.errors import BuildingError, StructureError
 from femupdate.fe.assembly import assemble

@@ -9,9 +9,9 @@ import numpy as np
 from femupdate.building.deck_model import NastranModel
 from femupdate.building.entry import Complaint
 from femupdate.building.etabs_model import EtabsModel
+from femupdate.building.kinds import MeshBuilding
 from femupdate.building.model_tables import ModelFile, ReadModel, Said, read_model
 from femupdate.building.opensees_model import OpenSeesModel
-from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.references import resolve
 from femupdate.building.sap2000_model import SapModel
 from femupdate.building.shipped import program_of

@@ -18,10 +18,9 @@ from scipy.spatial import cKDTree
 
 from femupdate.arrays import Flags, Floats, Integers, Strings
 from femupdate.building.connections import diaphragm_links
-from femupdate.building.entry import Complaint
+from femupdate.building.entry import ALL, Complaint
+from femupdate.building.kinds import MeshBuilding
 from femupdate.building.mesh_check import LEVEL, cell_kinds, check_elements, loose_pieces, place
-from femupdate.building.own_mesh import MeshBuilding
-from femupdate.building.quantities import ALL
 from femupdate.building.sections import SectionFigures
 from femupdate.errors import BuildingError
 from femupdate.fe.element import Elements, area_vectors

@@ -14,8 +14,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.entry import ALL
 from femupdate.building.model_tables import LEVEL, ModelFile, ModelTables, Stuff, file_text
-from femupdate.building.quantities import ALL
 from femupdate.building.sections import SectionFigures
 from femupdate.errors import BuildingError
 

@@ -6,9 +6,8 @@ import numpy as np
 
 from femupdate.arrays import Integers, Strings
 from femupdate.building.document import Building
-from femupdate.building.frame import FrameBuilding
+from femupdate.building.kinds import FrameBuilding, MeshBuilding
 from femupdate.building.model_files import building_model
-from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.references import resolve
 from femupdate.fe.model import FiniteElementModel
 

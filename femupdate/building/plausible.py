@@ -7,11 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from femupdate.building.document import Building
-from femupdate.building.frame import FrameBuilding
+from femupdate.building.kinds import FrameBuilding, MeshBuilding, ShearBuilding
 from femupdate.building.members import Slab
-from femupdate.building.own_mesh import MeshBuilding
 from femupdate.building.references import resolve
-from femupdate.building.shear import ShearBuilding
 from femupdate.errors import BuildingError
 
 # Young's moduli in GPa, by words in the name of a material.

@@ -4,9 +4,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
-from femupdate.building.entry import Complaint, unknown
+from femupdate.building.entry import ALL, Complaint, unknown
 from femupdate.building.members import BeamLines, Braces, Grid, InfillWall, Wall
-from femupdate.building.quantities import ALL
 
 
 @dataclass(frozen=True)

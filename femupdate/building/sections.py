@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from femupdate.building.entry import Complaints, Entry
-from femupdate.building.quantities import Area, Inertia, Label, Length
+from femupdate.building.entry import Area, Complaints, Entry, Inertia, Label, Length
 
 # Cowper's shear factors (1966, J. Appl. Mech. 33, 335-340) are taken for a Poisson's ratio of zero,
 # as the 5/6 of the rectangle is; at 0.3 they lie 2 % (rectangle) to 6 % (pipe) higher.

@@ -8,8 +8,7 @@ import numpy as np
 from femupdate.arrays import Floats, Integers
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.entry import unknown
-from femupdate.building.frame import FrameBuilding
-from femupdate.building.own_mesh import MeshBuilding
+from femupdate.building.kinds import FrameBuilding, MeshBuilding
 from femupdate.building.references import resolve, wall_stretch
 from femupdate.errors import BuildingError
 

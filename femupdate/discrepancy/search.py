@@ -10,7 +10,7 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.building.document import Building, without_effects
-from femupdate.building.frame import FrameBuilding
+from femupdate.building.kinds import FrameBuilding
 from femupdate.discrepancy.diagnose import diagnose, too_few
 from femupdate.discrepancy.findings import AMBIGUOUS, PARTLY, UNKNOWN, Diagnosis
 from femupdate.discrepancy.fit import (

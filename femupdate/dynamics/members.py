@@ -16,7 +16,7 @@ import torch
 
 from femupdate.arrays import Floats, Integers
 from femupdate.building.document import Building
-from femupdate.building.shear import ShearBuilding
+from femupdate.building.kinds import ShearBuilding
 from femupdate.building.wall_cuts import WallCut, wall_cut
 from femupdate.dynamics.damping import DampingLaw, damping_law
 from femupdate.dynamics.equations import SensorRows, driven_system

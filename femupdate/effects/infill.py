@@ -12,7 +12,7 @@ from scipy.sparse import coo_matrix, csc_matrix
 from scipy.spatial import cKDTree
 
 from femupdate.building.building_mesh import BuildingMesh
-from femupdate.building.frame import FrameBuilding
+from femupdate.building.kinds import FrameBuilding
 from femupdate.building.mesh import mesh_building
 from femupdate.building.references import resolve
 from femupdate.fe.assembly import AffineOperators

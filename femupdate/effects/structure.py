@@ -17,11 +17,9 @@ from scipy.sparse import csc_matrix, csr_matrix
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.document import Building
-from femupdate.building.frame import FrameBuilding
+from femupdate.building.kinds import FrameBuilding, MeshBuilding, ShearBuilding, shear_operators
 from femupdate.building.mesh import mesh_building
 from femupdate.building.mesh_check import stories_of_nodes
-from femupdate.building.own_mesh import MeshBuilding
-from femupdate.building.shear import ShearBuilding, shear_operators
 from femupdate.building.split_mesh import is_large, split_mesh
 from femupdate.effects.infill import Infill, infills
 from femupdate.errors import BuildingError, brief

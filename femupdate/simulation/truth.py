@@ -15,11 +15,9 @@ import torch
 
 from femupdate.arrays import Floats
 from femupdate.building.document import Building
-from femupdate.building.frame import FrameBuilding
+from femupdate.building.entry import ALL
+from femupdate.building.kinds import FrameBuilding, MeshBuilding, ShearBuilding
 from femupdate.building.mesh import mesh_building
-from femupdate.building.own_mesh import MeshBuilding
-from femupdate.building.quantities import ALL
-from femupdate.building.shear import ShearBuilding
 from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.equations import SensorRows, driven_system
 from femupdate.dynamics.history import OwnLevel, history_batches, transformed_sensors

@@ -9,9 +9,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.document import Building, mechanics_hash, without_effects
-from femupdate.building.frame import FrameBuilding
-from femupdate.building.own_mesh import MeshBuilding
-from femupdate.building.shear import ShearBuilding
+from femupdate.building.kinds import FrameBuilding, MeshBuilding, ShearBuilding
 from femupdate.building.split_mesh import LARGE, is_large
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error
 from femupdate.discrepancy.search import check_sizes, finder_mesh_size, finder_structure

@@ -14,8 +14,7 @@ from torch import Tensor
 
 from femupdate.building.document import Building, mechanics_hash, without_effects
 from femupdate.building.files import load_building, save_building
-from femupdate.building.frame import FrameBuilding
-from femupdate.building.shear import ShearBuilding
+from femupdate.building.kinds import FrameBuilding, ShearBuilding
 from femupdate.discrepancy.mesh_error import MeshError, OpenMesh, corrected_model
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.damping import DampingLaw, damping_law

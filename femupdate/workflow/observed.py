@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.building.document import Building
-from femupdate.building.shear import require_heights
+from femupdate.building.kinds import require_heights
 from femupdate.errors import MeasurementError
 from femupdate.measurement.frf import observation_for, with_halves
 from femupdate.measurement.histories import Histories

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from femupdate.arrays import Floats, Integers
-from femupdate.building.shear import require_heights
+from femupdate.building.kinds import require_heights
 from femupdate.dynamics.history import OwnLevel, history_batches
 from femupdate.dynamics.members import (
     MemberForces,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from femupdate.building.quantities import format_quantity
+from femupdate.building.entry import format_quantity
 from femupdate.building.sections import rectangle_torsion_constant
 from femupdate.units import parse_quantity
 

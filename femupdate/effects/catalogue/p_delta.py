@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femupdate.building.shear import ShearBuilding
+from femupdate.building.kinds import ShearBuilding
 from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import Effect, SpringTerms, Terms
 from femupdate.effects.structure import TRANSLATION, Structure

@@ -12,7 +12,7 @@ import numpy as np
 
 from femupdate.arrays import Flags, Floats
 from femupdate.building import FrameBuilding, load_building
-from femupdate.building.quantities import ALL
+from femupdate.building.entry import ALL
 from femupdate.dynamics import ReducedModel, System, damping_law, floor_histories
 from femupdate.measurement import FloorChannel, GroundMotion, Histories, write_observation_histories
 from femupdate.measurement.names import BASE
