@@ -27,8 +27,8 @@ from femupdate.dynamics.history import transformed_sensors
 from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Data, Likelihood
-from femupdate.measurement.histories import Histories, rotation_of
 from femupdate.measurement.names import BASE
+from femupdate.measurement.observation import Histories, rotation_of
 from femupdate.progress import SILENT, Progress
 
 Elsewhere = Callable[[Likelihood, Fit, Fit], float]

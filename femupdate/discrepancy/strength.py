@@ -34,8 +34,7 @@ from femupdate.inference.frf_data import FrfData, frf_data, that_says, together
 from femupdate.inference.likelihood import joint_error
 from femupdate.inference.model_error import COARSE_ERROR
 from femupdate.measurement.frf import by_strength
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation import Histories, Observation
 from femupdate.units import percent
 from femupdate.workers import in_threads
 

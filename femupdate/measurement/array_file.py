@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from femupdate.measurement.clock import even_step, is_moment, seconds_of
 from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, TELLING, figure_of
-from femupdate.measurement.names import FREQUENCY, FREQUENCY_NAME, TIME, TIME_NAME
-from femupdate.measurement.quantity import is_unit
+from femupdate.measurement.names import FREQUENCY, FREQUENCY_NAME, TIME, TIME_NAME, is_unit
 from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile

@@ -15,9 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femupdate.arrays import Complexes, Flags, Floats
-from femupdate.measurement.histories import LARGEST_PEAK, SMALLEST_PEAK
-from femupdate.measurement.names import BASE, floor_height, parse_channel
-from femupdate.measurement.quantity import RAW, acceleration_factor, is_acceleration
+from femupdate.measurement.names import (
+    BASE,
+    RAW,
+    acceleration_factor,
+    floor_height,
+    is_acceleration,
+    parse_channel,
+)
+from femupdate.measurement.observation import LARGEST_PEAK, SMALLEST_PEAK
 from femupdate.measurement.recording import RecordedChannel
 from femupdate.units import STANDARD_GRAVITY
 

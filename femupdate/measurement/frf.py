@@ -39,11 +39,12 @@ from femupdate.measurement.estimated import (
     welch_spectra,
     window_of,
 )
-from femupdate.measurement.histories import Histories, said_of_rotation
 from femupdate.measurement.observation import (
     HANN_BANDWIDTH,
+    Histories,
     Observation,
     require_floors_of_building,
+    said_of_rotation,
     select_floors,
 )
 from femupdate.measurement.thresholds import SPECTRUM

@@ -12,14 +12,21 @@ from numpy.typing import NDArray
 from femupdate.arrays import Floats
 from femupdate.dynamics.excitation import Excitation
 from femupdate.errors import MeasurementError
-from femupdate.measurement.names import BASE, FREQUENCY, FRF_COLUMNS, FrfColumn, floor_height
+from femupdate.measurement.names import (
+    BASE,
+    FREQUENCY,
+    FRF_COLUMNS,
+    QUANTITIES,
+    FrfColumn,
+    floor_height,
+    force_unit,
+)
 from femupdate.measurement.observation import (
     Observation,
     at_frequencies,
     require_floors_of_building,
     select_floors,
 )
-from femupdate.measurement.quantity import QUANTITIES, force_unit
 from femupdate.measurement.recording import RecordedFunction, Recording
 from femupdate.measurement.resolve import in_parts, positions, whole_or_parts
 from femupdate.measurement.table import ColumnTable

@@ -10,23 +10,26 @@ import numpy as np
 
 from femupdate.measurement.checks import channel_findings, pair_findings
 from femupdate.measurement.frf_table import SOMEWHERE, response_functions, unnamed_functions
-from femupdate.measurement.histories import fault_of, motions_in, said_of_rotation
 from femupdate.measurement.modes import mode_findings, modes_in_table
 from femupdate.measurement.names import (
     BASE,
     FREQUENCY,
+    RAW,
     TIME,
     FloorChannel,
     base_rank,
     channel_name,
     floor_height,
     floors_of,
+    force_unit,
+    is_acceleration,
     parse_channel,
     parse_frf_column,
     parse_history,
+    si_factor,
     two_bases,
 )
-from femupdate.measurement.quantity import RAW, force_unit, is_acceleration, si_factor
+from femupdate.measurement.observation import fault_of, motions_in, said_of_rotation
 from femupdate.measurement.reader import base_motion_in, read_measured, readers
 from femupdate.measurement.recording import (
     RecordedChannel,

@@ -12,8 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femupdate.arrays import Floats
-from femupdate.measurement.names import BASE, FREQUENCY, FREQUENCY_WORD, floor_height, parse_channel
-from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.names import (
+    BASE,
+    FREQUENCY,
+    FREQUENCY_WORD,
+    floor_height,
+    parse_channel,
+    si_factor,
+)
 from femupdate.measurement.recording import RecordedMode, Recording, mean_of_tests
 from femupdate.measurement.resolve import positions, renamed_columns, whole_or_parts
 from femupdate.measurement.table import ColumnTable

@@ -13,10 +13,9 @@ from typing import Any, Protocol
 from femupdate.errors import MeasurementError
 from femupdate.measurement import readers as folder
 from femupdate.measurement.frf_table import frfs_in_table, table_of_functions
-from femupdate.measurement.histories import Histories, histories_of
 from femupdate.measurement.modes import IdentifiedModes, identified_modes
 from femupdate.measurement.names import TIME
-from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation import Histories, Observation, histories_of
 from femupdate.measurement.recording import Recording, in_step
 from femupdate.measurement.resolve import placed_channels, resolved, table_channels
 from femupdate.measurement.text import read_head, read_text

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError, brief
 from femupdate.measurement.clock import check_step, rate_ratio, resampled
-from femupdate.measurement.histories import LARGEST_PEAK, SMALLEST_PEAK, fault_of, rotation_of
-from femupdate.measurement.names import BASE, FloorChannel, parse_channel
-from femupdate.measurement.quantity import plain_unit
+from femupdate.measurement.names import BASE, FloorChannel, parse_channel, plain_unit
+from femupdate.measurement.observation import LARGEST_PEAK, SMALLEST_PEAK, fault_of, rotation_of
 from femupdate.measurement.reader import read_measured
 from femupdate.measurement.recording import (
     RecordedChannel,

@@ -21,13 +21,17 @@ from femupdate.measurement.clock import (
 )
 from femupdate.measurement.names import (
     DIRECTION_END,
+    FORCES,
+    RAW,
     TIME,
     TIME_NAME,
     floors_of,
+    is_acceleration,
     parse_channel,
     parse_history,
+    plain_unit,
+    si_factor,
 )
-from femupdate.measurement.quantity import FORCES, RAW, is_acceleration, plain_unit, si_factor
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile
 from femupdate.units import UNITS

@@ -27,8 +27,8 @@ from femupdate.measurement.names import (
     floors_of,
     parse_frf_column,
     parse_history,
+    split_unit,
 )
-from femupdate.measurement.quantity import split_unit
 from femupdate.measurement.recording import (
     RecordedChannel,
     Recording,

@@ -17,8 +17,11 @@ from femupdate.measurement.names import (
     TIME_NAME,
     FloorChannel,
     FrfColumn,
+    bracketed,
+    force_unit,
+    si_factor,
+    split_unit,
 )
-from femupdate.measurement.quantity import bracketed, force_unit, si_factor, split_unit
 from femupdate.measurement.text import TextFile
 
 Row = tuple[int, str]  # line number, text

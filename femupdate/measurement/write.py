@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.errors import MeasurementError
-from femupdate.measurement.histories import Histories
 from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE
 from femupdate.measurement.names import FREQUENCY, TIME
-from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation import Histories, Observation
 from femupdate.measurement.recording import RecordedChannel, RecordedMode
 from femupdate.measurement.text import closest, read_text
 from femupdate.storage import atomic_path, toml_content

@@ -23,8 +23,8 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.registry import effect_named
 from femupdate.effects.structure import require_story_factors, structure_of
 from femupdate.errors import BuildingError, MeasurementError, StructureError
-from femupdate.measurement.histories import Histories, fault_of
 from femupdate.measurement.names import BASE, FloorChannel, channel_name, vertical_channel
+from femupdate.measurement.observation import Histories, fault_of
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
 from femupdate.progress import SILENT, Progress

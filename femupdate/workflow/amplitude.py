@@ -19,8 +19,8 @@ from femupdate.dynamics.system import System, changes_in_run
 from femupdate.effects.effect import Placed
 from femupdate.errors import MeasurementError
 from femupdate.inference.parameters import Values
-from femupdate.measurement.histories import Histories
 from femupdate.measurement.names import BASE
+from femupdate.measurement.observation import Histories
 from femupdate.measurement.record import GroundMotion
 from femupdate.progress import SILENT, Progress
 from femupdate.workflow.model import StudyModel

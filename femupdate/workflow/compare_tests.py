@@ -10,9 +10,8 @@ from scipy.optimize import linear_sum_assignment
 from femupdate.arrays import Complexes, Floats
 from femupdate.errors import MeasurementError
 from femupdate.measurement.frf import estimate_frf, on_grid
-from femupdate.measurement.histories import Histories
 from femupdate.measurement.modes import identified_modes, mac
-from femupdate.measurement.observation import Observation
+from femupdate.measurement.observation import Histories, Observation
 from femupdate.measurement.reader import read_measured, read_observation_file
 from femupdate.progress import SILENT
 from femupdate.result import Item, Note, Notes, Told

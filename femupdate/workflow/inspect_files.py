@@ -11,11 +11,10 @@ from femupdate.building.model_draft import model_words
 from femupdate.building.shipped import program_of
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.measurement.ambient import ORDER, AmbientModes, identify_modes
-from femupdate.measurement.histories import motions_in
 from femupdate.measurement.inspection import Inspection, inspect_file
 from femupdate.measurement.modes import mode_findings
-from femupdate.measurement.names import BASE
-from femupdate.measurement.quantity import si_factor
+from femupdate.measurement.names import BASE, si_factor
+from femupdate.measurement.observation import motions_in
 from femupdate.measurement.reader import read_measured
 from femupdate.measurement.write import write_mapping, write_modes
 from femupdate.report.scale import with_unit

@@ -19,10 +19,14 @@ from femupdate.inference.mode_data import ModalErrors
 from femupdate.measurement.checks import pair_findings
 from femupdate.measurement.frf import observation_for, with_halves
 from femupdate.measurement.frf_table import in_band
-from femupdate.measurement.histories import Histories
 from femupdate.measurement.modes import IdentifiedModes
-from femupdate.measurement.observation import Observation, require_floors_of_building, select_floors
-from femupdate.measurement.quantity import QUANTITIES
+from femupdate.measurement.names import QUANTITIES
+from femupdate.measurement.observation import (
+    Histories,
+    Observation,
+    require_floors_of_building,
+    select_floors,
+)
 from femupdate.measurement.recording import RecordedChannel
 from femupdate.progress import Progress
 from femupdate.storage import check_shapes, read_arrays, write_arrays

@@ -12,8 +12,7 @@ from femupdate.building.document import Building
 from femupdate.building.kinds import require_heights
 from femupdate.errors import MeasurementError
 from femupdate.measurement.frf import observation_for, with_halves
-from femupdate.measurement.histories import Histories
-from femupdate.measurement.observation import Observation, select_floors
+from femupdate.measurement.observation import Histories, Observation, select_floors
 from femupdate.measurement.reader import AnyKind, base_motion_in, kind_in, read_measured
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.runs import agreement, pooled

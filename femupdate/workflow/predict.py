@@ -27,7 +27,7 @@ from femupdate.inference.event_scatter import DEFAULT, EventScatter
 from femupdate.inference.next_event import EventErrors
 from femupdate.inference.parameters import Values
 from femupdate.inference.posterior import Posterior
-from femupdate.measurement.histories import Histories
+from femupdate.measurement.observation import Histories
 from femupdate.measurement.reader import read_observation_file
 from femupdate.measurement.record import GroundMotion, read_record
 from femupdate.progress import SILENT, Progress

@@ -26,7 +26,7 @@ from femupdate.effects.tolerances import tolerances_of
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import found_from
-from femupdate.measurement.histories import Histories
+from femupdate.measurement.observation import Histories
 from femupdate.progress import SILENT, Progress
 from femupdate.report.curves import Curve
 from femupdate.report.scale import plus_minus

@@ -10,7 +10,7 @@ from scipy.io import savemat
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement import TextFile, inspect_file, kind_in, read_measured
-from femupdate.measurement.quantity import bracketed
+from femupdate.measurement.names import bracketed
 from femupdate.measurement.readers import uff
 from femupdate.measurement.table import split_complex
 from femupdate.workflow.inspect_files import identify

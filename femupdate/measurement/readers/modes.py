@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.measurement.modes import DAMPING, MODE, PERIOD, TELLING, TEST, figure_of
-from femupdate.measurement.names import FREQUENCY, TIME_NAME
-from femupdate.measurement.quantity import bracketed
+from femupdate.measurement.names import FREQUENCY, TIME_NAME, bracketed
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import (
     ColumnTable,

@@ -8,8 +8,7 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.measurement.clock import even_step, interpolated
-from femupdate.measurement.names import TIME_NAME
-from femupdate.measurement.quantity import FORCES, is_acceleration
+from femupdate.measurement.names import FORCES, TIME_NAME, is_acceleration
 from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.text import TextFile, reading_package
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement.clock import even_step, interpolated
-from femupdate.measurement.quantity import force_unit, is_acceleration
+from femupdate.measurement.names import force_unit, is_acceleration
 from femupdate.measurement.recording import (
     RecordedChannel,
     RecordedFunction,
