@@ -23,9 +23,9 @@ from femupdate.building.references import (
     wall_stretch,
 )
 from femupdate.building.sections import SectionFigures
-from femupdate.fe.element import Elements
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.elements.shell import Shells
+from femupdate.fe.model import Elements
 
 # Shape of what an element has more than one figure of.
 _SHAPES = {"up": (3,), "size": (2,), "offset": (2, 3), "released": (12,)}

@@ -14,7 +14,7 @@ from femupdate.building.entry import ALL
 from femupdate.building.model_tables import ModelTables, Stuff, known
 from femupdate.building.sections import SectionFigures
 from femupdate.errors import BuildingError
-from femupdate.fe.element import area_vectors
+from femupdate.fe.model import area_vectors
 
 FORCES = {"n": "N", "kn": "kN", "kgf": "kgf", "tonf": "tf", "lb": "lbf", "kip": "kip"}
 LENGTHS = ("m", "cm", "mm", "in", "ft")

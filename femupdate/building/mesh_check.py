@@ -9,8 +9,7 @@ from scipy.spatial import cKDTree
 
 from femupdate.arrays import Floats, Integers, Strings
 from femupdate.building.entry import Complaint, Point
-from femupdate.fe.element import area_vectors
-from femupdate.fe.model import FiniteElementModel
+from femupdate.fe.model import FiniteElementModel, area_vectors
 
 
 def piece_of(count: int, edges: Integers) -> Integers:

@@ -23,7 +23,6 @@ from femupdate.building.kinds import MeshBuilding
 from femupdate.building.mesh_check import LEVEL, cell_kinds, check_elements, loose_pieces, place
 from femupdate.building.sections import SectionFigures
 from femupdate.errors import BuildingError
-from femupdate.fe.element import Elements, area_vectors
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.elements.shell import Shells
 from femupdate.fe.elements.triangle import Triangles
@@ -31,10 +30,12 @@ from femupdate.fe.links import rigid_arms
 from femupdate.fe.model import (
     CONSTANT,
     DOF_PER_NODE,
+    Elements,
     FiniteElementModel,
     PointMasses,
     RigidLinks,
     Springs,
+    area_vectors,
 )
 from femupdate.storage import LARGEST_BYTES, check_regular
 

@@ -7,10 +7,9 @@ from scipy.sparse import csr_array, eye_array, vstack
 
 from femupdate.arrays import Flags, Integers
 from femupdate.building.building_mesh import BuildingMesh
-from femupdate.fe.element import Elements
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.joints import edge_joints, joint_links
-from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, PointMasses, RigidLinks
+from femupdate.fe.model import DOF_PER_NODE, Elements, FiniteElementModel, PointMasses, RigidLinks
 
 # Nodes from which a mesh that was read is taken as fine enough: to halve it would take minutes and
 # gigabytes.

@@ -28,10 +28,9 @@ from femupdate.effects.registry import building_effects
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import BuildingError, StructureError
 from femupdate.fe.assembly import AffineOperators
-from femupdate.fe.element import group_factors
 from femupdate.fe.elements.beam import Beams
 from femupdate.fe.links import rigid_arms
-from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, group_factors
 from femupdate.progress import SILENT, Progress
 from femupdate.study import write_text
 from femupdate.workers import everywhere

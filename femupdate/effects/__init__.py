@@ -5,8 +5,7 @@ from femupdate.lazy import public
 __all__, __getattr__ = public(
     __name__,
     {
-        "drawn_building": "DrawnBuilding Glyph",
-        "effect": "Effect Placed Terms",
+        "effect": "DrawnBuilding Effect Glyph Placed Terms",
         "registry": "building_effects CATALOGUE check_places effect_named with_effect",
         "structure": "structure_of",
     },

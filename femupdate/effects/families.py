@@ -8,10 +8,9 @@ from scipy.sparse import csc_matrix
 from torch import Tensor
 
 from femupdate.effects.bars import bending_terms
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Stiffness, Terms
+from femupdate.effects.effect import DrawnBuilding, Effect, Glyph, Stiffness, Terms
 from femupdate.effects.structure import Structure, numbers_of, ranges_of
-from femupdate.fe.element import Elements
+from femupdate.fe.model import Elements
 
 
 class ChannelEffect(Effect):

@@ -11,8 +11,14 @@ import numpy as np
 from femupdate import __version__
 from femupdate.arrays import Floats
 from femupdate.errors import StructureError
-from femupdate.fe.element import group_factors
-from femupdate.fe.model import DOF_NAMES, DOF_PER_NODE, FiniteElementModel, RigidLinks, check_model
+from femupdate.fe.model import (
+    DOF_NAMES,
+    DOF_PER_NODE,
+    FiniteElementModel,
+    RigidLinks,
+    check_model,
+    group_factors,
+)
 from femupdate.fe.opensees import OpenSeesPart, OpenSeesTable, numbers
 
 _RIGID = np.ones(6, dtype=np.bool_)

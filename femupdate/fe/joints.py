@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
-from femupdate.fe.element import area_vectors
 from femupdate.fe.elements.beam import Beams
-from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, RigidLinks
+from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, RigidLinks, area_vectors
 
 _IN_PLANE = 0.1  # sine of the angle between beam and shell up to which the beam lies in its plane
 _SAME_PLANE = 0.985  # cosine of the angle between shells of one plane

@@ -4,7 +4,7 @@ from functools import cache
 
 from femupdate.errors import StructureError
 from femupdate.fe import elements
-from femupdate.fe.element import Elements
+from femupdate.fe.model import Elements
 from femupdate.registry import classes_in
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.fe.element import POISSON, Elements, column
 from femupdate.fe.membrane import DRILLING_STABILISATION
+from femupdate.fe.model import POISSON, Elements, column
 from femupdate.fe.opensees import OpenSeesPart, OpenSeesTable, sections
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats, Integers
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
+from femupdate.effects.effect import DrawnBuilding, Glyph
 from femupdate.errors import ReportError
 from femupdate.fe.model import FiniteElementModel
 

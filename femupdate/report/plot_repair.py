@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
 from femupdate.discrepancy.repair import Held
-from femupdate.effects.drawn_building import DrawnBuilding
-from femupdate.effects.effect import Placed
+from femupdate.effects.effect import DrawnBuilding, Placed
 from femupdate.report.curves import Curve, Interval
 from femupdate.report.figure import BLUE, DASHES, MEASURED, ORANGE, add_head, new_figure, styled
 from femupdate.report.geometry import Geometry, drawn

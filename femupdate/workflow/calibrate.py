@@ -12,7 +12,6 @@ from femupdate.seeds import spawn
 from femupdate.study import Study
 from femupdate.surrogate.storage import find_surrogate
 from femupdate.workflow.amplitude import base_peak, far_stronger, level_settings
-from femupdate.workflow.calibrate_effects import fitted_effects, with_levels
 from femupdate.workflow.calibration_report import CalibrationReport, kept_posterior
 from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.effects import with_finer_mesh
@@ -25,7 +24,7 @@ from femupdate.workflow.likelihoods import (
 )
 from femupdate.workflow.model import StudyModel, choose_building
 from femupdate.workflow.observed import ObservationSource, check_readable
-from femupdate.workflow.sampling import sample_exact, sample_latent
+from femupdate.workflow.sampling import fitted_effects, sample_exact, sample_latent, with_levels
 
 
 def calibrate_study(

@@ -20,7 +20,7 @@ from femupdate.discrepancy.repair import Held, KeptOut, Repair, hold, mend
 from femupdate.discrepancy.search import FinderModel
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.dynamics.reduced import ReducedStructure
-from femupdate.effects.drawn_building import DrawnBuilding
+from femupdate.effects.effect import DrawnBuilding
 from femupdate.effects.registry import with_effect
 from femupdate.effects.tolerances import tolerances_of
 from femupdate.inference.frf_data import FrfData
@@ -35,7 +35,6 @@ from femupdate.seeds import Seed, spawn
 from femupdate.study import BUILDING_FILE, REPAIRED, Study, typed
 from femupdate.tables import Column, Table
 from femupdate.workflow.amplitude import level_between, level_settings
-from femupdate.workflow.calibrate_effects import with_fitted
 from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.diagnose import finder_model, keep_found, search
 from femupdate.workflow.effects import MESH_ERROR_PART, finder_origin, keep_basis
@@ -51,7 +50,7 @@ from femupdate.workflow.model import (
     open_study,
 )
 from femupdate.workflow.observed import ObservationSource, direction_of
-from femupdate.workflow.sampling import FROM_FIT, Target, sampled_about_maxima
+from femupdate.workflow.sampling import FROM_FIT, Target, sampled_about_maxima, with_fitted
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import eigh
 from scipy.sparse.linalg import spsolve
 
-from femupdate.dynamics.substructures import substructures
+from femupdate.dynamics.reduction import substructures
 
 THETA = np.array([0.6, 2.2])
 

@@ -4,8 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, SpringTerms, Sway, Terms, change
+from femupdate.effects.effect import DrawnBuilding, Effect, Glyph, SpringTerms, Sway, Terms, change
 from femupdate.effects.structure import TRANSLATION, Structure
 
 _GROUND = "ground"

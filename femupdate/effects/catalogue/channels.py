@@ -5,8 +5,14 @@ from itertools import combinations
 import torch
 from torch import Tensor
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, as_complex, change
+from femupdate.effects.effect import (
+    DrawnBuilding,
+    Effect,
+    EffectParameter,
+    Glyph,
+    as_complex,
+    change,
+)
 from femupdate.effects.families import ChannelEffect
 from femupdate.effects.structure import Structure
 

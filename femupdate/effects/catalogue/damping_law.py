@@ -3,8 +3,7 @@
 import torch
 from torch import Tensor
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Terms, change
+from femupdate.effects.effect import DrawnBuilding, Effect, Glyph, Terms, change
 from femupdate.effects.structure import Structure
 
 _LAWS = {

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Terms, change, mass_terms
+from femupdate.effects.effect import DrawnBuilding, Effect, Glyph, Terms, change, mass_terms
 from femupdate.effects.structure import Structure
 
 

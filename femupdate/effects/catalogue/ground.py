@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Sway, Terms, change
+from femupdate.effects.effect import DrawnBuilding, Effect, Glyph, Sway, Terms, change
 from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
 
 

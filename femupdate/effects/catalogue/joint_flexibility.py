@@ -1,8 +1,7 @@
 """Joints between columns and floors that rotate."""
 
 from femupdate.effects.bars import turning_beams, turning_floors
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Terms, change
+from femupdate.effects.effect import DrawnBuilding, Effect, Glyph, Terms, change
 from femupdate.effects.structure import Structure
 
 _ALL = "all"

@@ -1,8 +1,7 @@
 """Stiffness of walls that count as weight alone in the model."""
 
 from femupdate.building.kinds import FrameBuilding
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Stiffness, Terms, change
+from femupdate.effects.effect import DrawnBuilding, Effect, Glyph, Stiffness, Terms, change
 from femupdate.effects.infill import infill_lines
 from femupdate.effects.structure import Structure
 

@@ -3,8 +3,7 @@
 import numpy as np
 
 from femupdate.building.kinds import ShearBuilding
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, SpringTerms, Terms
+from femupdate.effects.effect import DrawnBuilding, Effect, Glyph, SpringTerms, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.units import STANDARD_GRAVITY
 

@@ -2,11 +2,12 @@
 
 from torch import Tensor
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
 from femupdate.effects.effect import (
     ALL_STORIES,
+    DrawnBuilding,
     Effect,
     EffectParameter,
+    Glyph,
     LevelChange,
     Terms,
     change,

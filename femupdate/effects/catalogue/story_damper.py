@@ -5,8 +5,16 @@ from torch import Tensor
 
 from femupdate.arrays import Flags
 from femupdate.building.kinds import FrameBuilding
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, Port, Sway, Terms, as_complex, change
+from femupdate.effects.effect import (
+    DrawnBuilding,
+    Effect,
+    Glyph,
+    Port,
+    Sway,
+    Terms,
+    as_complex,
+    change,
+)
 from femupdate.effects.structure import Structure
 
 

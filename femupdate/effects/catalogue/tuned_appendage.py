@@ -3,8 +3,15 @@
 import numpy as np
 from torch import Tensor
 
-from femupdate.effects.drawn_building import DrawnBuilding, Glyph
-from femupdate.effects.effect import Effect, EffectParameter, Port, Terms, as_complex
+from femupdate.effects.effect import (
+    DrawnBuilding,
+    Effect,
+    EffectParameter,
+    Glyph,
+    Port,
+    Terms,
+    as_complex,
+)
 from femupdate.effects.structure import Structure
 
 

@@ -6,7 +6,8 @@ from typing import ClassVar, Self
 import numpy as np
 
 from femupdate.arrays import Flags, Floats, Integers
-from femupdate.fe.element import (
+from femupdate.fe.links import rigid_arms
+from femupdate.fe.model import (
     POISSON,
     POSITIVE_OR_INFINITE,
     ElementMatrices,
@@ -16,7 +17,6 @@ from femupdate.fe.element import (
     rows,
     symmetric,
 )
-from femupdate.fe.links import rigid_arms
 from femupdate.fe.opensees import OpenSeesPart, OpenSeesTable, sections
 
 BEAM_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")

@@ -7,7 +7,6 @@ from typing import ClassVar
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
-from femupdate.fe.element import ElementMatrices, repeated, rows, symmetric
 from femupdate.fe.membrane import (
     CENTRE,
     CORNERS,
@@ -17,6 +16,7 @@ from femupdate.fe.membrane import (
     membrane_stiffness,
     shape_functions,
 )
+from femupdate.fe.model import ElementMatrices, repeated, rows, symmetric
 from femupdate.fe.plate import plate_mass, plate_stiffness
 from femupdate.fe.surface import Surface
 

@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from femupdate.arrays import Floats, Integers
-from femupdate.fe.element import ElementMatrices, area_vectors, repeated, rows
 from femupdate.fe.membrane import integrate, plane_stress
+from femupdate.fe.model import ElementMatrices, area_vectors, repeated, rows
 from femupdate.fe.plate import SHEAR_CORRECTION
 from femupdate.fe.surface import Surface
 
