@@ -13,12 +13,10 @@ ROOMS = (
 # Parts of a room that are tested by themselves, as nothing public shows how exact they are.
 INNER = {
     "femupdate.building.lattice",
-    "femupdate.building.mesh_spans",
     "femupdate.building.entry",
     "femupdate.building.sections",
     "femupdate.effects.catalogue",
     "femupdate.effects.structure",
-    "femupdate.fe.cholmod",
     "femupdate.fe.elements",
     "femupdate.fe.lanczos",
 }

@@ -241,7 +241,7 @@ def _count_negative(matrix: csc_matrix, order: Integers | None) -> int | None:
     """Number of negative eigenvalues, None where the pivots do not show it."""
     if order is not None:
         matrix = matrix[order][:, order].tocsc()
-    pivots = factorize(matrix, definite=False, ordered=order is not None).pivots()
+    pivots = factorize(matrix, ordered=order is not None).pivots()
     return None if pivots is None else int(np.count_nonzero(pivots < 0.0))
 
 

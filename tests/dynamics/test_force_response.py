@@ -80,7 +80,7 @@ def test_a_reduced_frame_with_its_rest_is_the_full_one(cabin_file):
     known = 0.3 * float(target.frequency_hz[0])
     dynamic = (stiffness - (2 * np.pi * known) ** 2 * structure.mass).tocsc()
     load = np.ascontiguousarray(structure.floor_rows[0])
-    full = structure.floor_rows @ factorize(dynamic, definite=False).apply(load)
+    full = structure.floor_rows @ factorize(dynamic).apply(load)
     arguments = (
         System(model),
         torch.from_numpy(theta)[None],

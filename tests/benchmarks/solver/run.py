@@ -48,7 +48,7 @@ def solver_report(
         NAME,
         content,
         "\n\n".join(parts),
-        packages=("openseespy", "cvxopt"),
+        packages=("openseespy",),
         pictures=pictures,
         answer={**content, "elements_reached": sum(score.reached for score in scores)},
     )

@@ -15,7 +15,6 @@ import numpy as np
 
 from femupdate.errors import StructureError
 from femupdate.fe import opensees_script
-from femupdate.fe.factorization import ENVIRONMENT, Backend, cholmod_is_there
 from femupdate.progress import SILENT, Progress
 
 from ..result import markdown_table
@@ -49,8 +48,7 @@ class SpeedRow:
     shells: int
     beams: int
     dof: int
-    ours: Run  # femupdate's run with SciPy alone
-    faster: Run | None  # with CHOLMOD, None where it is not installed
+    ours: Run
     theirs: Run | None  # OpenSees's, None where it was not run
 
     @property
@@ -84,8 +82,7 @@ def compare_speed(sizes: Sequence[str], progress: Progress = SILENT) -> tuple[Sp
 def _speed_row(size: str, progress: Progress) -> SpeedRow:
     structure = tower(SIZES[size])
     with tempfile.TemporaryDirectory() as folder:
-        ours, dof = _run_ours(SIZES[size], Path(folder), "superlu")
-        faster = _run_ours(SIZES[size], Path(folder), "cholmod")[0] if cholmod_is_there() else None
+        ours, dof = _run_ours(SIZES[size], Path(folder))
         progress.advance(note=f"femupdate, {size}")
         theirs = None
         if opensees_is_there():
@@ -102,18 +99,16 @@ def _speed_row(size: str, progress: Progress) -> SpeedRow:
         beams=len(structure.lines),
         dof=dof,
         ours=ours,
-        faster=faster,
         theirs=theirs,
     )
 
 
-def _run_ours(per_bay: int, folder: Path, backend: Backend) -> tuple[Run, int]:
+def _run_ours(per_bay: int, folder: Path) -> tuple[Run, int]:
     target = folder / "ours.json"
     command = [sys.executable, "-m", _WORKER, str(per_bay), str(MODES), str(target)]
-    _, memory = _process(command, **{ENVIRONMENT: backend})
+    _, memory = _process(command)
     found = json.loads(target.read_text(encoding="utf-8"))
-    name = {"superlu": "femupdate, SciPy alone", "cholmod": "femupdate, CHOLMOD"}[found["backend"]]
-    return _run_of(name, found, memory), found["dof"]
+    return _run_of("femupdate", found, memory), found["dof"]
 
 
 def _run_theirs(script: Path) -> Run:
@@ -134,9 +129,9 @@ def _run_of(program: str, found: Mapping[str, Any], memory: float) -> Run:
     )
 
 
-def _process(command: Sequence[str], **settings: str) -> tuple[str, float]:
+def _process(command: Sequence[str]) -> tuple[str, float]:
     """Run a program with one thread: what it printed, and its peak memory in GB."""
-    environment = {**os.environ, **dict.fromkeys(_ONE_THREAD, "1"), **settings}
+    environment = {**os.environ, **dict.fromkeys(_ONE_THREAD, "1")}
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as complaints:
         started = subprocess.Popen(command, stdout=out, stderr=complaints, env=environment)
         memory = float("nan")
@@ -159,7 +154,7 @@ def speed_record(row: SpeedRow) -> dict[str, Any]:
 
 
 _FREQUENCIES = ("f1 Hz", "f2 Hz", "f3 Hz", "f20 Hz")
-_COSTS = ("CPU s", "clock s", "peak GB", "CPU over SciPy alone")
+_COSTS = ("CPU s", "clock s", "peak GB", "CPU over ours")
 SPEED_HEAD = ("program", "mesh", *_FREQUENCIES, *_COSTS)
 
 
@@ -168,7 +163,7 @@ def speed_rows(rows: Sequence[SpeedRow]) -> list[tuple[str, ...]]:
     lines = []
     for row in rows:
         mesh = f"{row.shells} shells, {row.beams} beams, {row.dof} dof"
-        for run in (row.ours, row.faster, row.theirs):
+        for run in (row.ours, row.theirs):
             if run is None:
                 continue
             first = [f"{run.frequencies_hz[k]:.4f}" for k in (0, 1, 2, -1)]

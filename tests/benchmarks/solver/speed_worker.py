@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.fe import assemble, lowest_modes
-from femupdate.fe.factorization import default_backend
 
 from .tower import tower
 
@@ -36,7 +35,6 @@ def run(per_bay: int, modes: int) -> dict[str, object]:
         "cpu_seconds": cpu[-1] - cpu[0],
         "cpu_steps": dict(zip(("mesh", "assembly", "modes"), np.diff(cpu).tolist(), strict=True)),
         "dof": len(operators.free),
-        "backend": default_backend(),
     }
 
 

@@ -64,7 +64,7 @@ def test_results_are_written_with_machine_and_date(tmp_path):
         for name, scale, cpu in (("program", 1.0, 2.0), ("another", 1.01, 9.0))
     )
     counts = {"shells": 10, "beams": 20, "dof": 30}
-    row = speed.SpeedRow(size="small", **counts, ours=run, faster=None, theirs=other)
+    row = speed.SpeedRow(size="small", **counts, ours=run, theirs=other)
     report = solver_report(Job(tmp_path, 5), scores, (row,))
     found = report.content()
     assert found["seed"] == 5
@@ -77,7 +77,6 @@ def test_results_are_written_with_machine_and_date(tmp_path):
 
 def test_without_opensees_ours_runs_alone(monkeypatch):
     monkeypatch.setattr(speed, "opensees_is_there", lambda: False)
-    monkeypatch.setattr(speed, "cholmod_is_there", lambda: False)
     monkeypatch.setattr(speed, "SIZES", {"tiny": 1})
     (row,) = speed.compare_speed(["tiny"])
     assert row.theirs is None
