@@ -5,6 +5,8 @@ from typing import Any
 
 import pytest
 
+from tests.documents import frame
+
 SMALL = """\
 name = "small"
 kind = "frame"
@@ -115,29 +117,19 @@ def make_document() -> Callable[..., dict[str, Any]]:
             {f"{name}{n}": sum(widths[:n]) for n in range(len(widths) + 1)}
             for name, widths in zip("XY", bays, strict=True)
         ]
-        document: dict[str, Any] = {
-            "name": "made",
-            "kind": "frame",
-            "grid": {"x": lines[0], "y": lines[1]},
-            "stories": [{"name": f"S{n}", "height": h} for n, h in enumerate(heights, 1)],
-            "materials": {
-                "concrete": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}
-            },
-            "sections": {
-                "column": {"shape": "rectangle", "width": 0.4, "depth": 0.6},
-                "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
-            },
-            "columns": [{"section": "column"}],
-            "beams": [{"section": "beam"}],
-            "walls": walls or [],
-            "slabs": [{"x": [*lines[0]][:: len(bays[0])], "y": [*lines[1]][:: len(bays[1])]}],
-            "mesh": {"size": mesh_size},
-            "sensors": {"direction": "y", "points": ["X0-Y0"]},
-            "frequency_grid": {"start": 0.1, "step": 0.1, "count": 100},
-            "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
-            "damping": {"law": "constant", "ratio": 0.03},
-        }
-        document["slabs"][0]["thickness"] = 0.15
+        x, y = lines
+        document: dict[str, Any] = frame(
+            x,
+            y,
+            {f"S{n}": height for n, height in enumerate(heights, 1)},
+            size=mesh_size,
+            direction="y",
+            grid=(0.1, 100),
+            ratio=0.03,
+            walls=walls or [],
+            slabs=[{"x": [*x][:: len(bays[0])], "y": [*y][:: len(bays[1])], "thickness": 0.15}],
+            prior={"theta": {"lower": 0.5, "upper": 2.0}},
+        )
         if floor_mass is not None:
             document["floor_mass"] = [{"total": floor_mass}]
         return document

@@ -13,6 +13,7 @@ from femupdate.effects import CATALOGUE, structure_of
 from femupdate.errors import BuildingError
 from femupdate.fe import assemble, lowest_modes, opensees_script
 from femupdate.fe.export_nastran import bulk_data
+from tests.documents import concrete, frame, rectangle
 
 THETA = np.array([0.8, 1.1, 1.3, 0.7, 0.6, 1.2])
 TOWERS = {"A1 A2": ("A", "B", ["4F", "5F"]), "B1 B2": ("C", "D", ["6F", "RF"])}
@@ -54,30 +55,25 @@ damping = { law = "constant", ratio = 0.02 }
 
 def document(*, slabs=False, top=3.5):
     """A podium 18 m long under two towers 6 m long, of beams that carry the mass."""
-    square = {"shape": "rectangle", "width": 0.5, "depth": 0.5}
     heights = {"P1": 4.5, "P2": 4.0, "A1": 3.2, "A2": 3.2, "B1": 3.2, "B2": top}
-    made = {
-        "name": "towers",
-        "kind": "frame",
-        "grid": {"x": {"A": 0.0, "B": 6.0, "C": 12.0, "D": 18.0}, "y": {"1": 0.0, "2": 5.0}},
-        "stories": [{"name": name, "height": height} for name, height in heights.items()],
-        "materials": {
-            "concrete": {"youngs_modulus": 28e9, "poisson_ratio": 0.2, "density": 2400.0}
-        },
-        "sections": {"column": square, "beam": square | {"width": 0.3, "depth": 0.6}},
-        "columns": [{"section": "column", "stories": ["P1", "P2"]}],
-        "beams": [{"section": "beam", "floors": ["2F", "3F"]}],
-        "slabs": [],
-        "mesh": {"size": 3.0},
-        "sensors": {
+    made = frame(
+        {"A": 0.0, "B": 6.0, "C": 12.0, "D": 18.0},
+        {"1": 0.0, "2": 5.0},
+        heights,
+        size=3.0,
+        grid=(0.1, 100),
+        materials=concrete(28e9),
+        sections={"column": rectangle(0.5, 0.5), "beam": rectangle(0.3, 0.6)},
+        columns=[{"section": "column", "stories": ["P1", "P2"]}],
+        beams=[{"section": "beam", "floors": ["2F", "3F"]}],
+        slabs=[],
+        sensors={
             "direction": "x",
             "points": ["A-1", "B-2"],
             "floors": {"6F": ["C-1", "D-2"], "RF": ["C-1", "D-2"]},
         },
-        "frequency_grid": {"start": 0.1, "step": 0.1, "count": 100},
-        "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
-        "damping": {"law": "constant", "ratio": 0.02},
-    }
+        prior={"theta": {"lower": 0.5, "upper": 2.0}},
+    )
     made["stories"][4]["on"] = "P2"
     plate = {"y": ["1", "2"], "thickness": 0.2, "diaphragm": "rigid"}
     rows = [plate | {"x": ["A", "D"], "floors": ["2F", "3F"]}]

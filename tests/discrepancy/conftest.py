@@ -11,6 +11,7 @@ from femupdate.inference import COARSE_ERROR
 from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import Observation
 from tests.discrepancy import chain
+from tests.documents import stick
 
 
 @pytest.fixture(scope="session")
@@ -24,23 +25,15 @@ def building_of():
     """A function: a shear building with the prior 0.5 to 2 of every factor."""
 
     def make(masses, springs, zeta=(0.005, 0.2), ratio=0.05, **changes):
-        stories = [
-            {"name": f"S{n}", "mass": float(m), "stiffness": float(k)}
-            for n, (m, k) in enumerate(zip(masses, springs, strict=True), 1)
-        ]
         prior = {"theta": {"lower": 0.5, "upper": 2.0}}
         if zeta is not None:
             prior["zeta"] = {"lower": zeta[0], "upper": zeta[1]}
-        document = {
+        known = {
             "name": "chain",
-            "kind": "shear",
-            "stories": stories,
-            "frequency_grid": {"start": 0.2, "step": 0.2, "count": 60},
             "prior": prior,
-            "damping": {"law": "constant", "ratio": ratio},
-            "tolerances": {"mass": 0.0},  # names need go beyond none
-        }
-        return from_document({**document, **changes})
+            "tolerances": {"mass": 0.0},
+        }  # names need go beyond none
+        return from_document(stick(masses, springs, grid=(0.2, 60), ratio=ratio) | known | changes)
 
     return make
 

@@ -17,6 +17,7 @@ from femupdate.fe import driven_shapes, factorize
 from femupdate.inference import COARSE_ERROR, Parameters, likelihood_of
 from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import Observation
+from tests import documents
 
 GRID = np.arange(0.5, 18.0, 0.25)
 PRIOR = Parameters.uniform(["theta_1", "theta_2"], [0.5, 0.5], [2.0, 2.0]) + Parameters.uniform(
@@ -26,24 +27,11 @@ THETAS = np.array([[1.0, 1.0], [0.6, 1.5], [1.7, 0.8]])
 
 
 def frame(size):
-    concrete = {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}
-    return from_document(
-        {
-            "name": "made",
-            "kind": "frame",
-            "grid": {"x": {"A": 0.0, "B": 5.0}, "y": {"P": 0.0, "Q": 6.0}},
-            "stories": [{"name": "low", "height": 3.4}, {"name": "high", "height": 2.9}],
-            "materials": {"concrete": concrete},
-            "sections": {"column": {"shape": "rectangle", "width": 0.4, "depth": 0.6}},
-            "columns": [{"section": "column"}],
-            "slabs": [{"x": ["A", "B"], "y": ["P", "Q"], "thickness": 0.2}],
-            "mesh": {"size": size},
-            "sensors": {"direction": "x", "points": ["A-P", "B-Q"]},
-            "frequency_grid": {"start": 0.25, "step": 0.25, "count": 72},
-            "prior": {"theta": {"lower": 1 / 3, "upper": 3.0}},
-            "damping": {"law": "constant", "ratio": 0.05},
-        }
-    )
+    slab = {"x": ["A", "B"], "y": ["P", "Q"], "thickness": 0.2}
+    x, y, heights = {"A": 0.0, "B": 5.0}, {"P": 0.0, "Q": 6.0}, {"low": 3.4, "high": 2.9}
+    known = {"beams": [], "slabs": [slab], "sensors": {"direction": "x", "points": ["A-P", "B-Q"]}}
+    made = documents.frame(x, y, heights, size=size, grid=(0.25, 72), ratio=0.05, **known)
+    return from_document(made)
 
 
 def near(structure):

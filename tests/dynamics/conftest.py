@@ -11,6 +11,7 @@ from scipy.linalg import eigh
 from femupdate.building import from_document
 from femupdate.dynamics import reduce_lumped
 from femupdate.effects import structure_of
+from tests import documents
 
 
 @dataclass(frozen=True)
@@ -97,13 +98,6 @@ class Frame:
         return self.structure.operators
 
 
-_CONCRETE = {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}
-_SECTIONS = {
-    "column": {"shape": "rectangle", "width": 0.4, "depth": 0.6},
-    "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
-}
-
-
 @pytest.fixture(scope="session")
 def small_frame():
     """Two unequal stories with a wall off the centre: motion couples with torsion."""
@@ -111,23 +105,15 @@ def small_frame():
     @cache
     def make(mesh_size):
         heights, widths, depth = (3.4, 2.9), (5.0, 4.0), 6.0
-        document = {
-            "name": "made",
-            "kind": "frame",
-            "grid": {"x": {"A": 0.0, "B": 5.0, "C": 9.0}, "y": {"P": 0.0, "Q": depth}},
-            "stories": [{"name": f"S{n}", "height": h} for n, h in enumerate(heights, 1)],
-            "materials": {"concrete": _CONCRETE},
-            "sections": _SECTIONS,
-            "columns": [{"section": "column"}],
-            "beams": [{"section": "beam"}],
-            "walls": [{"along": "Q", "from": "A", "to": "B", "thickness": 0.15}],
-            "slabs": [{"x": ["A", "C"], "y": ["P", "Q"], "thickness": 0.15}],
-            "mesh": {"size": mesh_size},
-            "sensors": {"direction": "x", "points": ["A-P", "C-Q"]},
-            "frequency_grid": {"start": 0.2, "step": 0.2, "count": 150},
-            "prior": {"theta": {"lower": 1 / 3, "upper": 3.0}},
-            "damping": {"law": "constant", "ratio": 0.02},
-        }
+        document = documents.frame(
+            {"A": 0.0, "B": 5.0, "C": 9.0},
+            {"P": 0.0, "Q": depth},
+            {f"S{n}": height for n, height in enumerate(heights, 1)},
+            size=mesh_size,
+            walls=[{"along": "Q", "from": "A", "to": "B", "thickness": 0.15}],
+            slabs=[{"x": ["A", "C"], "y": ["P", "Q"], "thickness": 0.15}],
+            sensors={"direction": "x", "points": ["A-P", "C-Q"]},
+        )
         structure = structure_of(from_document(document))
         wall = 0.15 * widths[0]
         upright = [2400.0 * h * (6 * 0.4 * 0.6 + wall) for h in heights]

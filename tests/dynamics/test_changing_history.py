@@ -9,6 +9,7 @@ from scipy.ndimage import uniform_filter1d
 from femupdate.building import from_document
 from femupdate.dynamics import OwnLevel, System, floor_histories, history_batches, lumped
 from femupdate.effects import CATALOGUE, Placed, structure_of
+from tests.documents import stick
 
 MASS, SPRING, STEP = 2000.0, 8e5, 0.01
 ZETA, MEAN = 0.03, 1.0
@@ -16,14 +17,7 @@ PERIOD = 2.0 * np.pi * np.sqrt(MASS / SPRING)
 
 
 def document():
-    return {
-        "name": "house",
-        "kind": "shear",
-        "stories": [{"name": "S1", "mass": MASS, "stiffness": SPRING}],
-        "frequency_grid": {"start": 0.2, "step": 0.2, "count": 60},
-        "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
-        "damping": {"law": "constant", "ratio": ZETA},
-    }
+    return stick([MASS], [SPRING], grid=(0.2, 60), ratio=ZETA)
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,7 @@ from femupdate.dynamics import (
 )
 from femupdate.effects import structure_of
 from femupdate.fe import opensees_script
+from tests.documents import concrete, frame, rectangle
 
 GRID = np.linspace(0.2, 12.0, 60)
 ISOLATORS = {"kx": 8e5, "ky": 9e5, "kz": 4e8, "cx": 3e4, "cy": 2e4, "cz": 5e4}
@@ -27,29 +28,19 @@ ISOLATORS = {"kx": 8e5, "ky": 9e5, "kz": 4e8, "cx": 3e4, "cy": 2e4, "cz": 5e4}
 
 def document(**changes):
     """Two stories, 6 m by 5 m, unsymmetrical in x; stub columns of 1 m on springs."""
-    return {
-        "name": "isolated",
-        "kind": "frame",
-        "grid": {"x": {"A": 0.0, "B": 6.0}, "y": {"P": 0.0, "Q": 5.0}},
-        "stories": [{"name": "low", "height": 1.0}, {"name": "high", "height": 3.0}],
-        "materials": {
-            "concrete": {"youngs_modulus": 30e9, "poisson_ratio": 0.2, "density": 2500.0}
-        },
-        "sections": {
-            "column": {"shape": "rectangle", "width": 0.4, "depth": 0.5},
-            "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
-        },
-        "columns": [{"section": "column"}],
-        "beams": [{"section": "beam"}],
-        "braces": [{"section": "beam", "along": "P", "from": "A", "to": "B", "stories": "high"}],
-        "springs": [{"at": ["A-P", "A-Q"], **ISOLATORS}, {"at": ["B-P", "B-Q"], **ISOLATORS}],
-        "mesh": {"size": 6.0},
-        "sensors": {"direction": "x", "points": ["A-P", "B-Q"]},
-        "frequency_grid": {"start": 0.2, "step": 0.2, "count": 60},
-        "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
-        "damping": {"law": "constant", "ratio": 0.02},
-        **changes,
-    }
+    made = frame(
+        {"A": 0.0, "B": 6.0},
+        {"P": 0.0, "Q": 5.0},
+        {"low": 1.0, "high": 3.0},
+        size=6.0,
+        grid=(0.2, 60),
+        materials=concrete(30e9, 2500.0),
+        sections={"column": rectangle(0.4, 0.5), "beam": rectangle(0.3, 0.5)},
+        braces=[{"section": "beam", "along": "P", "from": "A", "to": "B", "stories": "high"}],
+        springs=[{"at": ["A-P", "A-Q"], **ISOLATORS}, {"at": ["B-P", "B-Q"], **ISOLATORS}],
+        sensors={"direction": "x", "points": ["A-P", "B-Q"]},
+    )
+    return made | changes
 
 
 def whole_frf(structure, zeta=0.0, theta=None):

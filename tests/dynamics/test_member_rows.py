@@ -11,6 +11,7 @@ from femupdate.dynamics.history import displacement_histories
 from femupdate.dynamics.members import beam_end_rows, cut_rows
 from femupdate.effects import structure_of
 from femupdate.fe import Beams, static_displacement
+from tests import documents
 
 THETA = np.array([0.7, 1.5])
 
@@ -22,27 +23,18 @@ def frame():
 
 def turned_frame(direction):
     """Two stories with a wall on one side, so that every direction turns the plan."""
-    document = {
-        "name": "turned",
-        "kind": "frame",
-        "grid": {"x": {"X0": 0.0, "X1": 5.0}, "y": {"Y0": 0.0, "Y1": 4.0}},
-        "stories": [{"name": "S1", "height": 3.2}, {"name": "S2", "height": 2.8}],
-        "materials": {"c": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}},
-        "sections": {
-            "column": {"shape": "rectangle", "width": 0.4, "depth": 0.6},
-            "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
-        },
-        "columns": [{"section": "column"}],
-        "beams": [{"section": "beam"}],
-        "walls": [{"along": "Y0", "from": "X0", "to": "X1", "thickness": 0.15}],
-        "slabs": [{"x": ["X0", "X1"], "y": ["Y0", "Y1"], "thickness": 0.2, "diaphragm": "rigid"}],
-        "floor_mass": [{"total": 60e3}],
-        "mesh": {"size": 2.0},
-        "sensors": {"direction": direction, "points": ["X0-Y0"]},
-        "frequency_grid": {"start": 0.1, "step": 0.1, "count": 100},
-        "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
-        "damping": {"law": "constant", "ratio": 0.03},
-    }
+    slab = {"x": ["X0", "X1"], "y": ["Y0", "Y1"], "thickness": 0.2, "diaphragm": "rigid"}
+    document = documents.frame(
+        {"X0": 0.0, "X1": 5.0},
+        {"Y0": 0.0, "Y1": 4.0},
+        {"S1": 3.2, "S2": 2.8},
+        size=2.0,
+        direction=direction,
+        ratio=0.03,
+        walls=[{"along": "Y0", "from": "X0", "to": "X1", "thickness": 0.15}],
+        slabs=[slab],
+        floor_mass=[{"total": 60e3}],
+    )
     return structure_of(from_document(document))
 
 

@@ -10,6 +10,7 @@ from femupdate.dynamics import Excitation, System, lumped
 from femupdate.effects import structure_of
 from femupdate.errors import BuildingError
 from femupdate.inference.mode_data import modes_as_read
+from tests.documents import stick
 
 MASS, SPRING, HEIGHT = np.array([4.0, 3.0, 2.0]), np.array([9e3, 7e3, 5e3]), 0.5
 PLATE = 6.0
@@ -24,18 +25,9 @@ def accelerance(system, parameters, zeta, frequency_hz, forced, rest=None):
 
 
 def document(base, **more):
-    return {
-        "name": "hung",
-        "kind": "shear",
-        "stories": [
-            {"name": f"S{k}", "mass": m, "stiffness": s, "height": HEIGHT}
-            for k, (m, s) in enumerate(zip(MASS, SPRING, strict=True))
-        ],
-        "supports": {"base": base, **more},
-        "frequency_grid": {"start": 0.5, "step": 0.5, "count": 30},
-        "prior": {"theta": {"lower": 0.3, "upper": 3.0}, "zeta": {"lower": 0.005, "upper": 0.05}},
-        "damping": {"law": "constant", "ratio": 0.02},
-    }
+    prior = {"theta": {"lower": 0.3, "upper": 3.0}, "zeta": {"lower": 0.005, "upper": 0.05}}
+    known = {"supports": {"base": base, **more}, "prior": prior}
+    return stick(MASS, SPRING, [HEIGHT] * len(MASS), grid=(0.5, 30), **known)
 
 
 def free_equations(rocks):

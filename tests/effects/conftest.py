@@ -11,6 +11,7 @@ from femupdate.building import from_document, load_building
 from femupdate.dynamics import ConstantDamping, ReducedStructure, System, lumped, reduced_on
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.fe import Beams, Shells, assemble
+from tests import documents
 
 
 @dataclass(frozen=True)
@@ -232,39 +233,20 @@ def _exact(structure, theta, frequency_hz, equations):
 @pytest.fixture(scope="session")
 def frame_document():
     """Two unequal stories, a wall off the centre, a wall opposite that only weighs."""
-    return {
-        "name": "made",
-        "kind": "frame",
-        "grid": {"x": {"A": 0.0, "B": 5.0, "C": 9.0}, "y": {"P": 0.0, "Q": 6.0}},
-        "stories": [{"name": "low", "height": 3.4}, {"name": "high", "height": 2.9}],
-        "materials": {
-            "concrete": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}
-        },
-        "sections": {
-            "column": {"shape": "rectangle", "width": 0.4, "depth": 0.6},
-            "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
-        },
-        "columns": [{"section": "column"}],
-        "beams": [{"section": "beam"}],
-        "walls": [
+    gable = {"along": "P", "from": "B", "to": "C", "thickness": 0.1, "role": "non_structural"}
+    return documents.frame(
+        {"A": 0.0, "B": 5.0, "C": 9.0},
+        {"P": 0.0, "Q": 6.0},
+        {"low": 3.4, "high": 2.9},
+        size=5.0,
+        walls=[
             {"along": "Q", "from": "A", "to": "B", "thickness": 0.15},
-            {
-                "along": "P",
-                "from": "B",
-                "to": "C",
-                "thickness": 0.1,
-                "role": "non_structural",
-                "stiffness": False,
-            },
+            gable | {"stiffness": False},
         ],
-        "slabs": [{"x": ["A", "C"], "y": ["P", "Q"], "thickness": 0.15}],
-        "floor_mass": [{"total": 90e3, "floors": ["2F"]}, {"total": 70e3, "floors": ["RF"]}],
-        "mesh": {"size": 5.0},
-        "sensors": {"direction": "x", "points": ["A-P", "C-Q"]},
-        "frequency_grid": {"start": 0.2, "step": 0.2, "count": 150},
-        "prior": {"theta": {"lower": 1 / 3, "upper": 3.0}},
-        "damping": {"law": "constant", "ratio": 0.02},
-    }
+        slabs=[{"x": ["A", "C"], "y": ["P", "Q"], "thickness": 0.15}],
+        floor_mass=[{"total": 90e3, "floors": ["2F"]}, {"total": 70e3, "floors": ["RF"]}],
+        sensors={"direction": "x", "points": ["A-P", "C-Q"]},
+    )
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,7 @@ from femupdate.dynamics import (
 )
 from femupdate.effects import structure_of
 from femupdate.measurement import Histories, estimate_frf, parse_channel
+from tests.documents import stick
 
 ZETA = 0.03
 HEIGHT, OMEGA = 6.5, 2.0 * np.pi * 3.0
@@ -25,15 +26,7 @@ HEIGHT, OMEGA = 6.5, 2.0 * np.pi * 3.0
 
 def rod(omega=OMEGA):
     """One mass on one spring, as high as a house."""
-    story = {"name": "S1", "height": HEIGHT, "mass": 2000.0, "stiffness": 2000.0 * omega**2}
-    document = {
-        "name": "rod",
-        "kind": "shear",
-        "stories": [story],
-        "prior": {"theta": {"lower": 0.3, "upper": 3.0}},
-        "frequency_grid": {"start": 0.1, "step": 0.1, "count": 100},
-        "damping": {"law": "constant", "ratio": ZETA},
-    }
+    document = stick([2000.0], [2000.0 * omega**2], [HEIGHT], grid=(0.1, 100), ratio=ZETA)
     reduced = lumped(structure_of(from_document(document)))
     return System(reduced.model, ConstantDamping())
 

@@ -11,25 +11,14 @@ from femupdate.building import from_document
 from femupdate.dynamics import ConstantDamping, System, equations_at, lumped
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.fe import Beams, RigidLinks, Springs, assemble
+from tests import documents
 
 JOINTS = CATALOGUE["joint_flexibility"]
 TURN = {0: 4, 1: 3}  # axis of a beam and the rotation that bends it in the vertical plane
 
 
 def stick(heights, springs, masses):
-    stories = [
-        {"name": f"S{k}", "height": h, "stiffness": s, "mass": m}
-        for k, (h, s, m) in enumerate(zip(heights, springs, masses, strict=True))
-    ]
-    document = {
-        "name": "stick",
-        "kind": "shear",
-        "stories": stories,
-        "frequency_grid": {"start": 0.2, "step": 0.2, "count": 45},
-        "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
-        "damping": {"law": "constant", "ratio": 0.02},
-    }
-    return structure_of(from_document(document))
+    return structure_of(from_document(documents.stick(masses, springs, heights)))
 
 
 def frequencies(structure, theta, size):

@@ -9,6 +9,7 @@ from femupdate.dynamics import equations_at
 from femupdate.dynamics.equations import WithSprings
 from femupdate.effects import CATALOGUE, structure_of
 from femupdate.fe import factorize
+from tests.documents import stick
 
 ZETA = 0.03
 HEIGHTS, MASSES = np.array([3.5, 3.0, 3.0]), np.array([40e3, 35e3, 30e3])
@@ -17,19 +18,7 @@ GRAVITY = 9.80665
 
 
 def tower(heights=HEIGHTS):
-    stories = [
-        {"name": f"S{k}", "mass": m, "stiffness": s, **({} if h is None else {"height": h})}
-        for k, (h, s, m) in enumerate(zip(heights, SPRINGS, MASSES, strict=True))
-    ]
-    document = {
-        "name": "tower",
-        "kind": "shear",
-        "stories": stories,
-        "frequency_grid": {"start": 0.2, "step": 0.2, "count": 45},
-        "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
-        "damping": {"law": "constant", "ratio": 0.02},
-    }
-    return structure_of(from_document(document))
+    return structure_of(from_document(stick(MASSES, SPRINGS, heights)))
 
 
 def agree(ours, exact):

@@ -9,6 +9,7 @@ import torch
 from femupdate.building import from_document
 from femupdate.dynamics import ConstantDamping, System, reduced_on
 from femupdate.effects import CATALOGUE, DrawnBuilding, Placed, building_effects, structure_of
+from tests.documents import stick
 
 ZETA = 0.04
 GRID = np.linspace(0.2, 9.0, 45)
@@ -18,14 +19,7 @@ OMEGA = (SPRING / MASS) ** 0.5
 
 def single(mass=MASS, height=HEIGHT):
     """One mass on one spring."""
-    return {
-        "name": "single",
-        "kind": "shear",
-        "stories": [{"name": "S", "mass": mass, "stiffness": SPRING, "height": height}],
-        "frequency_grid": {"start": 0.2, "step": 0.2, "count": 45},
-        "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
-        "damping": {"law": "constant", "ratio": ZETA},
-    }
+    return stick([mass], [SPRING], [height], ratio=ZETA)
 
 
 def frf(document, effects=(), zeta=ZETA, theta=None, frequency_hz=GRID):

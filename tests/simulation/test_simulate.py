@@ -23,6 +23,8 @@ from femupdate.simulation import (
     write_simulation,
 )
 from femupdate.study import file_hash
+from tests import documents
+from tests.documents import rectangle
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -35,46 +37,24 @@ STEP = 0.005
 
 def frame(direction="x", points=("P-B", "Q-B"), **changes):
     """Two stories, two bays by one, a wall on one side: nothing is symmetric."""
-    document = {
+    known = {
         "name": "small",
-        "kind": "frame",
-        "grid": {"x": {"A": 0.0, "B": 4.0, "C": 7.0}, "y": {"P": 0.0, "Q": 5.0}},
-        "stories": [{"name": "low", "height": 3.2}, {"name": "high", "height": 2.8}],
-        "materials": {
-            "concrete": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}
-        },
-        "sections": {
-            "column": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
-            "beam": {"shape": "rectangle", "width": 0.25, "depth": 0.4},
-        },
-        "columns": [{"section": "column"}],
-        "beams": [{"section": "beam"}],
+        "sections": {"column": rectangle(0.3, 0.5), "beam": rectangle(0.25, 0.4)},
         "walls": [{"along": "P", "from": "A", "to": "B", "thickness": 0.08}],
         "slabs": [{"x": ["A", "C"], "y": ["P", "Q"], "thickness": 0.15}],
         "floor_mass": [{"total": 60e3}],
-        "mesh": {"size": 2.0},
         "sensors": {"direction": direction, "points": list(points)},
         "frequency_grid": GRID,
         "prior": PRIOR,
-        "damping": {"law": "constant", "ratio": 0.03},
     }
-    return from_document({**document, **changes})
+    x, heights = {"A": 0.0, "B": 4.0, "C": 7.0}, {"low": 3.2, "high": 2.8}
+    made = documents.frame(x, {"P": 0.0, "Q": 5.0}, heights, size=2.0, ratio=0.03, **known)
+    return from_document(made | changes)
 
 
 def chain(masses, springs, damping=None):
-    stories = [
-        {"name": f"S{n}", "mass": m, "stiffness": k}
-        for n, (m, k) in enumerate(zip(masses, springs, strict=True), 1)
-    ]
-    document = {
-        "name": "chain",
-        "kind": "shear",
-        "stories": stories,
-        "frequency_grid": GRID,
-        "prior": PRIOR,
-        "damping": damping or {"law": "constant", "ratio": 0.03},
-    }
-    return from_document(document)
+    known = {"frequency_grid": GRID, "prior": PRIOR} | ({"damping": damping} if damping else {})
+    return from_document(documents.stick(masses, springs, ratio=0.03, **known))
 
 
 THREE = ([3000.0, 2000.0, 1200.0], [9e6, 4e6, 1.5e6])

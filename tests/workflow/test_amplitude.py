@@ -14,6 +14,7 @@ from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.inference import Values
 from femupdate.measurement import GroundMotion
 from femupdate.workflow.amplitude import at_own_level, far_stronger, own_level
+from tests.documents import stick
 
 MASS, SPRING, STEP = 2000.0, 8e5, 0.005
 SOFTER, MORE_DAMPING = -0.12, 0.25
@@ -25,16 +26,7 @@ WEAK = 0.4  # m/s2
 
 @pytest.fixture(scope="module")
 def house():
-    building = from_document(
-        {
-            "name": "house",
-            "kind": "shear",
-            "stories": [{"name": "S1", "mass": MASS, "stiffness": SPRING}],
-            "frequency_grid": {"start": 0.2, "step": 0.2, "count": 60},
-            "prior": {"theta": {"lower": 0.5, "upper": 2.0}},
-            "damping": {"law": "constant", "ratio": 0.03},
-        }
-    )
+    building = from_document(stick([MASS], [SPRING], grid=(0.2, 60), ratio=0.03))
     structure = structure_of(building)
     reduced = reduced_on(structure, np.diag(structure.points.mass**-0.5))
     placed = (Placed(CATALOGUE["amplitude_softening"], "all"),)

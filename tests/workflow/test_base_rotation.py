@@ -21,6 +21,7 @@ from femupdate.workflow import (
     predict_study,
 )
 from femupdate.workflow.calibration_report import predictive_log_frf
+from tests.documents import stick
 
 THETA, ZETA = (0.8, 1.2, 0.9), 0.02
 TURNS = "foundation_rocking and table_pitch are not looked for"
@@ -29,19 +30,10 @@ NO_HEIGHT = {"name": "S1", "mass": 180e3, "stiffness": 150e6}
 
 def document(**changes):
     heights, springs = (4.0, 3.2, 3.5), (200e6, 180e6, 120e6)
-    stories = [
-        {"name": f"S{k}", "height": height, "mass": 180e3, "stiffness": spring}
-        for k, (height, spring) in enumerate(zip(heights, springs, strict=True), 1)
-    ]
-    return {
-        "name": "rocker",
-        "kind": "shear",
-        "stories": stories,
-        "prior": {"theta": {"lower": 0.4, "upper": 2.5}, "zeta": {"lower": 0.005, "upper": 0.06}},
-        "frequency_grid": {"start": 0.2, "step": 0.1, "count": 100},
-        "damping": {"law": "constant", "ratio": 0.02},
-        **changes,
-    }
+    prior = {"theta": {"lower": 0.4, "upper": 2.5}, "zeta": {"lower": 0.005, "upper": 0.06}}
+    grid = {"start": 0.2, "step": 0.1, "count": 100}
+    made = stick([180e3] * 3, springs, heights, name="rocker", prior=prior, frequency_grid=grid)
+    return made | changes
 
 
 def simulated(**changes):

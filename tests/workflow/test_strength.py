@@ -23,6 +23,7 @@ from femupdate.effects import structure_of
 from femupdate.inference import COARSE_ERROR
 from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import FloorChannel, Histories, observation_for
+from tests.documents import stick
 
 MASS, SPRING, STEP, FINE = np.array([3e5, 3e5, 2e5]), np.array([2e8, 2e8, 1.5e8]), 0.01, 8
 FLOORS, ZETA, SHARE = ("2F", "3F", "RF"), 0.02, 0.2
@@ -82,19 +83,7 @@ def found_in(base, seen, seed):
     rows = rows + 0.02 * rows.std(axis=1, keepdims=True) * rng.standard_normal(rows.shape)
     channels = tuple(FloorChannel(name, name) for name in ("base", *FLOORS))
     prior = {"theta": {"lower": 0.5, "upper": 2.0}, "zeta": {"lower": 0.005, "upper": 0.1}}
-    building = from_document(
-        {
-            "name": "chain",
-            "kind": "shear",
-            "stories": [
-                {"name": f"S{n}", "mass": float(m), "stiffness": float(k)}
-                for n, (m, k) in enumerate(zip(MASS, SPRING, strict=True), 1)
-            ],
-            "frequency_grid": {"start": 0.1, "step": 0.1, "count": 120},
-            "prior": prior,
-            "damping": {"law": "constant", "ratio": ZETA},
-        }
-    )
+    building = from_document(stick(MASS, SPRING, grid=(0.1, 120), ratio=ZETA, prior=prior))
     grid = building.frequency_grid.frequencies_hz()
     whole = observation_for(building.floors, Histories(STEP, channels, rows), grid)
     reduced = lumped(structure_of(building))
