@@ -10,14 +10,14 @@ from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.inference import COARSE_ERROR
 from femupdate.inference.frf_data import frf_data
 from femupdate.measurement import Observation
-from tests.discrepancy import chain
+from tests import chains as by_hand
 from tests.documents import stick
 
 
 @pytest.fixture(scope="session")
 def chains():
-    """The module `chain`."""
-    return chain
+    """The module `tests.chains`."""
+    return by_hand
 
 
 @pytest.fixture(scope="session")

@@ -24,6 +24,7 @@ from femupdate.simulation import (
 )
 from femupdate.study import file_hash
 from tests import documents
+from tests.chains import Chain
 from tests.documents import rectangle
 
 ROOT = Path(__file__).parents[2]
@@ -59,21 +60,6 @@ def chain(masses, springs, damping=None):
 
 THREE = ([3000.0, 2000.0, 1200.0], [9e6, 4e6, 1.5e6])
 QUIET = SimulationSettings(sensor_noise_m_s2=0.0, duration_s=20.0)
-
-
-def chain_frf(masses, springs, zeta, frequency_hz):
-    """Absolute acceleration of every floor over the base's (f, k), by the complex stiffness."""
-    drift = np.eye(len(masses)) - np.eye(len(masses), k=-1)
-    root = np.sqrt(masses)
-    K = drift.T @ np.diag(springs) @ drift
-    squared, modes = np.linalg.eigh(K / root[:, None] / root)
-    C = root[:, None] * (modes * (2 * zeta * np.sqrt(squared)) @ modes.T) * root
-    M = np.diag(masses)
-    columns = []
-    for w in 2 * np.pi * np.asarray(frequency_hz):
-        relative = np.linalg.solve(K + 1j * w * C - w**2 * M, -M @ np.ones(len(masses)))
-        columns.append(1.0 - w**2 * relative)
-    return np.array(columns).T
 
 
 def pulse(seconds=12.0):
@@ -136,7 +122,8 @@ def test_welch_frf_of_a_chain_matches_the_closed_form():
     )
     # Segments of 20 s: at 3 Hz and 5 % zeta f T = 3, so the smearing of the peaks stays below 4 %.
     seen = estimate_frf(found.histories, np.arange(1.0, 45.0, 0.05))
-    asked = chain_frf(masses, theta * springs, zeta, seen.estimator.frequency_hz)
+    hand = Chain(np.array(masses), theta * np.array(springs), zeta=zeta)
+    asked = hand.frf(seen.estimator.frequency_hz)
     exact = seen.estimator(torch.from_numpy(asked)[None])[0].numpy()
     assert seen.floors == ("2F", "3F", "RF")
     used = seen.valid

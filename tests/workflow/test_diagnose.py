@@ -10,7 +10,7 @@ import pytest
 
 from femupdate.study import Study
 from femupdate.workflow import ObservationSource, diagnose_study, open_study, repair_study
-from tests.discrepancy.chain import Chain, rayleigh
+from tests.chains import Chain, rayleigh
 from tests.sticks import shear_stick
 
 GRID = 0.2 * np.arange(1, 103)

@@ -9,7 +9,7 @@ from femupdate.errors import InferenceError
 from femupdate.report import draw
 from femupdate.study import Study
 from femupdate.workflow import ObservationSource, diagnose_study, open_study, repair_study
-from tests.discrepancy.chain import Chain
+from tests.chains import Chain
 
 FLOORS, THETA, ZETA = ("2F", "3F", "RF"), np.array([0.7, 1.3, 0.9]), 0.02
 GRID = np.arange(0.5, 18.0, 0.2)

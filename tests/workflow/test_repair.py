@@ -23,7 +23,7 @@ from femupdate.workflow import (
     predict_study,
     repair_study,
 )
-from tests.discrepancy.chain import Chain
+from tests.chains import Chain
 from tests.sticks import MASSES, SPRINGS, STEP, write_shaken, write_stick
 
 THETA, ZETA = np.array([0.8, 1.4, 1.1]), 0.04
