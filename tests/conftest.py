@@ -12,6 +12,8 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests import documents
+
 # A busy machine is no fault of what is tested.
 settings.register_profile(
     "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
@@ -175,91 +177,29 @@ law = "constant"
 ratio = 0.05
 """
 
-# A wall on one side of the lower story; the lowest mode goes across the base motion.
-CABIN = """\
-name = "cabin"
-title = "Two-story cabin"
-kind = "frame"
 
-[grid.x]
-A = "0 m"
-B = "4 m"
-
-[grid.y]
-P = "0 m"
-Q = "5 m"
-
-[[stories]]
-name = "low"
-height = "3.2 m"
-
-[[stories]]
-name = "high"
-height = "2.8 m"
-
-[materials.concrete]
-youngs_modulus = "25 GPa"
-poisson_ratio = 0.2
-density = "2400 kg/m3"
-
-[sections.column]
-shape = "rectangle"
-width = "250 mm"
-depth = "350 mm"
-
-[sections.beam]
-shape = "rectangle"
-width = "200 mm"
-depth = "400 mm"
-
-[[columns]]
-section = "column"
-
-[[beams]]
-section = "beam"
-
-[[walls]]
-along = "P"
-from = "A"
-to = "B"
-thickness = "60 mm"
-stories = ["low"]
-
-[[slabs]]
-x = ["A", "B"]
-y = ["P", "Q"]
-thickness = "150 mm"
-
-[[floor_mass]]
-total = "40 t"
-
-[mesh]
-size = "2.5 m"
-
-[sensors]
-direction = "x"
-points = ["P-B", "Q-A"]
-
-[frequency_grid]
-start = "0.25 Hz"
-step = "0.25 Hz"
-count = 80
-
-[prior.theta]
-lower = 0.5
-upper = 2
-
-[prior.zeta]
-lower = 0.01
-upper = 0.06
-
-[damping]
-law = "constant"
-ratio = 0.03
-
-[reduction]
-tolerance = 0.1
-"""
+def cabin():
+    """A wall on one side of the lower story; the lowest mode goes across the base motion."""
+    return documents.frame(
+        {"A": 0.0, "B": 4.0},
+        {"P": 0.0, "Q": 5.0},
+        {"low": 3.2, "high": 2.8},
+        name="cabin",
+        title="Two-story cabin",
+        size=2.5,
+        grid=(0.25, 80),
+        ratio=0.03,
+        sections={
+            "column": documents.rectangle(0.25, 0.35),
+            "beam": documents.rectangle(0.2, 0.4),
+        },
+        walls=[{"along": "P", "from": "A", "to": "B", "thickness": 0.06, "stories": ["low"]}],
+        slabs=[{"x": ["A", "B"], "y": ["P", "Q"], "thickness": 0.15}],
+        floor_mass=[{"total": 40e3}],
+        sensors={"direction": "x", "points": ["P-B", "Q-A"]},
+        prior={"theta": {"lower": 0.5, "upper": 2.0}, "zeta": {"lower": 0.01, "upper": 0.06}},
+        reduction={"tolerance": 0.1},
+    )
 
 
 @pytest.fixture(scope="session")
@@ -287,9 +227,11 @@ def built_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
 @pytest.fixture(scope="session")
 def buildings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with tower.toml, a shear building, and cabin.toml, a frame."""
+    from femupdate.building import from_document, save_building
+
     folder = tmp_path_factory.mktemp("buildings")
     (folder / "tower.toml").write_text(TOWER, encoding="utf-8")
-    (folder / "cabin.toml").write_text(CABIN, encoding="utf-8")
+    save_building(from_document(cabin()), folder / "cabin.toml")
     return folder
 
 
