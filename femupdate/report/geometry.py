@@ -2,15 +2,17 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from femupdate.arrays import Floats, Integers
-from femupdate.effects.effect import DrawnBuilding, Glyph
 from femupdate.errors import ReportError
 from femupdate.fe.model import FiniteElementModel
+
+if TYPE_CHECKING:  # effects bring torch
+    from femupdate.effects.effect import DrawnBuilding, Glyph
 
 DEFORMATION = 0.12  # largest displacement as drawn, over the largest side of the building
 VIEW = (-1.0, -1.55, 0.72)  # from the building towards the eye: at a corner, from above
@@ -50,7 +52,7 @@ class Geometry:
         return cls.of(model.nodes, model.faces, model.lines)
 
     @classmethod
-    def of_building(cls, building: DrawnBuilding) -> "Geometry":
+    def of_building(cls, building: "DrawnBuilding") -> "Geometry":
         """Its mesh, or of a shear building columns and square slabs."""
         mesh = building.structure.mesh
         if mesh is not None:
@@ -255,7 +257,7 @@ def sign(kind: str, *arguments: Any) -> Glyphs:
     return SIGNS[kind](*arguments)
 
 
-def drawn(glyphs: Iterable[Glyph]) -> Glyphs:
+def drawn(glyphs: "Iterable[Glyph]") -> Glyphs:
     """Return the signs that an effect asks for.
 
     Raises:
