@@ -235,7 +235,10 @@ def test_an_interrupted_command_says_how_to_go_on(tmp_path):
 
 @pytest.mark.parametrize(
     ("given", "told"),
-    [({}, {"GOMP_SPINCOUNT": "1000"}), ({"OMP_WAIT_POLICY": "active"},) * 2],
+    [
+        ({}, {"GOMP_SPINCOUNT": "1000", "OPENBLAS_NUM_THREADS": "1"}),
+        ({"OMP_WAIT_POLICY": "active", "OMP_NUM_THREADS": "2"},) * 2,
+    ],
     ids=["nothing said", "a policy"],
 )
 def test_waiting_threads_sleep_unless_the_user_says_how_they_wait(given, told):
@@ -243,13 +246,14 @@ def test_waiting_threads_sleep_unless_the_user_says_how_they_wait(given, told):
     code = (
         "import os, sys\n"
         "from femupdate.cli.main import main\n"
-        "assert 'torch' not in sys.modules\n"
+        "assert not {'numpy', 'torch'} & set(sys.modules)\n"
         "try: main(['--version'])\n"
         "except SystemExit: pass\n"
-        "names = 'GOMP_SPINCOUNT', 'OMP_WAIT_POLICY'\n"
-        "print({name: os.environ[name] for name in names if name in os.environ})\n"
+        "starts = 'GOMP_', 'OMP_', 'OPENBLAS_'\n"
+        "print({k: v for k, v in os.environ.items() if k.startswith(starts)})\n"
     )
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("GOMP_", "OMP_WAIT"))}
+    starts = "GOMP_", "OMP_", "OPENBLAS_"
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(starts)}
     done = subprocess.run(
         [sys.executable, "-c", code], env={**clean, **given}, capture_output=True, text=True
     )
