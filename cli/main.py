@@ -52,8 +52,8 @@ _COMMANDS = {
 def group() -> None:
     """Calibrate finite-element models of buildings to measured vibration.
 
-    A study folder (--study, default ./study) holds everything for one building. Every command
-    builds what it needs, so `femupdate calibrate obs.csv` alone works.
+    A study folder (--study, default ./study) holds everything for one building, which is named
+    once. Every command builds what it needs.
 
     \b
     Examples:

@@ -54,8 +54,8 @@ def calibrate(observations: tuple[Path, ...], study: Study, bars: Bars, **asked:
     \b
     Examples:
       femupdate examples
-      femupdate calibrate examples/six_story_white_noise.csv
-      femupdate calibrate examples/six_story_white_noise.csv --sensors RF --name roof
+      femupdate calibrate examples/run1.csv --building shear_4dof
+      femupdate calibrate examples/run1.csv --sensors RF --name roof
     """
     from femupdate import interface
 
@@ -104,7 +104,7 @@ def diagnose(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: 
 
     \b
     Examples:
-      femupdate diagnose examples/six_story_white_noise.csv
+      femupdate diagnose examples/run1.csv --building shear_4dof
       femupdate diagnose run1.csv --second stronger_run.csv
       femupdate diagnose hammer.csv modes.csv
     """

@@ -38,7 +38,7 @@ def examples(folder: Path) -> Answer:
     \b
     Examples:
       femupdate examples
-      femupdate calibrate examples/six_story_white_noise.csv
+      femupdate calibrate examples/run1.csv --building shear_4dof
     """
     from femupdate.workflow.shipped import copy_examples
 

@@ -80,13 +80,12 @@ def command(
         simulate_observation,
         write_simulation,
     )
-    from femupdate.workflow.model import choose_building, require_named, say_building
+    from femupdate.workflow.model import choose_building, say_building
 
     if record is not None:
         motion = read_record(record, unit, channel).scaled(scale)
         settings.update(base_motion=motion, sampling_hz=1.0 / motion.time_step)
-    require_named(study, building)
     chosen = choose_building(study, building)
-    say_building(study, building, chosen, bars)
+    say_building(chosen, bars)
     made = simulate_observation(chosen, SimulationSettings(**settings), bars)
     return Answer(write_simulation(made, output))

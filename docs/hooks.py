@@ -58,6 +58,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 def on_post_page(output: str, page: Page | None, config: MkDocsConfig) -> str:
     """Let the keyboard scroll code that is too wide, and name every menu for screen readers."""
     output = re.sub(r"(<pre><span></span>)(<code)?", _scrolled, output)
+    # What screen readers are not told of takes no focus.
+    output = output.replace('<input class="md-option"', '<input tabindex="-1" class="md-option"')
     # A corner without words is no heading.
     output = re.sub(r"<th( [^>]*)?></th>", r"<td\1></td>", output)
     output = output.replace('"search" role="dialog"', '"search" role="dialog" aria-label="Search"')

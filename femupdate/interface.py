@@ -322,13 +322,11 @@ def diagnose(
     """
     from femupdate.discrepancy.thresholds import DiagnosisSettings
     from femupdate.workflow.diagnose import diagnose_study
-    from femupdate.workflow.model import require_named
     from femupdate.workflow.observed import readable
 
     opened, (how, rest) = _study(study), _parted(settings, Judging)
     source = readable(opened, how, *_files(opened, files))
     other = None if second is None else readable(opened, how, Path(second))
-    require_named(opened, _name(building))
     model = reduce(opened, building, progress=progress)
     chosen = DiagnosisSettings(**rest)
     return diagnose_study(opened, model, source, chosen, progress, use_phase, other)
@@ -355,7 +353,6 @@ def repair(
         BuildingError: an effect of the building's file cannot be.
     """
     from femupdate.discrepancy.thresholds import DiagnosisSettings
-    from femupdate.workflow.model import require_named
     from femupdate.workflow.observed import readable
     from femupdate.workflow.repair import repair_study
 
@@ -363,7 +360,6 @@ def repair(
     source = readable(opened, how, *_files(opened, files))
     kept_out = None if holdout is None else readable(opened, how, Path(holdout))
     other = None if second is None else readable(opened, how, Path(second))
-    require_named(opened, _name(building))
     model = reduce(opened, building, progress=progress)
     chosen = DiagnosisSettings(**rest)
     return repair_study(opened, model, source, kept_out, chosen, progress, use_phase, other)

@@ -1,6 +1,7 @@
 """What a command has found, described once; terminal, page, JSON and CSV read its items."""
 
 import math
+import re
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -110,7 +111,8 @@ class Result:
                     body = "</tr><tr>".join(cells)
                     parts.append(f"<b>{escape(item.caption)}</b><table><tr>{body}</tr></table>")
             elif not item.detail:
-                parts += [f"<p>{escape(in_python(line))}</p>" for line in item.lines()]
+                text = "".join(f"<p>{escape(in_python(line))}</p>" for line in item.lines())
+                parts.append(re.sub("`(.+?)`", r"<code>\1</code>", text))
         return "".join(parts)
 
     def plot(self, name: str = "") -> "Figure":

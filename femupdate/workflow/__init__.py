@@ -15,10 +15,7 @@ __all__, __getattr__ = public(
         "effects": "kept_mesh_error open_structure open_system with_finer_mesh",
         "kinds": "measured_of",
         "likelihoods": "CalibrationSettings settled_likelihood",
-        "model": (
-            "CertifiedModel choose_building DEFAULT_BUILDING open_study reduce_building REDUCED "
-            "StudyModel"
-        ),
+        "model": ("CertifiedModel choose_building open_study reduce_building REDUCED StudyModel"),
         "observed": "ObservationSource readable",
         "predict": "predict_study PredictionSettings RecordSource",
         "render": "render_study",

@@ -138,9 +138,8 @@ def build_study(
         BuildingError, StructureError: the building cannot be read or cannot stand.
         StudyError: the study holds a posterior of another building, or cannot be written.
     """
-    # Without a name a study keeps its own building: the default never replaces it.
     chosen = load_building(building, units) if building else choose_building(study, None)
-    say_building(study, building, chosen, progress)
+    say_building(chosen, progress)
     kept = study.path(BUILDING_FILE)
     if kept.exists() and study.posteriors():  # whose building stays
         held = load_building(kept)

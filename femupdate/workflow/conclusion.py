@@ -292,8 +292,7 @@ def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
         )
         notes.append(
             f"The model misses {what} by {fitting.misfit**0.5:.1f} times its noise (rms, best "
-            f"draw): something is missing in the model; {allowed}, and `femupdate diagnose` looks "
-            "for it."
+            f"draw): something is missing in the model; {allowed}."
         )
     if wild := fitting.wild > 0.005:
         notes.append(

@@ -19,7 +19,6 @@ from femupdate.workflow.build import build_study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibration_report import short_name
 from femupdate.workflow.likelihoods import CalibrationSettings
-from femupdate.workflow.model import DEFAULT_BUILDING
 from femupdate.workflow.observed import ObservationSource
 from femupdate.workflow.predict import RecordSource, predict_study
 from femupdate.workflow.render import render_study
@@ -60,7 +59,7 @@ def run_demo(
     seed: int = 0,
     progress: Progress = SILENT,
     *,
-    building: str = DEFAULT_BUILDING,
+    building: str = "six_story_wall_frame",
     examples: Traversable | None = None,
     settings: CalibrationSettings | None = None,
 ) -> DemoReport:

@@ -122,9 +122,6 @@ def finer_origin(building: Building) -> dict[str, str]:
     return origin
 
 
-DEFAULT_BUILDING = "six_story_wall_frame"
-
-
 @dataclass(frozen=True, eq=False)
 class CertifiedModel:
     """A reduced model and how far it was found to be from the full one.
@@ -232,15 +229,14 @@ def open_study(
     A frame is on the finer mesh from its first calibration on, and so is all that follows.
 
     Args:
-        building: name or path of a building; default the study's own, or the six-story building
-            for an empty study.
+        building: name or path of a building; default the study's own.
 
     Raises:
-        StudyError: the study is of another building.
+        StudyError: the study has no building and none is named, or is of another one.
         BuildingError, StructureError: the building cannot be read or cannot stand.
     """
     chosen = choose_building(study, building)
-    say_building(study, building, chosen, progress)
+    say_building(chosen, progress)
     kept = study.kept(REDUCED, {"building": mechanics_hash(chosen)})
     if kept is not None:
         return on_kept_finer(study, _study_model(chosen, kept))
@@ -292,32 +288,26 @@ def reduce_building(
     return reduce_structure(plain, reduction_target(building), progress=progress)
 
 
-def require_named(study: Study, building: str | None) -> None:
-    """Make sure that a building is named or kept, where the default one is never what was meant."""
-    if building is None and not study.path(BUILDING_FILE).exists():
-        raise StudyError(
-            f"the study {study.folder} has no building yet; name one with --building, or run "
-            "`femupdate build-model NAME` first"
-        )
-
-
-def say_building(study: Study, name: str | None, chosen: Building, progress: Progress) -> None:
-    """Say first of all which building a command works on, and where it was only assumed."""
+def say_building(chosen: Building, progress: Progress) -> None:
+    """Say first of all which building a command works on."""
     title = "" if chosen.title in ("", chosen.name) else f" ({chosen.title})"
-    assumed = name is None and not study.path(BUILDING_FILE).exists()
-    doubt = ", the default: name your own with --building" if assumed else ""
-    progress.say(f"Building {chosen.name}{title}{doubt}")
+    progress.say(f"Building {chosen.name}{title}")
 
 
 def choose_building(study: Study, name: str | None) -> Building:
-    """The building asked for, the study's own, or the default one.
+    """The building asked for, or the study's own; none is assumed.
 
     Raises:
-        StudyError: the study holds another building than the one asked for.
+        StudyError: there is neither, or the study holds another building than the one asked for.
     """
     kept = study.path(BUILDING_FILE)
     if not kept.exists():
-        return load_building(name or DEFAULT_BUILDING)
+        if name is None:
+            raise StudyError(
+                f"the study {study.folder} has no building yet; name one with --building, or run "
+                "`femupdate build-model NAME` first"
+            )
+        return load_building(name)
     held = load_building(kept)
     if name is None:
         return held

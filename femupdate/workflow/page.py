@@ -224,22 +224,17 @@ def page_sections(page: PageStudy) -> Iterator[Section]:
         made = page.study.result("posterior.nc")
         blocks += [mode_table(page.modes), *_kept_pictures(page.study, made, ("mode_", "modes"))]
     yield Section("building", "The building", (*blocks, _scene(page)))
-    missing = "There is no posterior yet; run `femupdate calibrate`."
-    yield Section("posterior", "Posterior", tuple(_told(page.calibration, missing)))
-    missing = "Nothing was predicted; `femupdate predict --record FILE` does."
-    blocks = [*_told(page.prediction, missing)]
+    yield Section("posterior", "Posterior", tuple(_told(page.calibration)))
+    blocks = [*_told(page.prediction)]
     if page.prediction is not None:
         blocks += _kept_pictures(page.study, page.prediction.path, ("story_shear", "member_forces"))
     yield Section("prediction", "Prediction", tuple(blocks))
-    missing = "Nobody has looked for effects that the model lacks; `femupdate diagnose` does."
-    lacks = tuple(_finder(page)) or (Note(missing),)
-    yield Section("finder", "What the model lacks", lacks)
+    yield Section("finder", "What the model lacks", tuple(_finder(page)))
 
 
-def _told(result: Result | None, missing: str) -> Iterator[Block]:
-    """What a result tells and draws."""
+def _told(result: Result | None) -> Iterator[Block]:
+    """What a result tells and draws; nothing of none."""
     if result is None:
-        yield Note(missing)
         return
     # The summary has all warnings.
     yield from (item for item in result.items() if not getattr(item, "warning", False))
@@ -258,10 +253,11 @@ def _kept_pictures(study: Study, made: Path, names: Sequence[str]) -> list[Image
 def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
     """The verdict, main figures, the model, and what limits all that."""
     yield Notes(page.status.stale, warning=True)
-    if page.calibration is None:
-        yield Note("Nothing was calibrated yet.")
-    else:
-        yield from map(Note, page.calibration.first)
+    none = ("Nothing was calibrated yet.",)
+    verdict, *told = none if page.calibration is None else page.calibration.first
+    yield Note(verdict)
+    yield view
+    yield from map(Note, told)
     if page.prediction is not None:
         motion = page.prediction.motion.title
         yield Note(f"Under {motion}, with 90 % probability: {page.prediction.largest}.")
@@ -273,7 +269,6 @@ def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
         "All figures hold for motion like that measured, in which the building responds linearly. "
         "They say nothing of its strength."
     )
-    yield view
     if page.calibration is not None:
         yield _stiffness(page, page.calibration)
     if page.modes:

@@ -420,7 +420,7 @@ def sample_latent(
         warnings = (
             "The observation is unlike anything that this building can do. The best response misses"
             f" it by {found.misfit**0.5:.2f} times the noise (rms); in 99.5 % of simulations it is "
-            f"less than {usual**0.5:.2f}. Do not trust this posterior; use `femupdate diagnose`.",
+            f"less than {usual**0.5:.2f}. Do not trust this posterior.",
         )
     return Sampled(
         runs,

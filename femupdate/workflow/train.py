@@ -25,7 +25,7 @@ from femupdate.surrogate.storage import (
 from femupdate.surrogate.training import TrainingSettings, TrainingTask, train_mvae
 from femupdate.workflow.effects import with_finer_mesh
 from femupdate.workflow.likelihoods import unserved
-from femupdate.workflow.model import StudyModel, choose_building, require_named
+from femupdate.workflow.model import StudyModel, choose_building
 
 _CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
@@ -91,7 +91,6 @@ def check_training(
             written.
     """
     study.check_writable()
-    require_named(study, building)
     check_samples(samples, TrainingSettings(batch=batch))
     chosen = choose_building(study, building)
     if why := unserved(chosen):

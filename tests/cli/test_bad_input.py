@@ -120,9 +120,9 @@ def test_a_calibration_that_cannot_be_asked_for(femupdate, bench, study, snapsho
     assert study.exists() == bool(before)
 
 
-@pytest.mark.parametrize("command", ["diagnose", "repair", "simulate", "train"])
+@pytest.mark.parametrize("command", ["calibrate", "diagnose", "repair", "simulate", "train"])
 def test_without_a_building_none_is_assumed(command, femupdate, bench, tmp_path):
-    """A finding or a record of the default building is never what was meant."""
+    """Another building's finding, posterior or record is never what was meant."""
     files = {"simulate": ["-o", tmp_path / "made.csv"], "train": []}
     study = tmp_path / "new"
     done = femupdate(command, *files.get(command, [bench.observation()]), "--study", study)
@@ -292,11 +292,11 @@ def test_a_posterior_of_another_version_of_the_building(
 
 
 def test_a_study_whose_building_file_is_gone(femupdate, after, calibrated, snapshot):
-    """The six-story building, the default of an empty study, must not step in."""
+    """No other building must step in."""
     (calibrated / "building.toml").unlink()
     before = snapshot(calibrated)
     done = femupdate(*after(calibrated))
-    assert "was made from another building" in done.complaint
+    assert "has no building yet" in done.complaint
     assert snapshot(calibrated) == before
 
 

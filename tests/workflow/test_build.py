@@ -8,7 +8,6 @@ from femupdate.dynamics import reduced_modes
 from femupdate.errors import StudyError
 from femupdate.study import Study
 from femupdate.workflow import (
-    DEFAULT_BUILDING,
     REDUCED,
     CertifiedModel,
     build_study,
@@ -91,7 +90,8 @@ def test_without_a_name_a_study_keeps_its_building(tmp_path, tower_file):
     study = Study(tmp_path)
     build_study(study, str(tower_file))
     assert build_study(study).model.building.name == "tower"
-    assert choose_building(Study(tmp_path / "new"), None).name == DEFAULT_BUILDING
+    with pytest.raises(StudyError, match="has no building yet"):
+        choose_building(Study(tmp_path / "new"), None)
 
 
 def test_a_posterior_keeps_its_building(tower, snapshot, tower_file):

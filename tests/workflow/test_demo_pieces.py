@@ -14,18 +14,18 @@ from femupdate.measurement import GroundMotion, read_observation_file, read_reco
 from femupdate.report import draw
 from femupdate.study import Study
 from femupdate.surrogate import TrainingSettings
-from femupdate.workflow import DEFAULT_BUILDING, CalibrationSettings, demo, open_study, train_study
+from femupdate.workflow import CalibrationSettings, demo, open_study, train_study
 
 EXAMPLES = files("femupdate.examples")
 
 
 def test_what_the_demo_reads_is_shipped():
-    building = load_building(DEFAULT_BUILDING)
+    building = load_building("six_story_wall_frame")
     observation = read_observation_file(Path(str(EXAMPLES / demo.OBSERVATION)))
     assert observation.floors == building.floors
     truth = json.loads((EXAMPLES / demo.TRUTH).read_text(encoding="utf-8"))
     assert len(truth["theta"]) == len(building.story_names)
-    assert truth["building"] == DEFAULT_BUILDING
+    assert truth["building"] == building.name
     record = read_record(Path(str(EXAMPLES / demo.RECORD)))
     assert record.peak == pytest.approx(3.376, abs=0.001)
 
