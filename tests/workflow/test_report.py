@@ -126,7 +126,7 @@ def test_something_stale_is_told_on_the_page(study, tmp_path):
 def test_a_study_without_a_posterior_has_a_page_too(bare):
     html = report_study(bare).report.read_text(encoding="utf-8")
     assert "Nothing was calibrated yet." in html
-    # What there is not has no section, and a client reads no commands.
+    # A client reads no commands.
     assert not [name for name in ("posterior", "prediction", "finder") if f'id="{name}"' in html]
     assert "<code>femupdate" not in html
 
