@@ -5,7 +5,7 @@ from importlib.util import find_spec
 
 import click
 
-from .common import Failure
+from .group import Failure
 
 _PACKAGE = "femupdate.benchmarks"
 _HELP = "Published tables and other programs, side by side with ours."

@@ -20,6 +20,7 @@ from femupdate.study import MAIN_POSTERIOR, Study, copied, locked
 from femupdate.tables import require_xlsx, write_tables
 
 from .bars import Bars
+from .group import Failure
 from .parameters import (
     BAND,
     BUILDING_NAME,
@@ -64,16 +65,6 @@ class Answer:
 
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-class Failure(click.ClickException):
-    """A command that failed: one plain sentence, exit code 1."""
-
-    exit_code = 1
-
-    def show(self, file: Any = None) -> None:
-        """Print the sentence on stderr."""
-        click.echo(f"Error: {self.format_message()}", err=True)
 
 
 def option(

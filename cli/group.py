@@ -30,13 +30,28 @@ _NOT_NOTED = {"study", "copy", "building", "as_json", "verbose", "quiet"}
 _WORDS = f"{__name__}.words"
 
 
+class Failure(click.ClickException):
+    """A command that failed: one plain sentence, exit code 1."""
+
+    exit_code = 1
+
+    def show(self, file: Any = None) -> None:
+        """Print the sentence on stderr."""
+        click.echo(f"Error: {self.format_message()}", err=True)
+
+
 class GroupedCommand(click.Command):
     """A command whose help has its options under headings, and which studies can name."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the arguments, and keep them as they were written."""
         written = list(args)
-        rest = super().parse_args(ctx, args)
+        try:
+            rest = super().parse_args(ctx, args)
+        except click.MissingParameter:
+            raise
+        except click.BadParameter as error:  # an input like any other
+            raise Failure(error.format_message()) from error
         ctx.meta[_WORDS] = [ctx.info_name or "", *self._words(ctx, written)]
         return rest
 

@@ -10,7 +10,6 @@ from femupdate.errors import ReportError
 from .common import (
     NEW_FILE,
     Answer,
-    Failure,
     check_free,
     columns_options,
     no_pictures_option,
@@ -20,7 +19,7 @@ from .common import (
     plain_options,
     unit_option,
 )
-from .group import GroupedCommand
+from .group import Failure, GroupedCommand
 from .parameters import BAND, INPUT_FILE
 
 

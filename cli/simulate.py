@@ -74,16 +74,16 @@ def command(
       femupdate simulate -o obs.csv --building shear_4dof --effect added_mass@3F=0.1
     """
     check_free(output, overwrite)
-    from femupdate.measurement.record import read_record
     from femupdate.simulation.simulate import (
         SimulationSettings,
         simulate_observation,
         write_simulation,
     )
     from femupdate.workflow.model import choose_building, say_building
+    from femupdate.workflow.predict import RecordSource
 
     if record is not None:
-        motion = read_record(record, unit, channel).scaled(scale)
+        motion = RecordSource(record, unit, channel, scale).motion()
         settings.update(base_motion=motion, sampling_hz=1.0 / motion.time_step)
     chosen = choose_building(study, building)
     say_building(chosen, bars)

@@ -9,8 +9,8 @@ import click
 from femupdate.study import Study, locked
 
 from .bars import Bars
-from .common import NEW_FILE, Answer, Failure, option, output_option, study_options
-from .group import GroupedCommand
+from .common import NEW_FILE, Answer, option, output_option, study_options
+from .group import Failure, GroupedCommand
 from .parameters import COLUMNS, INPUT_FILE
 
 _reading = study_options(posterior=True, writes=False, draws=False, seeded=False)

@@ -16,7 +16,7 @@ __all__, __getattr__ = public(
         "observation": "Histories independent_share Observation resolved_share rotation_of"
         " select_floors",
         "reader": "kind_in read_measured read_observation_file",
-        "record": "GroundMotion read_record",
+        "record": "GroundMotion read_record without_offset",
         "recording": "azimuth_of RecordedChannel RecordedMode",
         "runs": "agreement pooled",
         "text": "TextFile",

@@ -79,7 +79,7 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
     # A mean of 5 % of the largest swing is worth a word.
     if abs(mean) > 0.05 * float(np.abs(values - mean).max()):
         unit = f" {channel.unit}" if channel.unit else ""
-        findings.append(f"its mean is {mean * peak:.3g}{unit}, an offset to remove.")
+        findings.append(f"its mean is {mean * peak:.3g}{unit}, an offset, which is taken off.")
     rate, slowest, fastest = 1.0 / channel.time_step, 5.0, 100_000.0
     if not slowest <= rate <= fastest:
         findings.append(
@@ -425,7 +425,8 @@ def _of_levels(
         units = f" (as between {units})" if units else ""
         yield (
             f"{sensor.title} moves {level:.3g} times as much as {beside} at low frequency, where"
-            f" both should move together{units}: is its gain or unit right?"
+            f" both should move together{units}: is its gain or unit right? If not,"
+            f" --columns {sensor.floor}={sensor.channel.name}*{1.0 / level:.3g} corrects it."
         )
 
 

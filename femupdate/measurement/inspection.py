@@ -156,10 +156,11 @@ def next_step(
     if not usable:
         return NextStep("", "None of the channels is a horizontal acceleration.")
     name = shlex.quote(str(path))
+    identify = f"femupdate identify {name} -o {shlex.quote(f'{path.stem}_modes.csv')}"
     if columns:
         based = any(ours.startswith((BASE, "force/")) for ours in columns)
-        command = f"calibrate {name}{options}" if based else f"identify {name} -o modes.csv"
-        return NextStep(f"femupdate {command}{columns_option(columns)}", "", columns)
+        command = f"femupdate calibrate {name}{options}" if based else identify
+        return NextStep(f"{command}{columns_option(columns)}", "", columns)
     proposed = _proposal(histories, usable)
     columns, numbers = dict(proposed), {o: int(k.lstrip("-")) - 1 for o, k in proposed.items()}
     if names is not None:  # columns of a table go by their names
@@ -202,8 +203,7 @@ def next_step(
     seconds = histories[usable[0]].values.size * histories[usable[0]].time_step
     # Records of earthquakes end before two minutes.
     if floors and not base and seconds >= 120.0:
-        identify = f"femupdate identify {name} -o modes.csv{mapped}"
-        return NextStep(identify, _NO_BASE, columns)
+        return NextStep(identify + mapped, _NO_BASE, columns)
     if not base and of_one_place:
         return NextStep(
             "",

@@ -207,7 +207,6 @@ def read_record(
             f"{motion.acceleration.size} values are no record; give the whole time history",
             column=where,
         )
-    offset = abs(float(motion.acceleration.mean()))
     swing = float(np.abs(motion.acceleration - motion.acceleration.mean()).max())
     if np.ptp(motion.acceleration) == 0.0:
         raise file.error(
@@ -221,15 +220,16 @@ def read_record(
             f" record has ({RECORD.smallest_g:g} to {RECORD.largest_g:g} g); is the unit wrong?",
             column=where,
         )
-    # A mean of 5 % of the largest swing is worth a warning.
-    if offset > 0.05 * swing:
-        logger.warning(
-            "%s, channel %s: the mean is %.3g m/s2; remove it from the file",
-            file.path,
-            motion.channel,
-            offset,
-        )
+    if offset := float((motion.acceleration - without_offset(motion.acceleration))[0]):
+        words = "%s, channel %s: the mean is %.3g m/s2, an offset, which predictions take off"
+        logger.warning(words, file.path, motion.channel, offset)
     return motion
+
+
+def without_offset(values: Floats) -> Floats:
+    """A history (n,) less its mean, where that is an offset: above 5 % of the largest swing."""
+    mean = values.mean()
+    return values - mean if abs(mean) > 0.05 * np.abs(values - mean).max() else values
 
 
 def _rotation(

@@ -29,7 +29,7 @@ from femupdate.inference.parameters import Values
 from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import Histories
 from femupdate.measurement.reader import read_observation_file
-from femupdate.measurement.record import GroundMotion, read_record
+from femupdate.measurement.record import GroundMotion, read_record, without_offset
 from femupdate.progress import SILENT, Progress
 from femupdate.report.prediction import Prediction, read_prediction, save_prediction
 from femupdate.report.quantities import ALONE, PEAKS, quantities
@@ -67,9 +67,10 @@ class RecordSource:
     scale: float = 1.0
 
     def motion(self, columns: Mapping[str, str] | None = None) -> GroundMotion:
-        """The motion of the base; `columns` are our names of its channels to the file's."""
+        """The motion of the base, without an offset; `columns` are our names to the file's."""
         found = read_record(self.path, self.unit, self.channel, columns=columns)
-        return found.scaled(self.scale)
+        moving = replace(found, acceleration=without_offset(found.acceleration))
+        return moving.scaled(self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,7 +266,7 @@ def _measured_floors(
     rows = np.full((len(model.reduced.floors), count), np.nan)
     for place, floor in enumerate(model.reduced.floors):
         if sensors := data.rows(floor, direction):
-            rows[place] = data.acceleration[sensors].mean(axis=0) * record.scale
+            rows[place] = without_offset(data.acceleration[sensors].mean(axis=0)) * record.scale
     if np.isnan(rows).all():
         raise MeasurementError(
             f"{path}: none of its floors ({', '.join(data.floors)}) belongs to the building "

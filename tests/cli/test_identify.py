@@ -36,7 +36,7 @@ COLUMNS = "2F=floor 2,3F=floor 3,RF=floor 4"
 def test_modes_of_a_record_give_the_building(femupdate, ambient, tmp_path):
     path, truth = ambient
     inspected = femupdate("inspect", path).out
-    assert f"femupdate identify {path} -o modes.csv" in inspected.splitlines()[-2]
+    assert f"femupdate identify {path} -o {path.stem}_modes.csv" in inspected.splitlines()[-2]
     modes = tmp_path / "modes.csv"
     answer = femupdate("identify", path, "-o", modes, "--columns", COLUMNS, "--json").answer
     for own, exact in zip(answer["modes"], truth.frequency_hz, strict=False):

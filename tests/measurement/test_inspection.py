@@ -64,7 +64,7 @@ WRONG = {
     "clipped": (clipped, "it is clipped: "),
     "spikes": (spiked, "it has 2 spikes of one sample: 35 s, 40 s."),
     "stuck": (stuck, "it stands still from 18 to 19.99 s"),
-    "offset": (lambda v: v + 40.0, "its mean is 40 gal, an offset to remove."),
+    "offset": (lambda v: v + 40.0, "its mean is 40 gal, an offset, which is taken off."),
     "too large": (lambda v: 500.0 * v, "more than any earthquake (5 g): is the unit wrong?"),
     "too small": (lambda v: 1e-7 * v, "below what an accelerometer resolves"),
     "few digits": (lambda v: np.round(v / 20.0), "steps of its digits only"),

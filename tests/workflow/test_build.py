@@ -11,7 +11,6 @@ from femupdate.workflow import (
     REDUCED,
     CertifiedModel,
     build_study,
-    choose_building,
     open_study,
 )
 
@@ -90,8 +89,6 @@ def test_without_a_name_a_study_keeps_its_building(tmp_path, tower_file):
     study = Study(tmp_path)
     build_study(study, str(tower_file))
     assert build_study(study).model.building.name == "tower"
-    with pytest.raises(StudyError, match="has no building yet"):
-        choose_building(Study(tmp_path / "new"), None)
 
 
 def test_a_posterior_keeps_its_building(tower, snapshot, tower_file):

@@ -88,6 +88,13 @@ def test_histories_are_those_of_another_integrator(tower, tower_model, record, w
     )
 
 
+def test_an_offset_of_the_record_is_taken_off(record, wave, tmp_path, write_record):
+    moved = write_record(tmp_path / "moved.csv", GroundMotion(wave - 0.5, STEP, channel="EW"))
+    found = RecordSource(moved).motion().acceleration
+    np.testing.assert_allclose(found, wave - wave.mean(), atol=1e-5)  # digits of the file
+    np.testing.assert_allclose(RecordSource(record).motion().acceleration, wave, atol=1e-5)
+
+
 def test_damping_is_the_posterior_s_own_unless_one_is_given(tower, tower_model, record):
     own = predicted(tower, tower_model, record)
     zeta = load_posterior(tower.path("posterior.nc")).thinned(20, 0)[:, -1].numpy()
