@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from femupdate.measurement.clock import even_step, is_moment, seconds_of
 from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, TELLING, figure_of
-from femupdate.measurement.names import FREQUENCY, FREQUENCY_NAME, TIME, TIME_NAME, is_unit
+from femupdate.measurement.names import (
+    FREQUENCY,
+    FREQUENCY_NAME,
+    TIME,
+    TIME_NAME,
+    is_unit,
+    parse_channel,
+)
 from femupdate.measurement.recording import RecordedChannel, Recording
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile
@@ -58,6 +65,8 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     labels = _texts(arrays, _LABELS)
     columns: dict[str, _Column] = {}
     for name, array in numbers.items():
+        if array.ndim > 2 and parse_channel(name):
+            raise file.error(f"{name} has {array.ndim} axes; save its values in a row")
         columns |= _columns(name, array, labels)
     if not columns:
         raise file.error("the file holds no array of numbers; save one for each channel")
@@ -70,7 +79,7 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     used = {k: v for k, v in columns.items() if v.size == count}
     used = {axis: used.pop(axis)} | used if axis else used
     left_out = [name for name in columns if name not in used]
-    alike = [name for name in left_out if 2 * columns[name].size > count > 500]
+    alike = [k for k in left_out if 2 * columns[k].size > count > 500 or parse_channel(k)]
     if alike:
         raise file.error(
             f"{', '.join(alike)} and {next(k for k in used if k != axis)} have unlike lengths, and "

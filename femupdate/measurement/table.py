@@ -246,7 +246,7 @@ class ColumnTable:
         if rate is None or names is None:
             return replace(self, names=names), columns
         if TIME in names:
-            raise self.file.error(f"the file has times; leave out {TIME}={rate[0]}")
+            raise self.file.error(f"the file has times; leave out the rate of {rate[0]}")
         if not float(rate[1]) > 0.0:
             raise self.file.error(f"{TIME}={rate[0]} is no rate; give the samples a second")
         times = np.arange(len(self.values)) / float(rate[1])

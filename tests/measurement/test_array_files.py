@@ -202,6 +202,9 @@ def test_arrays_of_unlike_lengths_without_starts_are_refused(tmp_path):
     savemat(path, {"fs": 100.0, "base": WAVE, "RF": WAVE[50:]})
     with pytest.raises(MeasurementError, match="RF and base have unlike lengths"):
         inspect_file(path)
+    savemat(path, {"fs": 50.0, "base": WAVE, "RF": WAVE[:2]})
+    with pytest.raises(MeasurementError, match="RF and base have unlike lengths"):
+        inspect_file(path)
     savemat(path, {"fs": 50.0, "dt": 0.01, "base": WAVE, "RF": WAVE})
     with pytest.raises(MeasurementError, match=r"fs says 0\.02 s and dt says 0\.01 s"):
         inspect_file(path)

@@ -67,7 +67,7 @@ def test_a_table_without_header_whose_columns_are_told_by_number(write, first, t
 @pytest.mark.parametrize(
     ("text", "time", "words"),
     [
-        (histories_text(), "200 Hz", "the file has times; leave out time_s=200 Hz"),
+        (histories_text(), "200 Hz", "the file has times; leave out the rate of 200 Hz"),
         ("\n".join(["0.1,0.2"] * 20), "0 Hz", "time_s=0 Hz is no rate"),
     ],
 )
