@@ -426,7 +426,7 @@ def _of_levels(
         yield (
             f"{sensor.title} moves {level:.3g} times as much as {beside} at low frequency, where"
             f" both should move together{units}: is its gain or unit right? If not,"
-            f" --columns {sensor.floor}={sensor.channel.name}*{1.0 / level:.3g} corrects it."
+            f" --columns {sensor.floor}=NAME*{1.0 / level:.3g} corrects it."
         )
 
 

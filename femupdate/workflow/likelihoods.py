@@ -374,9 +374,10 @@ def settled_likelihood(
                 "what changed"
             )
         best = 0.0 if explained != explained else max(explained, 0.0)
+        check = "check that the file belongs to the building, its units and directions"
         raise MeasurementError(
             f"the observation is unlike anything that {model.building.name} can do: its best "
             f"response has {percent(best)} of the measured variation over frequency; "
-            "check that the file belongs to the building, its units and directions, or add --anyway"
+            f"{measured.doubts[0].rstrip('.') if measured.doubts else check}, or add --anyway"
         )
     return found

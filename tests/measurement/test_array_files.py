@@ -199,12 +199,10 @@ def test_arrays_that_start_apart_are_cut_to_their_common_time(said, tmp_path):
 
 def test_arrays_of_unlike_lengths_without_starts_are_refused(tmp_path):
     path = tmp_path / "unlike.mat"
-    savemat(path, {"fs": 100.0, "base": WAVE, "RF": WAVE[50:]})
-    with pytest.raises(MeasurementError, match="RF and base have unlike lengths"):
-        inspect_file(path)
-    savemat(path, {"fs": 50.0, "base": WAVE, "RF": WAVE[:2]})
-    with pytest.raises(MeasurementError, match="RF and base have unlike lengths"):
-        inspect_file(path)
+    for roof in (WAVE[50:], WAVE[:2]):
+        savemat(path, {"fs": 100.0, "base": WAVE, "RF": roof})
+        with pytest.raises(MeasurementError, match="RF and base have unlike lengths"):
+            inspect_file(path)
     savemat(path, {"fs": 50.0, "dt": 0.01, "base": WAVE, "RF": WAVE})
     with pytest.raises(MeasurementError, match=r"fs says 0\.02 s and dt says 0\.01 s"):
         inspect_file(path)
