@@ -67,23 +67,23 @@ def test_a_building_file_with_an_impossible_effect(femupdate, walk, tower_file, 
 
 
 WRONG_EFFECTS = {
-    "unknown": ("ghost@2F=0.1", 1, "no effect is named 'ghost'"),
-    "place": ("added_mass@9F=0.1", 1, "added_mass cannot sit at '9F'; it can at 2F, RF"),
-    "too many": ("added_mass@2F=0.1,0.2", 1, "it takes size"),
-    "beyond its limits": ("added_mass@2F=-2", 1, "from -0.5 to 1"),
-    "no size": ("added_mass@2F", 1, "give its size, such as added_mass@2F=0.1"),
-    "no place": ("added_mass=0.1", 2, "name@place=size"),
-    "no number": ("added_mass@2F=much", 2, "name@place=size"),
-    "not a number": ("added_mass@2F=nan", 1, "from -0.5 to 1"),
+    "unknown": ("ghost@2F=0.1", "no effect is named 'ghost'"),
+    "place": ("added_mass@9F=0.1", "added_mass cannot sit at '9F'; it can at 2F, RF"),
+    "too many": ("added_mass@2F=0.1,0.2", "it takes size"),
+    "beyond its limits": ("added_mass@2F=-2", "from -0.5 to 1"),
+    "no size": ("added_mass@2F", "give its size, such as added_mass@2F=0.1"),
+    "no place": ("added_mass=0.1", "name@place=size"),
+    "no number": ("added_mass@2F=much", "name@place=size"),
+    "not a number": ("added_mass@2F=nan", "from -0.5 to 1"),
 }
 
 
 @pytest.mark.parametrize("case", WRONG_EFFECTS)
 def test_an_effect_that_cannot_be_simulated(femupdate, tower_file, tmp_path, case):
-    label, code, words = WRONG_EFFECTS[case]
+    label, words = WRONG_EFFECTS[case]
     output = tmp_path / "o.csv"
     done = femupdate("simulate", "-o", output, "--building", tower_file, "--effect", label)
-    assert done.code == code
+    assert done.code == 1
     assert words in " ".join(done.err.split())
     assert "Traceback" not in done.err
     assert list(tmp_path.iterdir()) == []
