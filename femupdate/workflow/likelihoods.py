@@ -377,7 +377,7 @@ def settled_likelihood(
         check = "check that the file belongs to the building, its units and directions"
         raise MeasurementError(
             f"the observation is unlike anything that {model.building.name} can do: its best "
-            f"response has {percent(best)} of the measured variation over frequency; "
-            f"{measured.doubts[0].rstrip('.') if measured.doubts else check}, or add --anyway"
+            f"response has {percent(best)} of the measured variation over frequency "
+            f"(--anyway keeps it): {measured.doubts[0].rstrip('.') if measured.doubts else check}"
         )
     return found
