@@ -64,7 +64,8 @@ def build_model(
     With -v it lists effective masses, their sums, and how many modes move 90 %.
 
     BUILDING is a TOML file, a model of Nastran (.bdf), OpenSees (.json), SAP2000 (.s2k) or
-    ETABS (.e2k), or the name of a shipped building. The default is the building of the study.
+    ETABS (.e2k), or the name of a shipped building. The default is the building of the
+    study, or six_story_wall_frame in a new study.
 
     \b
     Examples:

@@ -31,6 +31,7 @@ from femupdate.workflow.model import (
 from femupdate.workflow.modes import full_modes, keep_modes, modes_of_model
 from femupdate.workflow.observed import direction_of
 
+DEFAULT_BUILDING = "six_story_wall_frame"  # of a new study, for `build-model` alone
 _SHOWN = 12  # lowest modes that are told; above them those that move a share of the mass
 
 
@@ -132,12 +133,16 @@ def build_study(
     """Build the model of a building into a study.
 
     Args:
+        building: name or path; default the study's own, or the six-story one in a new study.
         units: force and length of another program's model, where it does not tell them.
 
     Raises:
         BuildingError, StructureError: the building cannot be read or cannot stand.
         StudyError: the study holds a posterior of another building, or cannot be written.
     """
+    if building is None and not study.path(BUILDING_FILE).exists():
+        building = DEFAULT_BUILDING
+        progress.say("No building is named: this is the default")
     chosen = load_building(building, units) if building else choose_building(study, None)
     say_building(chosen, progress)
     kept = study.path(BUILDING_FILE)

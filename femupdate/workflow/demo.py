@@ -15,7 +15,7 @@ from femupdate.report.scale import plus_minus
 from femupdate.result import Item, Note, Picture, Result, Told
 from femupdate.study import Study
 from femupdate.tables import Column, Table
-from femupdate.workflow.build import build_study
+from femupdate.workflow.build import DEFAULT_BUILDING, build_study
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibration_report import short_name
 from femupdate.workflow.likelihoods import CalibrationSettings
@@ -59,7 +59,7 @@ def run_demo(
     seed: int = 0,
     progress: Progress = SILENT,
     *,
-    building: str = "six_story_wall_frame",
+    building: str = DEFAULT_BUILDING,
     examples: Traversable | None = None,
     settings: CalibrationSettings | None = None,
 ) -> DemoReport:
