@@ -77,6 +77,8 @@ class InspectedFiles(Result):
             yield Note(f"Next: {file.step.command or file.step.advice}")
             if file.step.command and file.step.advice:
                 yield Note(f"  {file.step.advice}")
+            if file.step.command.startswith("femupdate calibrate"):
+                yield Note("  In a new study, name the building as well: --building FILE.")
 
 
 def inspect_files(

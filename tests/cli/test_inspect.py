@@ -24,7 +24,8 @@ def test_in_words(femupdate, table):
     assert lines[1].split()[::3] == ["channel", "rate", "peak"]
     assert " ".join(lines[3].split()) == "2 RF acceleration 100 Hz 1200 11.99 s 80 m/s²"
     assert "  - channel 2 (RF): it has 1 spike of one sample: 7 s." in lines
-    assert lines[-1] == f"Next: femupdate calibrate {table}"
+    assert lines[-2] == f"Next: femupdate calibrate {table}"
+    assert "--building" in lines[-1]
 
 
 def test_as_json_with_a_picture(femupdate, table, tmp_path):
