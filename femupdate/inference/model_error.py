@@ -190,26 +190,18 @@ def _band(seen_hz: Tensor) -> tuple[float, float]:
     return float(seen_hz.min()), float(seen_hz.max() - seen_hz.min()) or 1.0
 
 
-def _inverse_factor(precision: Tensor) -> Tensor:
-    """Inverses of the lower Cholesky factors of matrices (..., j, j)."""
-    factor = torch.linalg.cholesky(precision)
-    identity = torch.eye(precision.shape[-1]).to(precision).expand_as(precision)
-    return torch.linalg.solve_triangular(factor, identity, upper=False).contiguous()
-
-
 @dataclass(frozen=True, eq=False)
 class _Factor:
     """Cholesky factors of the precision of all coefficients, scaled to a prior of unit variance.
 
-    One for each of r rows of the table, inverted: to multiply by them takes half as long as to
-    solve with them, and the prior bounds their condition. Coefficients of one floor alone (a group
-    is a floor in one part) are tied to those of another by what all share: the common process of
-    their part, and errors known beforehand.
+    One for each of r rows of the table. Coefficients of one floor alone (a group is a floor in one
+    part) are tied to those of another by what all share: the common process of their part, and
+    errors known beforehand.
 
     Attributes:
-        groups: (r, g, j, j) inverses of each.
-        across: (r, g, j, s) of these and the shared ones, not inverted.
-        shared: (r, s, s) inverses.
+        groups: (r, g, j, j) of each.
+        across: (r, g, j, s) of these and the shared ones.
+        shared: (r, s, s).
     """
 
     groups: Tensor
@@ -218,21 +210,22 @@ class _Factor:
 
     def forward(self, alone: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
         """The factors' inverses times values of all coefficients, (r, g, j, n) and (r, s, n)."""
-        first = self.groups @ alone
+        first = torch.linalg.solve_triangular(self.groups, alone, upper=False)
         rest = shared - self.across.flatten(1, 2).mT @ first.flatten(1, 2)
-        return first, self.shared @ rest
+        return first, torch.linalg.solve_triangular(self.shared, rest, upper=False)
 
     def solve(self, alone: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
         """The precisions' inverses times values of all coefficients, shaped likewise."""
         first, rest = self.forward(alone, shared)
-        rest = self.shared.mT @ rest
-        return self.groups.mT @ (first - self.across @ rest[:, None]), rest
+        rest = torch.linalg.solve_triangular(self.shared.mT, rest, upper=True)
+        first = first - self.across @ rest[:, None]
+        return torch.linalg.solve_triangular(self.groups.mT, first, upper=True), rest
 
     @property
     def half_log_determinants(self) -> Tensor:
         """(r,) of the precisions."""
         alone = self.groups.diagonal(dim1=2, dim2=3).log().sum((1, 2))
-        return -alone - self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
+        return alone + self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
 
     @property
     def size(self) -> int:
@@ -549,7 +542,7 @@ class LearnedError:
         errs = self._errs(rows[0])
         scaled = spread[:, None, :, None] * self._normal[errs] * spread[:, None, None, :]
         identity = torch.eye(spread.shape[1]).to(scaled)
-        alone = _inverse_factor(identity + owns[:, None, None, None] ** 2 * scaled)
+        alone = torch.linalg.cholesky(identity + owns[:, None, None, None] ** 2 * scaled)
         known = (
             spread[:, None, :, None]
             * self._across[errs].permute(1, 2, 0)
@@ -558,10 +551,10 @@ class LearnedError:
         both = owns[:, None, None, None] * known
         both = self._with_common(both, (owns * commons)[:, None, None, None] * scaled)
         groups = alone.repeat(1, self._parts, 1, 1)
-        across = groups @ both
+        across = torch.linalg.solve_triangular(groups, both, upper=False).contiguous()
         flat = across.flatten(1, 2)
         shared = self._shared_precision(rows, scaled, known) - flat.mT @ flat
-        return _Factor(groups, across, _inverse_factor(shared))
+        return _Factor(groups, across, torch.linalg.cholesky(shared))
 
     def _with_common(self, known: Tensor, common: Tensor) -> Tensor:
         """(r, g, j, s) of the known errors (r, g, j, c) and of each part's own (r, f, j, j)."""
