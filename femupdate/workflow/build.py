@@ -142,7 +142,7 @@ def build_study(
     """
     if building is None and not study.path(BUILDING_FILE).exists():
         building = DEFAULT_BUILDING
-        progress.say("No building is named: this is the default")
+        progress.say("No building is named: the default is taken, not yours")
     chosen = load_building(building, units) if building else choose_building(study, None)
     say_building(chosen, progress)
     kept = study.path(BUILDING_FILE)
