@@ -273,37 +273,72 @@ def _hinged(element: _Object, length: float, tables: ModelTables) -> tuple[Stuff
     """
     named = element.values["sections"]
     integration = element.values.get("integration", {})
-    known = _HINGES.get(str(integration.get("type")))
+    points, reach = _HINGES.get(str(integration.get("type")), ((), 0.0))
     hinges = [tables.length * float(integration.get(key, 0.0)) for key in ("lpI", "lpJ")]
-    if known is None or list(named) != list(named)[::-1] or abs(hinges[0] - hinges[1]) > LEVEL:
+    rates = [_rates(element.other("sections", name), tables) for name in named]
+    flexible = np.array([[1.0 / rate.get(way, np.inf) for way in _DIRECTIONS] for rate in rates])
+    if (
+        len(named) != 2 * len(points) + 2
+        or abs(hinges[0] - hinges[1]) > LEVEL
+        or not np.allclose(flexible, flexible[::-1], rtol=1e-4, atol=0.0)
+    ):
         raise element.error(
             f"it has {len(set(named))} sections along it; give it one, or hinges alike at both ends"
         )
-    points, reach = known
     half = length - 2.0 * reach * hinges[0]
     gauss = [(0.5 * (length + side * half / np.sqrt(3.0)), 0.5 * half) for side in (-1.0, 1.0)]
     first = [(hinges[0] * at, hinges[0] * weight) for at, weight in points]
     at, weight = np.array([*first, *gauss, *((length - x, w) for x, w in first[::-1])]).T
-    parts = [_elastic(element.other("sections", name), tables) for name in named]
-    stuff, middle = parts[len(parts) // 2]
-
-    def stiffness(key: str) -> Floats:
-        return np.array([s.young * getattr(figures, key) for s, figures in parts])
-
-    given: dict[str, Any] = {}
-    for bending, shear in (("inertia_y", "shear_area_z"), ("inertia_z", "shear_area_y")):
-        flexible = weight / stiffness(bending)
-        slide = float((weight / stiffness(shear)).sum()) * 2.0 * (1.0 + stuff.ratio) / length**2
-        near = float(flexible @ (1.0 - at / length) ** 2) + slide
-        across = slide - float(flexible @ ((1.0 - at / length) * at / length))
-        given[bending] = 0.5 * length / (near - across) / stuff.young
+    yields = dict(zip(_DIRECTIONS, (weight[:, None] * flexible).T, strict=True))
+    given = {way: length / yields[way].sum() for way in ("P", "T") if yields[way].any()}
+    for bending, shear in (("My", "Vz"), ("Mz", "Vy")):
+        slide = float(yields[shear].sum()) / length**2
+        near = float(yields[bending] @ (1.0 - at / length) ** 2) + slide
+        across = slide - float(yields[bending] @ ((1.0 - at / length) * at / length))
+        given[bending] = 0.5 * length / (near - across)
         sheared = max((near + 2.0 * across) / 3.0 * length, 0.0)
-        modulus = 0.5 * stuff.young / (1.0 + stuff.ratio)
-        given[shear] = 1.0 / (modulus * sheared) if sheared > 1e-9 * length**3 * near else np.inf
-    for key in ("area", "torsion_constant"):
-        given[key] = length / float((weight / stiffness(key)).sum()) / stuff.young
+        given[shear] = 1.0 / sheared if sheared > 1e-9 * length**3 * near else np.inf
     tables.changes["beams with hinges of their own sections: as flexible ones"] += 1
-    return stuff, replace(middle, **given)
+    return _stiff(element, given, tables)
+
+
+def _rates(section: _Object, tables: ModelTables) -> dict[str, float]:
+    """Stiffness of a section in SI for the forces it has; of two for the same force, both yield."""
+    if section.kind != "SectionAggregator":
+        stuff, figures = _elastic(section, tables)
+        shear = 0.5 * stuff.young / (1.0 + stuff.ratio) * stuff.shear_share
+        bending = {"My": stuff.young * figures.inertia_y, "Mz": stuff.young * figures.inertia_z}
+        sheared = {"Vy": shear * figures.shear_area_y, "Vz": shear * figures.shear_area_z}
+        axial = {"P": stuff.young * figures.area, "T": shear * figures.torsion_constant}
+        return axial | bending | sheared
+    inner = section.values.get("section")
+    rates = {} if inner is None else _rates(section.other("sections", inner), tables)
+    ways, materials = (section.values.get(key, ()) for key in ("dof", "materials"))
+    for way, name in zip(ways, materials, strict=True):
+        arm = 1.0 if way in ("P", "Vy", "Vz") else tables.length
+        rate = _modulus(section, name, tables) * tables.force * arm**2
+        if not rate > 0.0:
+            raise section.error(f"its stiffness for {way} is not positive; correct it")
+        rates[way] = 1.0 / (1.0 / rate + 1.0 / rates.get(way, np.inf))
+    return rates
+
+
+def _stiff(
+    user: _Object, rates: Mapping[str, float], tables: ModelTables
+) -> tuple[Stuff, SectionFigures]:
+    """Material and figures of a beam with these stiffnesses; only the products count."""
+    missing = [way for way in ("P", "My", "Mz", "T") if not rates.get(way, np.inf) < np.inf]
+    if missing:
+        raise user.error(f"it has no stiffness for {' '.join(missing)}; give it one")
+    stuff = tables.material(user, 30e9 / tables.stress, 0.2, 0.0)
+    return stuff, SectionFigures(
+        area=rates["P"] / stuff.young,
+        shear_area_y=rates.get("Vy", np.inf) * 2.4 / stuff.young,
+        shear_area_z=rates.get("Vz", np.inf) * 2.4 / stuff.young,
+        inertia_y=rates["My"] / stuff.young,
+        inertia_z=rates["Mz"] / stuff.young,
+        torsion_constant=rates["T"] * 2.4 / stuff.young,
+    )
 
 
 def _elastic(section: _Object, tables: ModelTables) -> tuple[Stuff, SectionFigures]:
@@ -318,7 +353,7 @@ def _elastic(section: _Object, tables: ModelTables) -> tuple[Stuff, SectionFigur
             tables.section(section, section.real("A"), bending, section.real("Jx"), areas),
         )
     if section.kind == "SectionAggregator":
-        return _aggregated(section, tables)
+        return _stiff(section, _rates(section, tables), tables)
     if not (tables.said.elastic == ALL or section.kind in tables.said.elastic):
         raise section.error(
             f'it is not elastic; take it at its initial stiffness by mesh.elastic = ["'
@@ -340,33 +375,6 @@ def _elastic(section: _Object, tables: ModelTables) -> tuple[Stuff, SectionFigur
     stuff = tables.material(section, young, 0.2, 0.0)
     torsion = section.real("torsion", 0.0) / (young / 2.4)
     return stuff, tables.section(section, float(area.sum()), bending, torsion, (0.0, 0.0))
-
-
-def _aggregated(section: _Object, tables: ModelTables) -> tuple[Stuff, SectionFigures]:
-    """A section and stiffnesses of some forces beside it, or of all."""
-    ways, materials = (section.values.get(key, ()) for key in ("dof", "materials"))
-    rates = {w: _modulus(section, name, tables) for w, name in zip(ways, materials, strict=True)}
-    if "section" in section.values:
-        stuff, figures = _elastic(section.other("sections", section.values["section"]), tables)
-    else:
-        missing = [way for way in ("P", "My", "Mz", "T") if way not in rates]
-        if missing:
-            raise section.error(f"it has no stiffness for {' '.join(missing)}; give it one")
-        young = 30e9 / tables.stress  # of which only the products count
-        area, *bending = (rates.get(way, 0.0) / young for way in ("P", "My", "Mz"))
-        stuff = tables.material(section, young, 0.2, 0.0)
-        figures = tables.section(section, area, bending, rates["T"] * 2.4 / young, (0.0, 0.0))
-    modulus = 0.5 * stuff.young / (1.0 + stuff.ratio) * stuff.shear_share / tables.stress
-    area = tables.length**2
-    given = {"torsion_constant": ("T", area**2)}
-    given |= {"shear_area_y": ("Vy", area), "shear_area_z": ("Vz", area)}
-    beside: dict[str, Any] = {
-        k: rates[w] / modulus * scale for k, (w, scale) in given.items() if w in rates
-    }
-    if "section" in section.values and "T" in rates:  # one twist and the other, by one moment
-        rigid = 1.0 / figures.torsion_constant + 1.0 / beside["torsion_constant"]
-        beside["torsion_constant"] = 1.0 / rigid
-    return stuff, replace(figures, **beside)
 
 
 def _modulus(user: _Object, name: Any, tables: ModelTables) -> float:

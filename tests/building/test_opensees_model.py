@@ -155,6 +155,9 @@ def hinged_sections():
     ops.section("Elastic", 2, E, 0.16, 0.0027, 0.0021, G, 0.003)
     ops.uniaxialMaterial("Elastic", 10, 0.8 * G * 0.16)
     ops.section("Aggregator", 3, 4, "T", 10, "Vy", 10, "Vz", "-section", 2)
+    for tag in (4, 6):  # ends that only bend, each by its own number
+        ops.section("Uniaxial", tag, 2, "Mz")
+        ops.section("Aggregator", tag + 1, 3, "My", "-section", tag)
     # OpenSees has no JSON for it; nothing uses it.
     envelope = (1e5, 0.001, 2e5, 0.01, 2.5e5, 0.02, 1e4, 0.1)
     ops.uniaxialMaterial("Pinching4", 9, *envelope, 0.5, 0.5, 0.1, *[0.0] * 15, 1.0, "energy")
@@ -185,7 +188,7 @@ def infilled_joints():
     hinged_sections()
     ops.geomTransf("Linear", 1, 0.0, 1.0, 0.0)
     ops.geomTransf("Linear", 2, 0.0, 0.0, 1.0)
-    ops.beamIntegration("HingeEndpoint", 1, 1, 0.25, 1, 0.25, 2)
+    ops.beamIntegration("HingeEndpoint", 1, 5, 0.25, 7, 0.25, 2)
     column = lambda a, b: ops.element("forceBeamColumn", next(TAGS), a, b, 1, 1)  # noqa: E731
     joints = {}
 
