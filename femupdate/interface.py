@@ -159,15 +159,20 @@ def build_model(
         BuildingError, StructureError: the building cannot be read or cannot stand.
         StudyError: the study holds a posterior of another building.
     """
-    from femupdate.building.model_draft import write_draft
+    from femupdate.building.model_draft import asks, write_draft
     from femupdate.workflow.build import build_study, export_model
 
     opened, name = _study(study), _name(building)
     if draft is not None:
         if name is None:
             raise BuildingError("a draft needs another program's model; name its file")
-        name = str(write_draft(name, units, Path(draft)))
-    report = build_study(opened, name, progress, units)
+        model, name = name, str(write_draft(name, units, Path(draft)))
+    try:
+        report = build_study(opened, name, progress, units)
+    except FemupdateError:
+        if draft is not None and not asks(model):
+            Path(draft).expanduser().unlink(missing_ok=True)
+        raise
     if export is not None:
         export_model(opened, report.model.building, export, shell)
     return report

@@ -333,6 +333,9 @@ class Building(Entry):
         for name in self.prior.stories:
             if name not in self.story_names:
                 raise Complaint(f"prior.stories.{name}", unknown("story", name, self.story_names))
+        for key in ("floors", "at"):
+            for floor in getattr(getattr(self, "sensors", None), key, ()):
+                require(floor, self.floors, "floor", f"sensors.{key}.{floor}")
         if self.prior.zeta is not None and self.damping.is_rayleigh:
             text = "Rayleigh damping is fixed by its anchors; remove the prior, or use constant"
             raise Complaint("prior.zeta", f"{text} damping")

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -63,8 +64,10 @@ class Row:
 
     def flag(self, key: str, usual: bool = False) -> bool:
         """Yes or no."""
-        text = self.text(key)
-        return usual if not text else text.lower() not in _NO
+        text = self.text(key).lower()
+        if text not in (*_NO, "yes", "true", "1"):
+            raise self.error(f"{key} is {text!r}; write Yes or No")
+        return usual if not text else text not in _NO
 
     def real(self, *keys: str, usual: float | None = None) -> float:
         """A number; a decimal comma is one as well."""
@@ -77,8 +80,20 @@ class Row:
             value = np.nan
         if not np.isfinite(value):
             said = f"is {text!r}" if text else "is missing"
-            raise self.error(f"{keys[0]} {said}; write a number")
+            name = next((key for key in keys if key.upper() in self.values), keys[0])
+            raise self.error(f"{name} {said}; write a number")
         return value
+
+
+def tell_unread(tables: ModelTables, rows: Iterable[Row], harmless: re.Pattern[str]) -> None:
+    """List the keys of each table that nothing reads."""
+    found: dict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        found[row.table].append(row)
+    for table, some in found.items():
+        unread = set().union(*(row.values for row in some)).difference(*(row.read for row in some))
+        for key in sorted(key for key in unread if not harmless.fullmatch(key)):
+            tables.skipped[f"key {key} of {table}"] += len(some)
 
 
 def units_of(file: str, words: Iterable[str]) -> tuple[str, str]:
@@ -121,7 +136,6 @@ class FrameSection:
 class AreaSection:
     """A section of areas."""
 
-    name: str
     stuff: Stuff
     weight: float  # of the material, N/m3
     thickness: float  # m
@@ -139,10 +153,10 @@ class MassSource:
     patterns: dict[str, float] = field(default_factory=dict)
     self_weight: float = 0.0  # how often the self weight is in these patterns
 
-    def add(self, pattern: str, share: float, self_weight: float) -> None:
-        """Add a share of a load pattern, in which the self weight is so often."""
+    def add(self, row: Row, pattern: str, share: float, weights: Mapping[str, float]) -> None:
+        """Add a share of a load pattern; weights say how often the self weight is in each."""
+        self.self_weight += share * known(row, weights, pattern, "load pattern")
         self.patterns[pattern] = self.patterns.get(pattern, 0.0) + share
-        self.self_weight += share * self_weight
 
     def told(self, tables: ModelTables) -> "MassSource":
         """List what it takes of loads among the changes."""
@@ -210,9 +224,13 @@ class Properties:
         return stuff, weight * tables.force / tables.length**3
 
     def _frame(self, name: str, material: str) -> FrameSection:
-        """A section of frames, with the figures that are given or that its sides make."""
-        tables, row = self.tables, self._rows[1][name]
-        stuff, weight = self._material(row, material)
+        row = self._rows[1][name]
+        stuff = self._material(row, material)
+        return FrameSection(self._figures(row, name), *stuff, modifiers(row, FRAME_MODIFIERS))
+
+    def _figures(self, row: Row, name: str) -> SectionFigures:
+        """Figures of a frame's section as they are given, or as its sides make them."""
+        tables = self.tables
         keys = (("D", "t3"), ("B", "t2"), ("TF", "T"), ("TW", "T"))
         d, b, flange, web = (tables.length * row.real(*names, usual=0.0) for names in keys)
         shape = row.text("SHAPE")
@@ -221,8 +239,7 @@ class Properties:
                 raise row.error("I23 couples both ways of bending; give principal axes")
             names = (("I33",), ("I22",), ("J", "TorsConst"), ("AS2",), ("AS3",))
             i33, i22, torsion, *shear = (row.real(*keys_of, usual=0.0) for keys_of in names)
-            figures = tables.section(row, row.real("AREA"), (i33, i22), torsion, shear)
-            return FrameSection(figures, stuff, weight, modifiers(row, FRAME_MODIFIERS))
+            return tables.section(row, row.real("AREA"), (i33, i22), torsion, shear)
         words = shape.lower()
         shapes = {
             "rectangular": ("BAR", (b, d)),
@@ -239,18 +256,16 @@ class Properties:
         if fitting is None or not d > 0.0 or re.search("fill|encase|double", words):
             given = tables.said.sections.get(name)
             if given is not None or tables.said.ignored == ALL:  # a draft asks for it
-                figures = given or SHAPES["BAR"][1](0.3, 0.3)
-                return FrameSection(figures, stuff, weight, modifiers(row, FRAME_MODIFIERS))
+                return given or SHAPES["BAR"][1](0.3, 0.3)
             raise row.error(
                 f"its shape {shape!r} is not known, or its sides are missing; give its "
                 f"figures (General), its sides, or [sections.{json.dumps(name)}] in a building file"
             )
         kind, sides = shapes[fitting]
         try:
-            figures = SHAPES[kind][1](*sides)
+            return SHAPES[kind][1](*sides)
         except ValueError:
             raise row.error(f"its sides make no {shape}; correct them") from None
-        return FrameSection(figures, stuff, weight, modifiers(row, FRAME_MODIFIERS))
 
     def _area(self, name: str, material: str) -> AreaSection:
         tables, row = self.tables, self._rows[2][name]
@@ -271,10 +286,12 @@ class Properties:
                 "layers, ribs, plates and plane areas have no counterpart; use a shell of one "
                 "thickness"
             )
+        if not thick > 0.0:
+            raise row.error("its thickness must be positive; correct it")
         bending = 0.0 if "membrane" in kind else row.real("BENDTHICK", "TB", usual=thick)
         sizes = thick * tables.length, bending * tables.length
         factors = modifiers(row, AREA_MODIFIERS)
-        return AreaSection(name, stuff, weight, *sizes, factors, more)
+        return AreaSection(stuff, weight, *sizes, factors, more)
 
 
 def local_axes(axis: Floats, angle: float) -> Floats:
@@ -405,8 +422,7 @@ def add_area(
     weight = section.weight * section.thickness + section.more_weight
     mass += weight / GRAVITY * factor[9] * source.self_weight
     mass += section.more_weight / GRAVITY * source.elements
-    membrane = not section.bending > 0.0
-    if membrane or section.name in tables.said.ignored:
+    if not section.bending > 0.0:
         if not in_diaphragm:
             raise row.error(
                 "it has no bending and its corners are in no rigid diaphragm; assign one, or make "

@@ -341,17 +341,19 @@ class _DeckReading:
             # A real in the last place is a coefficient of thermal expansion.
             last = max(k for k, text in enumerate(card.data) if text)
             card = replace(card, data=card.data[:last]) if "." in card.text(last) else card
+            if not tied or not any(card.data[3:]):
+                raise card.error("it ties nothing; give components (CM) and nodes (GM)")
             for grid in card.numbers(3):
                 slave, flags = tables.find(card, str(grid)), np.zeros(6, dtype=np.bool_)
                 flags[self.directions(card, slave, tied)] = True
-                tables.tie(master, slave, flags)
+                tables.tie(card, master, slave, flags)
         for card in self.deck.of("RBAR"):
             ends, free = [self.node(card, k) for k in (1, 2)], [card.components(k) for k in (3, 4)]
             if {*map(len, free)} != {0, 6}:
                 raise card.error("one end must be independent in 123456; give CNA or CNB alone")
             master = int(len(free[1]) == 6)
             flags = np.isin(np.arange(6), card.components(6 - master) or range(6))
-            tables.tie(ends[master], ends[1 - master], flags)
+            tables.tie(card, ends[master], ends[1 - master], flags)
         for card in self.deck.of("CONM2"):
             node, system = self.node(card, 1), card.whole(2, 0)
             place = tables.points[node] / self.length
@@ -360,7 +362,7 @@ class _DeckReading:
             arm = arm - tables.points[node] if system == -1 else arm
             if np.linalg.norm(arm) > LEVEL**2:
                 tables.points.append(tables.points[node] + arm)
-                tables.tie(node, len(tables.points) - 1)
+                tables.tie(card, node, len(tables.points) - 1)
                 node = len(tables.points) - 1
                 tables.changes["CONM2 off their nodes: at the end of a rigid arm"] += 1
             i11, i21, i22, i31, i32, i33 = (card.real(8 + k, 0.0) for k in range(6))
@@ -461,19 +463,17 @@ class _DeckReading:
 
 
 def _box(width: float, depth: float, flange: float, web: float) -> SectionFigures:
-    inner, clear = width - 2.0 * web, depth - 2.0 * flange
-    if min(inner, clear, flange, web) <= 0.0:
+    if width <= 2.0 * web:
         raise ValueError
+    flanges = [(width, flange, 0.0, side * 0.5 * (depth - flange)) for side in (-1.0, 1.0)]
+    webs = [(web, depth - 2.0 * flange, side * 0.5 * (width - web), 0.0) for side in (-1.0, 1.0)]
     between = (width - web) ** 2 * (depth - flange) ** 2
     around = width * web + depth * flange - web**2 - flange**2
-    return SectionFigures(
-        area=width * depth - inner * clear,
+    return replace(
+        _plates(*flanges, *webs),
         shear_area_y=5.0 / 3.0 * width * flange,
         shear_area_z=5.0 / 3.0 * depth * web,
-        inertia_y=(width * depth**3 - inner * clear**3) / 12.0,
-        inertia_z=(depth * width**3 - clear * inner**3) / 12.0,
         torsion_constant=2.0 * flange * web * between / around,
-        extent=(width, depth),
     )
 
 

@@ -1,7 +1,7 @@
 """Reads the text of ETABS (.e2k, .$et): points in plan, stories, and what is assigned to them."""
 
 import re
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +20,7 @@ from femupdate.building.csi_model import (
     add_area,
     add_frame,
     once,
+    tell_unread,
     units_of,
 )
 from femupdate.building.model_tables import ModelFile, ModelTables, file_text, known
@@ -124,15 +125,10 @@ class EtabsModel(ModelFile[Row]):
         reading.lines()
         reading.areas()
         tables.divide_lines()
-        unread: Counter[str] = Counter()
         rows = [*(row for kind in self.merged.values() for row in kind.values())]
         left = [name for name in _PLACES if name not in (*_MERGED, "LOADCASE")]
         rows += self.of(*left)
-        for row in rows:
-            for key in row.values.keys() - row.read:
-                if not _HARMLESS.fullmatch(key):
-                    unread[f"key {key} of {row.table}"] += 1
-        tables.skipped.update(unread)
+        tell_unread(tables, rows, _HARMLESS)
 
 
 class _EtabsReading:
@@ -167,7 +163,7 @@ class _EtabsReading:
         for row in self.file.of("MASSOPTIONS"):
             name = row.text("LOAD")
             if name:
-                source.add(name, row.real("FACTOR"), weights.get(name, 0.0))
+                source.add(row, name, row.real("FACTOR"), weights)
             elif row.text("SOURCE").upper() == "LOADS":
                 source.elements = False
         rows = self.file.of("MASSSOURCE")
@@ -178,8 +174,7 @@ class _EtabsReading:
             loads = row.flag("INCLUDELOADS", True)
             for load in self.file.of("MASSSOURCELOAD") if loads else []:
                 if load.text("1") == row.text("1"):
-                    name = load.text("2")
-                    source.add(name, load.real("3"), weights.get(name, 0.0))
+                    source.add(load, load.text("2"), load.real("3"), weights)
         return source.told(self.tables)
 
     def node(self, row: Row, point: str, story: str, below: int = 0) -> int:
@@ -222,7 +217,9 @@ class _EtabsReading:
     def _loads(self, kind: str) -> dict[tuple[str, str], float]:
         """Loads downwards that are mass, in the file's units, by object and story."""
         found: dict[tuple[str, str], float] = defaultdict(float)
+        there = {row.text("1"): row for row in self.file.of(kind.removesuffix("LOAD"))}
         for row in self.file.of(kind):
+            known(row, there, row.text("1"), kind.removesuffix("LOAD"))
             if "GRAV" in row.text("DIR").upper() and self._share(row):
                 start = row.real("FVAL", "FSTART", "FA")
                 mean = 0.5 * (start + row.real("FEND", "FB", usual=start))

@@ -101,9 +101,6 @@ class FrameBuilding(MeshedBuilding):
         _check_members(self)
         _check_columns(self)
         _check_stretches(self)
-        for key in ("floors", "at"):
-            for floor in getattr(self.sensors, key):
-                require(floor, self.floors, "floor", f"sensors.{key}.{floor}")
         intersections(self.grid, self.sensors.points, "sensors.points")
         for floor in self.sensors.floors:
             key, points = self.sensors.of(floor)
@@ -420,8 +417,6 @@ class MeshBuilding(MeshedBuilding):
                 raise Complaint(f"springs[{n}].at", text)
         if self.from_program:
             Building.check(self)
-            for floor in self.sensors.at:
-                require(floor, self.floors, "floor", f"sensors.at.{floor}")
             if self.mesh.force is None:
                 text = 'the key is missing; write the unit of force of the model, such as "N"'
                 raise Complaint("mesh.force", text)
@@ -452,6 +447,3 @@ class MeshBuilding(MeshedBuilding):
             self.check_material(part.material or material, f"parts[{n}]")
             if part.story is not None:
                 require(part.story, self.story_names, "story", f"parts[{n}].story")
-        for key in ("floors", "at"):
-            for floor in getattr(self.sensors, key):
-                require(floor, self.floors, "floor", f"sensors.{key}.{floor}")

@@ -17,13 +17,6 @@ from femupdate.storage import LARGEST_BYTES, refuse_endless
 
 _MEND = "write it as gmsh 2.2 or 4.1 (.msh), Abaqus (.inp), MED (.med) or VTU (.vtu)"
 _POINTS = ("vertex",)  # they carry no stiffness and are left out
-_FIRST_ORDER = {
-    "line3": "line",
-    "triangle6": "triangle",
-    "triangle7": "triangle",
-    "quad8": "quad",
-    "quad9": "quad",
-}
 
 
 @dataclass(frozen=True)
@@ -129,7 +122,7 @@ def _refuse_other_cells(mesh: Any) -> None:
         if block.type in cell_types() or block.type in _POINTS:
             continue
         count = sum(len(b.data) for b in mesh.cells if b.type == block.type)
-        plain = _FIRST_ORDER.get(block.type)
+        plain = next((kind for kind in cell_types() if block.type.startswith(kind)), None)
         mend = (
             f'write the mesh with first-order elements ("{plain}")'
             if plain

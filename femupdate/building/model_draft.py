@@ -196,6 +196,12 @@ def write_draft(model: Path | str, units: str | None, path: Path) -> Path:
     return path
 
 
+def asks(model: Path | str) -> bool:
+    """Whether a draft of this model must be completed before it can be built."""
+    file = open_model(Path(model).expanduser())
+    return bool(file.lacks or file.unsized)
+
+
 def model_words(path: Path, units: str | None) -> tuple[str, ...]:
     """What is in another program's model, a sentence each."""
     file = open_model(path)

@@ -201,7 +201,7 @@ class ModelTables:
         ] = []
         self.areas: list[tuple[list[int], tuple[float, float, float, float]]] = []
         self.holds: list[tuple[int, list[int]]] = []
-        self.ties: list[tuple[int, int, Flags]] = []
+        self.ties: list[tuple[Record, int, int, Flags]] = []
         self.bodies: list[Integers] = []  # nodes of diaphragms
         self.weights: list[tuple[Record, int, Floats]] = []
         self.springs: list[tuple[int, int, int, float, float]] = []
@@ -327,8 +327,9 @@ class ModelTables:
             bending, membrane: factors on the two stiffnesses.
             area_mass: kg/m2; of the material and thickness where None.
         """
-        if len(corners) not in _SURFACES:
-            raise user.error(f"it has {len(corners)} corners; divide it into 3- and 4-sided ones")
+        if len(corners) not in _SURFACES or len(set(corners)) < len(corners):
+            count = len(set(corners))
+            raise user.error(f"it has {count} distinct corners; divide it into 3- and 4-sided ones")
         if not min(thickness, bending, membrane) > 0.0:
             raise user.error("thickness and stiffness must be positive; correct them")
         # The shell whose membrane and bending are both as given.
@@ -342,9 +343,9 @@ class ModelTables:
         self.own_mass += mass * float(np.linalg.norm(area_vectors(points[None])))
         self.areas.append((corners, plate))
 
-    def tie(self, master: int, slave: int, tied: Flags = _WHOLE_BODY) -> None:
+    def tie(self, user: Record, master: int, slave: int, tied: Flags = _WHOLE_BODY) -> None:
         """Let a node follow another one as a rigid body in some directions."""
-        self.ties.append((master, slave, tied))
+        self.ties.append((user, master, slave, tied))
 
     def spring(
         self, first: int, second: int, direction: int, stiffness: float, damping: float = 0.0
@@ -481,7 +482,8 @@ class ModelTables:
             masses=PointMasses(where, values[:, :3], values[:, 3:]),
             springs=springs,
         )
-        ties = [RigidLinks(np.array([m]), np.array([s]), t[None]) for m, s, t in self.ties]
+        self._check_ties(fixed)
+        ties = [RigidLinks(np.array([m]), np.array([s]), t[None]) for _, m, s, t in self.ties]
         bodies, z = list(self.bodies), points[:, 2]
         if building is not None:
             levels, owner = building.floor_levels, building.stories_at(points)
@@ -496,6 +498,24 @@ class ModelTables:
         links = RigidLinks().joined(*ties)
         plan = diaphragm_links(model, bodies, links.slave)
         return self._used(replace(model, links=links.joined(plan)))
+
+    def _check_ties(self, fixed: Flags) -> None:
+        """Refuse a node that is held or tied twice, and rings of ties."""
+        name = {number: name for name, number in self.number.items()}
+        above: dict[int, int] = {}
+        taken = np.zeros_like(fixed)
+        for user, master, slave, tied in self.ties:
+            node = f"{self.file.node_kind} {name.get(slave)}"
+            if (fixed[slave] & tied).any():
+                raise user.error(f"{node} follows it and is held by a support; remove one of both")
+            if (taken[slave] & tied).any():
+                raise user.error(f"{node} follows two others; remove one of the two links")
+            foot: int | None = master
+            while foot is not None and foot != slave:
+                foot = above.get(foot)
+            if foot is not None:
+                raise user.error(f"{node} follows itself, directly or by others; tie it to another")
+            above[slave], taken[slave] = master, taken[slave] | tied
 
     def _used(self, model: FiniteElementModel) -> tuple[FiniteElementModel, Strings]:
         """The model without nodes that nothing uses."""

@@ -187,6 +187,8 @@ class OpenSeesModel(ModelFile[_Object]):
         for element in self.elements:
             if element.kind in _TAKEN:
                 ends = [tables.find(element, str(n)) for n in element.values.get("nodes", ())]
+                if len(ends) != 2 and element.kind not in _SHELLS:
+                    raise element.error(f"it has {len(ends)} nodes; give it two")
                 if element.kind in _SHELLS:
                     _shell(element, ends, tables)
                 elif element.kind in _SPRINGS:

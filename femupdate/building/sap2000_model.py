@@ -19,6 +19,7 @@ from femupdate.building.csi_model import (
     add_area,
     add_frame,
     once,
+    tell_unread,
     units_of,
 )
 from femupdate.building.model_tables import ModelFile, ModelTables, file_text, known
@@ -149,11 +150,7 @@ class SapModel(ModelFile[Row]):
         reading.frames()
         reading.areas()
         tables.divide_lines()
-        for name in _TAKEN:
-            asked = set().union(*(row.read for row in self.of(name)))
-            there = set().union(*(row.values for row in self.of(name)))
-            for key in sorted(k for k in there - asked if not _HARMLESS_KEYS.fullmatch(k)):
-                tables.skipped[f"key {key} of {name}"] += len(self.of(name))
+        tell_unread(tables, self.of(*_TAKEN), _HARMLESS_KEYS)
 
 
 _HARMLESS_KEYS = re.compile(
@@ -195,9 +192,8 @@ class _SapReading:
             for r in self.file.of("LOAD PATTERN DEFINITIONS", "LOAD CASE DEFINITIONS")
         }
         for row in [*rows, *old]:
-            pattern = row.text(*_PATTERN)
-            if pattern:
-                source.add(pattern, row.real("Multiplier", usual=1.0), weights.get(pattern, 0.0))
+            if pattern := row.text(*_PATTERN):
+                source.add(row, pattern, row.real("Multiplier", usual=1.0), weights)
         return source.told(self.tables)
 
     def _axes(self, row: Row) -> tuple[Floats, Floats]:
@@ -241,8 +237,11 @@ class _SapReading:
                 if row.real(way, usual=0.0):
                     tables.spring(self.joint(row), -1, k, row.real(way))
         members: dict[str, list[int]] = defaultdict(list)
+        every = self.file.of(*(kind for kind in self.file.entries if kind.startswith("CONSTRAINT")))
+        defined = dict.fromkeys(row.text("Name") for row in every)
         for row in self.file.of("JOINT CONSTRAINT ASSIGNMENTS"):
-            members[row.named("Constraint")].append(self.joint(row))
+            known(row, defined, row.named("Constraint"), "constraint")
+            members[row.text("Constraint")].append(self.joint(row))
         for row in self.file.of(_DIAPHRAGMS):
             nodes = members.pop(row.named("Name"), [])
             levels = np.array([tables.points[k][2] for k in nodes]).round(3)
@@ -256,7 +255,7 @@ class _SapReading:
             nodes = members.pop(row.named("Name"), [])
             tied = np.array([row.flag(k, True) for k in ("UX", "UY", "UZ", "RX", "RY", "RZ")])
             for node in nodes[1:]:
-                tables.tie(nodes[0], node, tied)
+                tables.tie(row, nodes[0], node, tied)
         for row in self.file.of(_ADDED) if self.source.added else []:
             values = [row.real(key, f"{other}", usual=0.0) for key, other in _MASS_KEYS]
             mass = np.array(values[:3]) * tables.mass

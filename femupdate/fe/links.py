@@ -41,11 +41,11 @@ def link_expansion(model: FiniteElementModel) -> csr_matrix | None:
         raise StructureError("rigid links need one master, one slave and a row of six flags each")
     slaves = slave_dof(links)
     distinct, times = np.unique(slaves, return_counts=True)
-    _refuse(distinct[times > 1], "follows two masters; remove one of the rigid links")
+    _refuse(model, distinct[times > 1], "follows two masters; remove one of the rigid links")
     held = distinct[model.fixed.ravel()[distinct]]
-    _refuse(held, "follows a master and is held by a support; remove one of the two")
+    _refuse(model, held, "follows a master and is held by a support; remove one of the two")
     itself = DOF_PER_NODE * links.slave[links.slave == links.master]
-    _refuse(itself, "follows itself; give the rigid link two nodes")
+    _refuse(model, itself, "follows itself; give the rigid link two nodes")
     arms = rigid_arms(model.nodes[links.slave] - model.nodes[links.master])
     link, row, column = np.nonzero(arms * links.tied[:, :, None])
     follow = coo_matrix(
@@ -70,7 +70,8 @@ def link_expansion(model: FiniteElementModel) -> csr_matrix | None:
     )
 
 
-def _refuse(dof: Integers, complaint: str) -> None:
+def _refuse(model: FiniteElementModel, dof: Integers, complaint: str) -> None:
     if len(dof):
         node, direction = divmod(int(dof[0]), DOF_PER_NODE)
-        raise StructureError(f"{DOF_NAMES[direction]} of node {node} {complaint}")
+        name = ("" if model.names is None else model.names[node]) or f"node {node}"
+        raise StructureError(f"{DOF_NAMES[direction]} of {name} {complaint}")

@@ -8,7 +8,8 @@ import pytest
 
 from femupdate.building import load_building, mesh_building
 from femupdate.building.model_draft import write_draft
-from femupdate.errors import BuildingError
+from femupdate.errors import BuildingError, FemupdateError
+from femupdate.interface import build_model
 from tests.building.csi_texts import etabs, sap2000
 from tests.building.test_deck import ALIKE, FRAME, mass
 
@@ -103,6 +104,15 @@ SPOILED = {
     "bdf: no name": ("GRID,99", "-RID,99", "begin the line with"),
     "bdf: another continuation": ("+       300.", "+B      300.", None),
     "bdf: far too many fields": ("1.,1.,1.", "1.,1.,1.,,,,,,,5", "fields are more"),
+    "bdf: a ring of links": ("GRID,99", "RBE2,31,5,123,6\nRBE2,32,6,123,5\nGRID,99",
+        "line 22: RBE2 32: GRID 5 follows itself, .*; tie"),
+    "bdf: a held follower": ("GRID,99", "RBE2,31,5,123,1\nGRID,99",
+        "line 21: RBE2 31: GRID 1 follows it and is held by a support; remove"),
+    "bdf: two leaders": ("GRID,99", "RBE2,31,5,123,7\nRBE2,32,6,123,7\nGRID,99",
+        "line 22: RBE2 32: GRID 7 follows two others; remove"),
+    "bdf: an empty link": ("GRID,99", "RBE2,31,5,123\nGRID,99", "it ties nothing; give"),
+    "bdf: a corner twice": ("6       7       8\n", "6       7       7\n",
+        "line 30: CQUAD4 11: it has 3 distinct corners; divide"),
     "bdf: include": ("PARAM   POST    -1", "INCLUDE 'x.bdf'", "no file x.bdf; put it"),
     "bdf: included in a circle": ("PARAM   POST    -1", "INCLUDE model.bdf", "includes itself"),
     "bdf: not plain": ("$ columns", "\x00", "no plain text"),
@@ -114,6 +124,7 @@ SPOILED = {
     "json: nothing": (WHOLE["json"], "{}", "there are no nodes or elements"),
     "json: unknown element": ('"Truss"', '"Joint3D"',
         r"line \d+: Joint3D 4: 1 elements Joint3D have"),
+    "json: one node": ("[\n      3,\n      4\n", "[\n      3\n", "it has 1 nodes; give it two"),
     "json: missing node": ("[\n      3,\n      4\n", "[\n      3,\n      44\n",
         "there is no node 44; add"),
     "json: missing material": ('"material": "1"', '"material": "7"', "no 7 in uniaxialMaterials"),
@@ -162,6 +173,11 @@ SPOILED = {
     "s2k: orthotropic": ("E1=30000000", "E1=30000000   E2=1000", "differs by direction.*; make it"),
     "s2k: latin-1": ("GridID=A", "GridID=Ä", None),
     "s2k: UTF-16": ("TABLE", "T\x00A\x00", r"line \d+: this is no plain text"),
+    "s2k: neither yes nor no": ("U1=Yes", "U1=Maybe", "U1 is 'maybe'; write Yes or No"),
+    "s2k: missing pattern": ("LoadPat=LIVE   Mult", "LoadPat=SNOW   Mult", "pattern SNOW; add"),
+    "s2k: missing constraint": ("Joint=11   Constraint=D1", "Joint=11   Constraint=D9",
+        "no constraint D9; add"),
+    "s2k: no thickness": ("Thickness=0.2", "Thickness=0", "must be positive; correct"),
     "s2k: part of a load": ("RelDistA=0 ", "RelDistA=.5 ", None),
     "e2k: no stories": ("STORY ", "STOREY ", "no STORY or no POINT; export"),
     "e2k: two units": ('  UNITS  "KN"  "M"  "C"', '  UNITS  "KN"  "M"  "C"\n  UNITS "N" "MM" "C"',
@@ -175,6 +191,8 @@ SPOILED = {
         "no material C40; add"),
     "e2k: unknown restraint": ("UX UY UZ RX", "UXX UY UZ RX", "UXX is not known; write some of"),
     "e2k: negative height": ("HEIGHT 3 ", "HEIGHT -3 ", "STORY Story2: HEIGHT -3 is negative; w"),
+    "e2k: load of no line": ('LINELOAD  "B1"', 'LINELOAD  "B7"', "no LINE B7; add"),
+    "e2k: missing pattern": ('"MsSrc1"  "Live"', '"MsSrc1"  "Snow"', "load pattern Snow; add"),
     "e2k: a link": ('"C1" COLUMN', '"C1" LINK', "a LINK has no counterpart; draw"),
     "e2k: below the base": ('"1" "1" 1', '"1" "1" 3', "reaches below Base; correct"),
     "e2k: a plane": ("$ LOAD PATTERNS", '  ACTIVEDOF "UX UZ RY"', "ACTIVEDOF have no counter.*; r"),
@@ -214,6 +232,18 @@ def test_a_spoiled_model_is_told_in_one_sentence(case, tmp_path):
         write_draft(path, units, draft)
     except BuildingError:
         assert [file.name for file in tmp_path.glob("*draft*")] == []
+
+
+@pytest.mark.parametrize("ending", ["bdf", "json"])
+def test_a_draft_stays_where_it_asks_for_something(ending, tmp_path):
+    """A deck with a mechanism leaves nothing behind; what OpenSees does not say is in the draft."""
+    model = tmp_path / f"model.{ending}"
+    model.write_text(WHOLE[ending].replace("SPC1    7       123456", "SPC1    7       3     "))
+    units, draft = ("N,mm" if ending == "bdf" else "kN,m"), tmp_path / "draft.toml"
+    with pytest.raises(FemupdateError):
+        build_model(tmp_path / "study", model, units=units, draft=draft)
+    assert draft.exists() is (ending == "json")
+    assert not (tmp_path / "study" / "building.toml").exists()
 
 
 def counted(text, ending):

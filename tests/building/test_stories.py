@@ -153,6 +153,7 @@ def test_springs_beside_a_deck_are_those_of_a_grid(tmp_path):
 WRONG = {
     "a later story": ('on = "P2"', 'on = "B2"', "'B2' is no story listed before it; write"),
     "the wrong way": ('["12 m", "18 m"]\n[[', '["18 m", "12 m"]\n[[', "put the lower first"),
+    "no such floor": ("points", 'floors."9F" = [["0 m", "0 m"]], points', "no floor is named '9F'"),
     "in none": ('x = ["0 m", "6 m"]', 'x = ["0 m", "3 m"]', "lie in none, such as at .*; widen"),
 }
 
@@ -163,8 +164,8 @@ def test_stories_that_do_not_fit_are_refused(case, tmp_path):
     mesh = mesh_building(from_document(document()))
     (tmp_path / "towers.bdf").write_text(bulk_data(mesh.model))
     path = tmp_path / "towers.toml"
-    assert old in STORIES
-    path.write_text(BESIDE + STORIES.replace(old, new))
+    assert old in BESIDE + STORIES
+    path.write_text((BESIDE + STORIES).replace(old, new))
     with pytest.raises(BuildingError, match=message) as caught:
         mesh_building(load_building(path))
-    assert re.search("stories", str(caught.value))
+    assert re.search("stories|sensors", str(caught.value))
