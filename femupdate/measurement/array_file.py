@@ -129,8 +129,8 @@ def _channels_with_clocks(
     They are told by names: `time_RF`, `t2` of `a2`, `fs_RF`, `start_RF`, or fields of a structure.
     """
     texts = {k: str(v) for k, v in arrays.items() if isinstance(v, str) and is_moment(v)}
-    moments = seconds_of(list(texts.values())) if texts else None
-    starts = {} if moments is None else dict(zip(texts, moments, strict=True))
+    moments = seconds_of(list(texts.values())) if texts else 0
+    starts = {} if isinstance(moments, int) else dict(zip(texts, moments, strict=True))
     known: dict[str, Any] = {**scalars, **starts, **columns}
     clocks = {key: found for key in known if (found := _CLOCK.match(key.rpartition(".")[2]))}
     data = [key for key in columns if key not in clocks]

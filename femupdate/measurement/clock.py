@@ -55,29 +55,26 @@ def is_moment(text: str) -> bool:
     return _moment(text) is not None
 
 
-def seconds_of(texts: Sequence[str]) -> Floats | None:
-    """Seconds since the first of some moments; None where one of them is none.
+def seconds_of(texts: Sequence[str]) -> Floats | int:
+    """Seconds since the first of some moments; the position of the first that there cannot be.
 
     A day may end within times without dates, a minute may have a leap second, and of days and
     months that could be either, the order is taken in which time runs evenly.
     """
-    matches = [_moment(text) for text in texts]
-    found = [match.groupdict() for match in matches if match]
-    if len(found) < len(texts):
-        return None
-    readings = []
-    for day_first in (False, True):
-        try:
-            readings.append(_in_order(found, day_first))
-        except ValueError:  # there is no such day
-            continue
-    if not readings or len(texts) < 2:
-        return readings[0] if readings else None
-    return min(readings, key=lambda each: float(np.ptp(np.diff(each))))
+    found: list[dict[str, str | None]] = []
+    for text in texts:
+        if (match := _moment(text)) is None:
+            return len(found)
+        found.append(match.groupdict())
+    orders = [_in_order(found, day_first) for day_first in (False, True)]
+    readings = [each for each in orders if not isinstance(each, int)]
+    if not readings:
+        return max(each for each in orders if isinstance(each, int))
+    return min(readings, key=lambda each: float(np.ptp(np.diff(each, prepend=each[0]))))
 
 
-def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats:
-    """Seconds since the first moment, the day before the month or behind it."""
+def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats | int:
+    """Seconds since the first moment, the day before the month or behind it; or as above."""
     days: dict[tuple[str | None, ...], int] = {}
     seconds = np.empty(len(found))
     for k, of in enumerate(found):
@@ -87,7 +84,7 @@ def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats
             a, b, c = (part or "" for part in written)
             if b.isalpha():
                 named = [re.match(month, b, re.IGNORECASE) is not None for month in _MONTHS]
-                b = str(named.index(True) + 1)
+                b = str([*named, True].index(True) + 1)
                 year, month, day = (a, b, c) if len(a) == 4 else (c, b, a)
             elif len(a) == 4:
                 year, month, day = a, b, c
@@ -95,15 +92,22 @@ def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats
                 year, month, day = (c, b, a) if day_first else (c, a, b)
             if a:
                 century = 2000 if len(year) < 3 else 0
-                days[written] = date(int(year) + century, int(month), int(day)).toordinal()
+                try:
+                    days[written] = date(int(year) + century, int(month), int(day)).toordinal()
+                except ValueError:  # there is no such day
+                    return k
         hour, minute, part = int(of["hour"] or 0), int(of["minute"] or 0), of["part"] or "0"
         sec = int(of["sec"] or 0)
         if of["sec"] is None and of["part"] is not None:  # 12:03.5 has minutes and seconds
-            hour, minute, sec = 0, hour, minute
-        if of["half"]:
-            hour = hour % 12 + (12 if of["half"] in "Pp" else 0)
+            hour, minute, sec = hour // 60, hour % 60, minute
         zone = (of["zone"] or "Z").replace(":", "")
         away = int(zone[:3]) * 3600 + int(zone[0] + zone[3:]) * 60 if zone[0] in "-+" else 0
+        midnight = hour == 24 and minute == sec == 0  # at the end of a day
+        most = 12 if of["half"] else 24 if midnight else 23
+        if hour > most or minute > 59 or sec > 60 or abs(away) > 15 * 3600:
+            return k
+        if of["half"]:
+            hour = hour % 12 + (12 if of["half"] in "Pp" else 0)
         whole = (days[written] - next(iter(days.values()))) * 86400 + hour * 3600 + minute * 60
         seconds[k] = whole + sec - away + int(part) / 10 ** len(part)
     leap = [k for k, of in enumerate(found) if of["sec"] == "60"]

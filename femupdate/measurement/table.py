@@ -136,25 +136,30 @@ def split_complex(rows: Sequence[Row]) -> list[Row]:
 MOMENT_CELLS = ((0, 1), (0, 2), (1, 2), (1, 3))  # first, and behind the last
 
 
-def in_seconds(rows: list[Row], delimiter: str | None) -> list[Row]:
+def in_seconds(file: TextFile, rows: list[Row], delimiter: str | None) -> list[Row]:
     """Rows with seconds since the first in a column whose cells are moments, as `time_s`.
 
     A date and a time of day may stand in two cells, and one cell before them, such as a number.
     """
-    last = cells_of(rows[-1][1], delimiter)
-    at = next(((a, b) for a, b in MOMENT_CELLS if is_moment(" ".join(last[a:b]))), None)
-    if at is None:
-        return rows  # as nearly all tables: not a row more need be looked at
-    first, behind = at
+    # As in nearly all tables there is none, two rows alone are looked at.
+    last, some = (cells_of(rows[k][1], delimiter) for k in (-1, len(rows) // 2))
+    at = [(a, b) for row in (last, some) for a, b in MOMENT_CELLS if is_moment(" ".join(row[a:b]))]
+    if not at:
+        return rows
+    first, behind = at[0]
 
     def moment(cells: Sequence[str]) -> str:
         return " ".join(cells[first:behind])
 
     table = [cells_of(text, delimiter) for _, text in rows]
     start = next(k for k, cells in enumerate(table) if is_moment(moment(cells)))
+    start -= start > 1 and any(map(is_number, table[start - 1][behind:]))  # values without a time
     seconds = seconds_of([moment(cells) for cells in table[start:]])
-    if seconds is None:
-        return rows
+    if isinstance(seconds, int):
+        cell = moment(table[start + seconds])
+        what = f"{cell!r} is not a time of any day" if cell.strip() else "the time is blank"
+        title = column_title(tuple(table[0]) if start else None, first)
+        raise file.error(f"{what}; correct it, or remove the row", rows[start + seconds][0], title)
     leads = [TIME, *["s"] * (start - 1)][:start] + [f"{value:.9f}" for value in seconds]
     mark = delimiter or " "
     return [
@@ -290,7 +295,7 @@ def read_table(file: TextFile) -> ColumnTable:
     """
     rows = split_complex(rows_of_table(file))
     delimiter = find_delimiter(rows[0][1])
-    rows = in_seconds(rows, delimiter)
+    rows = in_seconds(file, rows, delimiter)
     rows = drop_trailing_blanks(rows, delimiter)
     names, units, data = read_head_rows(file, rows, delimiter)
     values, lines = parse_rows(file, data, delimiter, names, blanks=True)
@@ -448,9 +453,11 @@ def parse_rows(
             if (number and not refused(float(cell))) or (blanks and cell.lower() in BLANKS):
                 continue
             what = f"{cell!r} is not a number" if cell else "the cell is blank"
+            cure = "fill in the measured value or remove the row or column"
+            if position == 0 and ":" in cell:
+                cure = "write times as 2024-03-05 10:00:00.005, or in seconds"
             raise file.error(
-                f"{f'the value is {cell}' if number else what}; fill in the measured value or"
-                " remove the row or column",
+                f"{f'the value is {cell}' if number else what}; {cure}",
                 line,
                 column_title(names, position),
             )

@@ -194,6 +194,15 @@ def test_tables_are_read_as_they_come(write, name):
             assert np.abs(apart).max() < 2e-5
 
 
+@pytest.mark.parametrize("row", (0, 90, 3999))
+@pytest.mark.parametrize("cell", ("25:00:01", "10:61:01", "13:05:00 PM", "2024-13-05 10:00", "nan"))
+def test_a_wrong_moment_is_named_with_its_row_and_column(write, row, cell):
+    times = dated("%d-%b-%Y %H:%M:%S.%L" if "-" in cell else "%H:%M:%S.%L")
+    path = write(table([*times[:row], cell, *times[row + 1 :]]), "any.csv")
+    with pytest.raises(MeasurementError, match=f"line {row + 3}, .*'{cell}' is not a time"):
+        inspect_file(path)
+
+
 WRONG = {
     "late": (at(TIME - 0.8)[3], 3, "channel 4 (RF) runs 799 ms behind"),
     "two seconds early": (at(TIME + 2.0)[1], 1, "channel 2 (2F) runs 1.99 s ahead"),
