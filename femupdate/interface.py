@@ -252,8 +252,9 @@ def calibrate(
     chosen = CalibrationSettings(**rest)
     source = readable(opened, reading, *_files(opened, files))
     check_calibration(opened, source, chosen, _name(building))
-    model = reduce(opened, building, progress=progress)
-    return calibrate_study(opened, model, source, chosen, progress)
+    with opened.whole():
+        model = reduce(opened, building, progress=progress)
+        return calibrate_study(opened, model, source, chosen, progress)
 
 
 def predict(
@@ -332,9 +333,10 @@ def diagnose(
     opened, (how, rest) = _study(study), _parted(settings, Judging)
     source = readable(opened, how, *_files(opened, files))
     other = None if second is None else readable(opened, how, Path(second))
-    model = reduce(opened, building, progress=progress)
     chosen = DiagnosisSettings(**rest)
-    return diagnose_study(opened, model, source, chosen, progress, use_phase, other)
+    with opened.whole():
+        model = reduce(opened, building, progress=progress)
+        return diagnose_study(opened, model, source, chosen, progress, use_phase, other)
 
 
 def repair(
@@ -365,9 +367,10 @@ def repair(
     source = readable(opened, how, *_files(opened, files))
     kept_out = None if holdout is None else readable(opened, how, Path(holdout))
     other = None if second is None else readable(opened, how, Path(second))
-    model = reduce(opened, building, progress=progress)
     chosen = DiagnosisSettings(**rest)
-    return repair_study(opened, model, source, kept_out, chosen, progress, use_phase, other)
+    with opened.whole():
+        model = reduce(opened, building, progress=progress)
+        return repair_study(opened, model, source, kept_out, chosen, progress, use_phase, other)
 
 
 def render(

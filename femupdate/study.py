@@ -18,11 +18,12 @@ from pathlib import Path, PurePath
 from typing import Any, Generic, TypeVar
 
 from femupdate import __version__
-from femupdate.errors import StudyError, brief
+from femupdate.errors import InferenceError, MeasurementError, StudyError, brief
 from femupdate.storage import atomic_path, read_file, remove_parts, write_failure
 
 MANIFEST = "study.json"
 BUILDING_FILE = "building.toml"
+SUMMARY = "posterior_summary.json"
 LAYOUT = 1
 """Of a study's files; it grows by one when an older femupdate could not read what a newer wrote."""
 
@@ -235,6 +236,22 @@ class Study:
                 read |= {name: known[name] for name in ("unit", "columns") if name in known}
         return read
 
+    def summary(self) -> dict[str, Any]:
+        """What the report of a calibration wrote; empty where there is none, as after a repair.
+
+        Raises:
+            StudyError: the file cannot be read.
+        """
+        path = self.result(SUMMARY)
+        if not path.exists():
+            return {}
+        try:
+            return dict(json.loads(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError) as error:
+            raise StudyError(
+                f"{path} cannot be read ({error}); run `femupdate calibrate` again"
+            ) from error
+
     def posteriors(self) -> tuple[str, ...]:
         """Names of all posteriors, in the order of their names but the one without first.
 
@@ -309,6 +326,19 @@ class Study:
                 f"({content.get('femupdate')}, this is {__version__}); update femupdate, or choose "
                 "another folder with --study"
             )
+
+    @contextmanager
+    def whole(self) -> Iterator[None]:
+        """What is recorded meanwhile in a new study goes again where the data are refused."""
+        new = not self.path(BUILDING_FILE).exists()
+        try:
+            yield
+        except (MeasurementError, InferenceError):
+            for artefact in self.artefacts().values() if new else ():
+                self.path(artefact.file).unlink(missing_ok=True)
+            for name in (BUILDING_FILE, MANIFEST) if new else ():
+                self.path(name).unlink(missing_ok=True)
+            raise
 
     def record(
         self,
@@ -433,7 +463,7 @@ class Study:
             )
 
 
-_BESIDE = (BUILDING_FILE, "posterior_summary.json", "posteriors/*/posterior_summary.json")
+_BESIDE = (BUILDING_FILE, SUMMARY, f"posteriors/*/{SUMMARY}")
 
 
 def copied(study: Study, folder: Path) -> Study:

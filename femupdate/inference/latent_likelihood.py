@@ -80,7 +80,8 @@ def _choose_floors(
         if share >= 0.5:
             used.append(name)
         else:
-            notes.append(f"Floor {name} is left out: {percent(share)} of its points can be used.")
+            told = f"{percent(share)} of its points can be used"
+            notes.append(f"Floor {name} is left out of the surrogate's proposal: {told}.")
     if not used:
         raise MeasurementError(
             f"{observation.source}: no floor has enough valid points; use a longer record"

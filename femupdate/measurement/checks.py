@@ -51,7 +51,7 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
     if si is None and (channel.quantity == "acceleration" or raw):
         given = f"its unit {channel.unit!r} is not one of acceleration"
         given = given if channel.unit else "the file does not say its unit"
-        findings.append(f"{given}; give it with --unit.")
+        findings.append(f"{given}; give it with --unit (identify needs none).")
         # Below some hundred, whole numbers may be of any unit.
         if not raw and peak > 500.0 and np.array_equal(channel.values, np.rint(channel.values)):
             raw, given = "count", f"{given}, and whole numbers look like counts of a digitiser"

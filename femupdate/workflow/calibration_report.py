@@ -29,37 +29,18 @@ from femupdate.report.quantities import DrawnQuantity, floor_table, tidy_table
 from femupdate.report.scale import range_text
 from femupdate.result import Item, Note, Notes, Picture, Result, first_lines, plain, took
 from femupdate.seeds import spawn
-from femupdate.study import Study, as_written, on_files, typed, write_text
+from femupdate.study import SUMMARY, Study, as_written, on_files, typed, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
 from femupdate.workflow.effects import open_system
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
 
-SUMMARY = "posterior_summary.json"
-
 
 def identified(posterior: Posterior) -> Identifiability:
     """What the data have told about the parameters of a posterior."""
     low, high = posterior.bounds.T
     return identifiability(posterior.samples, low, high, names=posterior.names)
-
-
-def kept_summary(study: Study) -> dict[str, Any]:
-    """What the report of a calibration wrote; empty where there is none, as after a repair.
-
-    Raises:
-        StudyError: the file cannot be read.
-    """
-    path = study.result(SUMMARY)
-    if not path.exists():
-        return {}
-    try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError) as error:
-        raise StudyError(
-            f"{path} cannot be read ({error}); run `femupdate calibrate` again"
-        ) from error
 
 
 def kept_posterior(study: Study, building: Building) -> Posterior:
@@ -241,12 +222,12 @@ class CalibrationReport(Result):
         posterior, building = self.posterior, self.model.building
         wrong, seen = bool(posterior.warnings), posterior.observation
         shares = seen.valid.mean(axis=1) if seen.valid.any() else np.ones(len(seen.floors))
-        floors = [
-            floor if share >= 0.5 else f"{floor} ({percent(share)} of its points)"
-            for floor, share in zip(seen.floors, shares, strict=True)
-        ]
+        few = {f: share for f, share in zip(seen.floors, shares, strict=True) if share < 0.5}
+        floors = [floor for floor in seen.floors if floor not in few] or seen.floors
         verdict = "to be used with care" if wrong else "the data are explained"
         of = f"{building.name}, {', '.join(floors) or 'frequencies'} of {seen.source}"
+        for floor, share in few.items():
+            of += f"; {floor} has {percent(share)} of its points"
         titles = parameter_titles(building, posterior.names)
         columns = zip(posterior.names, posterior.samples.T, strict=True)
         draws = {titles[name]: values for name, values in columns if not key_of(name)}
@@ -448,7 +429,7 @@ def kept_calibration(study: Study, model: StudyModel) -> CalibrationReport:
     Raises:
         StudyError: there is none, or what is kept is damaged.
     """
-    posterior, kept = kept_posterior(study, model.building), kept_summary(study)
+    posterior, kept = kept_posterior(study, model.building), study.summary()
     with as_written(study.result(SUMMARY)):
         check = kept.get("posterior_predictive_p")
         if check is not None:

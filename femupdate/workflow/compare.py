@@ -18,7 +18,6 @@ from femupdate.report.scale import plus_minus, with_unit
 from femupdate.result import Item, Note, Notes, Result
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import Column, Table
-from femupdate.workflow.calibration_report import kept_summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -211,7 +210,7 @@ def open_state(study: Study, name: str = "") -> State:
         posterior=load_posterior(file),
         titles=factor_titles(load_building(building)) if building.exists() else {},
         hashes=recorded.made_from,
-        summary=kept_summary(study),
+        summary=study.summary(),
     )
 
 

@@ -15,9 +15,7 @@ from femupdate.workflow.calibration_report import kept_calibration
 from femupdate.workflow.model import open_study
 from femupdate.workflow.page import PageStudy, appendix, page_sections
 from femupdate.workflow.predict import kept_prediction
-from femupdate.workflow.status import DAMAGED, MISSING, STALE, study_status
-
-PAGE = "report.html"
+from femupdate.workflow.status import DAMAGED, MISSING, PAGE, STALE, study_status
 
 
 def report_study(

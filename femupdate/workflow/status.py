@@ -14,6 +14,7 @@ from femupdate.study import (
     BESIDE,
     BUILDING_FILE,
     MAIN_POSTERIOR,
+    MANIFEST,
     REPAIRED,
     Artefact,
     Study,
@@ -23,8 +24,8 @@ from femupdate.study import (
 )
 from femupdate.tables import Table
 from femupdate.units import capital
-from femupdate.workflow.calibration_report import kept_summary
 
+PAGE = "report.html"
 CURRENT, STALE, DAMAGED, MISSING = "current", "stale", "changed by hand", "missing"
 # Commands that need no files. Others do their work on the way, and so much more as well.
 _ALONE = ("build-model", "train")
@@ -112,8 +113,7 @@ class StatusReport(Result):
             yield Table.of(("holds", "state".ljust(width), "made (UTC)"), rows)
         yield Notes((*self.unfinished, *self.warnings))
         yield from (Note(f"  also a study: {folder}") for folder in self.studies)
-        if self.next:
-            yield Note("Next")
+        yield Note("Next" if self.next else "Everything is current, and the page is written.")
         yield from (Note(f"  {command}\n      {reason}") for command, reason in self.next)
 
 
@@ -130,7 +130,7 @@ def study_status(study: Study) -> StatusReport:
     # In the order in which they were made.
     made = sorted(artefacts.items(), key=lambda pair: pair[1].created)
     holds = tuple(_holding(study, building, artefacts, *pair) for pair in made)
-    kept = kept_summary(study) if study.key("posterior") in artefacts else {}
+    kept = study.summary() if study.key("posterior") in artefacts else {}
     interrupted = "surrogate" not in artefacts and study.path("dataset").exists()
     goes_on = "A training was interrupted; `femupdate train` goes on where it stopped."
     studies = tuple(path.parent for path in sorted(study.folder.glob("*/study.json")))
@@ -225,7 +225,7 @@ def _next(
     # The chosen posterior, or the first that there is.
     shown = study if study.posterior in have else Study(study.folder, have[0])
     option = "" if shown.posterior == MAIN_POSTERIOR else f" --posterior {shown.posterior}"
-    if kept_summary(shown).get("warnings") and "diagnosis" not in artefacts:
+    if shown.summary().get("warnings") and "diagnosis" not in artefacts:
         files = shlex.join(sources_of(artefacts[shown.key("posterior")]))
         reason = "The posterior is to be used with care; this looks for what is missing."
         return ((_typed(study, f"diagnose {files}"), reason),)
@@ -240,11 +240,17 @@ def _next(
         reason = "Nothing is predicted yet; RECORD is a ground motion."
         return ((_typed(study, f"predict --record RECORD{option}"), reason),)
     reason = "Everything is current; this writes the page to hand on."
-    report = (_typed(study, f"report{option}"), reason)
-    if repaired not in studies:
-        return (report,)
-    command = typed("report", repaired / BUILDING_FILE)
-    return (report, (command, "The same of the building that `repair` made."))
+    pages = [(_typed(study, f"report{option}"), reason, shown)]
+    if repaired in studies:
+        command = typed("report", repaired / BUILDING_FILE)
+        pages += [(command, "The same of the building that `repair` made.", Study(repaired))]
+    return tuple((command, why) for command, why, of in pages if not _page_is_written(of))
+
+
+def _page_is_written(study: Study) -> bool:
+    """Whether a page lies in a study that nothing was recorded in since."""
+    page, record = study.result(PAGE), study.path(MANIFEST)
+    return page.exists() and page.stat().st_mtime >= record.stat().st_mtime
 
 
 def _typed(study: Study, command: str, item: Holding | None = None) -> str:

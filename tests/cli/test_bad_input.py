@@ -79,6 +79,12 @@ BAD_OBSERVATIONS = {
         ),
         ["no point of the frequency grid can be used"],
     ),
+    "unlike the building": (  # found out when it is built and sampled
+        lambda b: b.observation(
+            "frequency_hz,2F,RF", *(f"{f:.1f},{1 + f % 3:.2f},9" for f in np.arange(0.5, 12, 0.1))
+        ),
+        ["unlike anything that tower can do"],
+    ),
 }
 
 

@@ -96,6 +96,11 @@ def test_training_loads_no_compiler(tmp_path):
     assert (tmp_path / "study" / "surrogate.safetensors").exists()
 
 
+def test_a_glance_at_a_study_takes_no_torch(tmp_path):
+    ((text, heavy),) = imported(["status"], cwd=tmp_path)
+    assert ("no building yet" in text, "torch" in heavy) == (True, False)
+
+
 MISSPELT = {
     "file": ["inspect", __file__, "nowhere.csv"],
     "observation": ["calibrate", "nowhere.csv"],

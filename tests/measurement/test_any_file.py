@@ -194,8 +194,8 @@ def test_tables_are_read_as_they_come(write, name):
             assert np.abs(apart).max() < 2e-5
 
 
-@pytest.mark.parametrize("row", (0, 90, 3999))
-@pytest.mark.parametrize("cell", ("25:00:01", "10:61:01", "13:05:00 PM", "2024-13-05 10:00", "nan"))
+@pytest.mark.parametrize("row", [0, 90, 3999])
+@pytest.mark.parametrize("cell", ["25:00:01", "10:61:01", "13:05:00 PM", "2024-13-05 10:00", "nan"])
 def test_a_wrong_moment_is_named_with_its_row_and_column(write, row, cell):
     times = dated("%d-%b-%Y %H:%M:%S.%L" if "-" in cell else "%H:%M:%S.%L")
     path = write(table([*times[:row], cell, *times[row + 1 :]]), "any.csv")

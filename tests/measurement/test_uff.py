@@ -140,10 +140,11 @@ def test_without_pyuff(write, monkeypatch):
         (b"\0\0\x01\x02" * 90, "a.gcf", "a Güralp file"),
         (b"Response and Fourier amplitude spectra (68 periods)\n", "a.v3", "take the .V2 file"),
         (b"<!DOCTYPE html><html>Log in</html>\n", "a.csv", "download the data file itself"),
+        (b'name = "x"\nkind = "frame"\n', "b.toml", "run `femupdate build-model` on it"),
     ],
 )
 def test_known_formats_that_are_not_supported(write, data, name, message):
     with pytest.raises(MeasurementError) as caught:
         read_record(write(data, name))
     assert message in str(caught.value)
-    assert "known but not supported" in str(caught.value)
+    assert "which is not read here" in str(caught.value)

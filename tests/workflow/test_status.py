@@ -90,6 +90,20 @@ def test_a_new_posterior_makes_the_prediction_stale(look):
     assert reason == "The prediction is stale. The posterior changed since."
 
 
+def test_a_page_is_asked_for_until_it_is_written(look):
+    study, _ = look
+    write_text(study.path("prediction.nc"), "")
+    study.record("prediction", "prediction.nc", "predict", {})
+    write_text(study.path("posterior_summary.json"), "{}")
+    assert study_status(study).next[0][0].startswith("femupdate report")
+    write_text(study.path("report.html"), "")
+    report = study_status(study)
+    assert (report.next, list(report.lines())[-1]) == (
+        (),
+        "Everything is current, and the page is written.",
+    )
+
+
 def test_interrupted_work_and_inner_studies_are_named(look):
     study, _ = look
     write_text(study.path("dataset", "0000.npz"), "half")

@@ -34,6 +34,11 @@ _KNOWN = (
     (r"(.{0,4000}\n)?(WID[12] |CMP6|DAT2)", "a GSE file", "convert it by ObsPy to miniSEED"),
     (r"\$ (File|PROGRAM|STORIES)|PROGRAM\s+\"ETABS\"", "a model of ETABS", _MODEL),
     (r"(.{0,4000}\n)?\s*(wipe|model\s+basic)", "a model of OpenSees", _MODEL),
+    (
+        r"(.*\n)?\s*kind\s*=\s*[\"'](frame|mesh|shear)",
+        "a building file",
+        "run `femupdate build-model` on it",
+    ),
     (r"<\?xml|<!DOCTYPE|<html", "a web page or XML", "download the data file itself"),
 )
 _SUFFIXES = {
@@ -60,4 +65,4 @@ def recognises(head: str, suffix: str) -> bool:
 def read(path: Path) -> NoReturn:
     """Say what the file is."""
     what, advice = _known(read_head(path), path.suffix.lower()) or ("a format", _CONVERT)
-    raise TextFile(path).error(f"this is {what}, which is known but not supported; {advice}")
+    raise TextFile(path).error(f"this is {what}, which is not read here; {advice}")
