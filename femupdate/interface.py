@@ -423,6 +423,8 @@ def compare(
         from femupdate.measurement.reader import read_measured
         from femupdate.workflow.compare_tests import compare_frfs, compare_modes
 
+        for name in {before, after} - set(map(str, measured)):
+            find_state(name, opened)
         read = [read_measured(file) for file in measured]
         if len(read) == 2 and any(one.modes or one.mode_table is not None for one in read):
             return compare_modes(files[0], files[1], columns)

@@ -173,8 +173,7 @@ def next_step(
         return NextStep(
             "",
             f"The names do not say which floor {', '.join(left_over)} is; say it for all channels"
-            f" by --columns, such as base={histories[usable[0]].name}"
-            f",2F={histories[usable[-1]].name}.",
+            f" by --columns, such as 'base={histories[usable[0]].name},2F={left_over[-1]}'.",
         )
     base = [ours for ours in proposed if ours.startswith(BASE)]
     floors = [ours for ours in proposed if not ours.startswith(BASE)]

@@ -110,7 +110,7 @@ class BuildReport(Result):
         for axis, shares in zip("XY", np.cumsum(modes.effective_mass, axis=0).T, strict=True):
             if shares[-1] > 0.0:
                 enough = int(np.searchsorted(shares, 0.9)) + 1
-                first = f"; the first {enough} move 90 %" if enough <= len(shares) else ""
+                first = f"; 90 % are reached with mode {enough}" if enough <= len(shares) else ""
                 total = percent(shares[-1], 1)
                 yield Note(
                     f"  All {len(shares)} modes move {total} of the mass along {axis}{first}.",

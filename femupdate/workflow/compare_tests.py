@@ -130,6 +130,8 @@ def compare_frfs(
         MeasurementError: a file holds none, or they share no floor or too few frequencies.
         StudyError: there is no such posterior.
     """
+    if before == after:
+        raise MeasurementError(f"{before} is named twice; name another test or model beside it")
     files: dict[str, Histories | Observation] = {}
     models = {}
     for name, path in ((name, Path(name)) for name in (before, after)):
@@ -186,7 +188,7 @@ def compare_frfs(
         (
             Note(
                 f"{before} and {after}: {of} FRFs from {band[0]:.3g} to {band[1]:.3g} Hz; a FRAC "
-                "of 1 is the same curve, but for a factor.",
+                "of 1 is the same curve, but for a factor; noise and short records lower it.",
                 {"before": before, "after": after, "band_hz": band},
             ),
             _by_floor("frac", floors, frac(first, second), ratio),

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import torch
 
 from femupdate.arrays import Floats
 from femupdate.dynamics.tracking import (
@@ -123,17 +123,23 @@ def shape_table(model: StudyModel, posterior: Posterior, modes: Sequence[StudyMo
         np.array([getattr(shape, of)(axis=0) for shape in shapes]) for of in ("mean", "std")
     )
     floors, zeta = model.reduced.floors, posterior.zeta_samples
-    damping: list[Any] = ["", ""] if zeta is None else [zeta.mean(), zeta.std()]
+    damping = mode_damping(model, posterior, modes)
     figures = {
         "mode": [mode.label for mode in modes],
         "frequency_hz": [mode.tracked.frequency_mean for mode in modes],
         "frequency_sd_hz": [mode.tracked.frequency_sd for mode in modes],
-        "damping": [damping[0]] * len(modes),
-        "damping_sd": [damping[1]] * len(modes),
+        "damping": damping,
+        "damping_sd": [""] * len(modes) if zeta is None else damping * zeta.std() / zeta.mean(),
         **dict(zip(floors, mean.T, strict=True)),
         **{f"{floor}_sd": column for floor, column in zip(floors, sd.T, strict=True)},
     }
     return Table(name="shapes", columns=tuple(Column(v, csv=k) for k, v in figures.items()))
+
+
+def mode_damping(model: StudyModel, posterior: Posterior, modes: Sequence[StudyMode]) -> Floats:
+    """(m,) damping ratios by the building's law, in the mean of the posterior."""
+    omega = torch.tensor([[2.0 * np.pi * mode.tracked.frequency_mean for mode in modes]])
+    return model.law.ratio(omega.double(), torch.tensor([posterior.zeta.mean()]))[0].numpy()
 
 
 def full_modes(model: StudyModel) -> FullModes:

@@ -25,7 +25,14 @@ from femupdate.study import Study
 from femupdate.units import capital
 from femupdate.workflow.calibration_report import kept_posterior
 from femupdate.workflow.model import StudyModel, on_kept_finer
-from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes, shape_table
+from femupdate.workflow.modes import (
+    StudyMode,
+    find_modes,
+    mode_damping,
+    mode_table,
+    posterior_modes,
+    shape_table,
+)
 from femupdate.workflow.observed import direction_of
 
 
@@ -80,16 +87,16 @@ def render_study(
         table = mode_table(tracked, pictures * (len(tracked) // len(pictures)))
         path = study.result("tables", "shapes.uff")
         levels, along = levels_with_base(model.building)[1:], direction_of(model.building)
-        zeta = posterior.zeta_samples
+        ratios = mode_damping(model, posterior, tracked).tolist()
         recorded = [
             RecordedMode(
                 name=mode.label,
                 frequency_hz=mode.tracked.frequency_mean,
-                damping=None if zeta is None else float(zeta.mean()),
+                damping=ratio,
                 sensors=model.reduced.floors,
                 shape=mode.at_floors(model).mean(axis=0),
             )
-            for mode in tracked
+            for mode, ratio in zip(tracked, ratios, strict=True)
         ]
         file = write_modes_uff(path, recorded, levels.tolist(), along)
         shapes = shape_table(model, posterior, tracked)

@@ -428,6 +428,7 @@ def test_nothing_is_proposed_where_a_column_is_left_over(write):
     step = inspect_file(path).step
     assert step.command == ""
     assert "which floor A is" in step.advice
+    assert "such as 'base=Ground,2F=A'" in step.advice
 
 
 def test_sensors_in_opposite_corners_are_not_said_to_be_swapped(write):

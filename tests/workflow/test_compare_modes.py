@@ -97,10 +97,12 @@ def test_frac_is_one_of_the_same_curve_and_falls_where_it_moves(tmp_path):
     size = (np.abs(first) ** 2).sum(1) * (np.abs(moved) ** 2).sum(1)
     np.testing.assert_allclose([row["frac"] for row in found.frac], product / size, rtol=1e-6)
     modes = written(tmp_path / "modes.csv", HERTZ, SHAPES)
-    with pytest.raises(StudyError):
-        femupdate.compare(tmp_path, plain, "nobody")
-    with pytest.raises(MeasurementError):
-        femupdate.compare(tmp_path, plain, modes)
+    for there, missing in ((plain, "nobody"), (modes, "nobody.uff")):
+        with pytest.raises(StudyError, match=f"called {missing}"):
+            femupdate.compare(tmp_path, there, missing)
+    for other, words in ((modes, "identified modes"), (plain, "named twice")):
+        with pytest.raises(MeasurementError, match=words):
+            femupdate.compare(tmp_path, plain, other)
 
 
 def test_frac_of_a_model_and_its_record(tower, tower_observation):
