@@ -100,7 +100,7 @@ def test_frac_is_one_of_the_same_curve_and_falls_where_it_moves(tmp_path):
     for there, missing in ((plain, "nobody"), (modes, "nobody.uff")):
         with pytest.raises(StudyError, match=f"called {missing}"):
             femupdate.compare(tmp_path, there, missing)
-    for other, words in ((modes, "identified modes"), (plain, "named twice")):
+    for other, words in ((modes, "no mode in the file"), (plain, "named twice")):
         with pytest.raises(MeasurementError, match=words):
             femupdate.compare(tmp_path, plain, other)
 

@@ -42,7 +42,7 @@ def test_shapes_are_normalised_by_mass_and_read_again(tower, tower_model, tmp_pa
     mass = [story.mass for story in tower_model.building.stories]
     # phi' M phi = 1 of every draw, and of their mean but for the spread.
     np.testing.assert_allclose((frame[floors] ** 2) @ mass, 1.0, atol=2e-3)
-    np.testing.assert_allclose(frame["damping"], tower_model.building.damping.ratio)
+    np.testing.assert_allclose(frame["damping"], 0.05, rtol=0.01)  # Rayleigh, at ...
     frame.to_csv(tmp_path / "shapes.csv", index=False)
     same = femupdate.compare(tower, *[str(tmp_path / "shapes.csv")] * 2)
     np.testing.assert_allclose([row["mac"] for row in same.pairs], 1.0)
