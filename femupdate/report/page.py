@@ -179,7 +179,13 @@ def added_section(path: Path, name: str) -> Section:
     parts = path.read_text(encoding="utf-8").strip().split("\n\n")
     if parts[0].startswith("# "):
         title, _, parts[0] = parts[0][2:].partition("\n")
-    return Section(name, title, tuple(Note(" ".join(part.split())) for part in parts))
+    blocks: list[Block] = []
+    for part in parts:
+        lines = [line.strip() for line in part.replace("**", "").splitlines()]
+        listed = all(line.startswith(("- ", "* ")) for line in lines)
+        told = Notes(tuple(line[2:] for line in lines))
+        blocks.append(told if listed else Note(" ".join(lines).lstrip("# ")))
+    return Section(name, title, tuple(blocks))
 
 
 def css_text(text: str) -> str:

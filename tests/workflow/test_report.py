@@ -83,7 +83,9 @@ def test_a_client_has_title_names_logo_and_own_sections(bare, tmp_path):
     logo = tmp_path / "logo.png"
     save_figure(new_figure(0.5, 0.3), logo)
     text = tmp_path / "site.md"
-    text.write_text("# On <site>\n\nTwo walls\nwere removed.\n", encoding="utf-8")
+    text.write_text(
+        "# On <site>\n\nTwo **walls**\nwere removed.\n\n- A crack\n- A door\n", encoding="utf-8"
+    )
     report = report_study(
         bare,
         tmp_path / "page.html",
@@ -96,6 +98,7 @@ def test_a_client_has_title_names_logo_and_own_sections(bare, tmp_path):
     html = report.report.read_text(encoding="utf-8")
     assert report.sections[-3:] == ("On <site>", "logo", "How it was made")
     assert "<p>Two walls were removed.</p>" in html
+    assert "<li>A crack</li>" in html
     assert "Client: The city</p>" in html
     assert '@top-left { content: "A \\22 tower\\22  \\3c 1\\3e "; }' in html
     assert html.count('alt="Logo"') == 1
