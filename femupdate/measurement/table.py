@@ -161,20 +161,11 @@ def in_seconds(file: TextFile, rows: list[Row], delimiter: str | None) -> list[R
         title = column_title(tuple(table[0]) if start else None, first)
         raise file.error(f"{what}; correct it, or remove the row", rows[start + seconds][0], title)
     leads = [TIME, *["s"] * (start - 1)][:start] + [f"{value:.9f}" for value in seconds]
-    mark = delimiter or " "
-    return [
-        (
-            line,
-            mark.join(
-                [
-                    *cells[:first],
-                    lead,
-                    *cells[behind - (behind > first + 1 and len(cells) < len(last)) :],
-                ]
-            ),
-        )
-        for (line, _), lead, cells in zip(rows, leads, table, strict=True)
-    ]
+    made = []
+    for (line, _), lead, cells in zip(rows, leads, table, strict=True):
+        rest = behind - (behind > first + 1 and len(cells) < len(last))
+        made.append((line, (delimiter or " ").join([*cells[:first], lead, *cells[rest:]])))
+    return made
 
 
 _MOST_ABOVE, _LEAST_ROWS, _LEAST_COLUMNS = 60, 10, 2

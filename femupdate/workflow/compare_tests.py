@@ -134,12 +134,10 @@ def compare_frfs(
         raise MeasurementError(f"{before} is named twice; name another test or model beside it")
     files: dict[str, Histories | Observation] = {}
     models = {}
-    for name, path in ((name, Path(name)) for name in (before, after)):
-        if not path.is_file():
-            continue
+    for name in (name for name in (before, after) if Path(name).is_file()):
         opened = next((Study(each) for each in (before, after) if Path(each).is_dir()), study)
-        read = opened.reading_of(path) | ({"columns": columns} if columns else {})
-        files[name] = read_observation_file(path, **read)
+        read = opened.reading_of(Path(name)) | ({"columns": columns} if columns else {})
+        files[name] = read_observation_file(Path(name), **read)
     grids = [data.frequency_hz for data in files.values() if isinstance(data, Observation)]
     for name in {before, after} - set(files):
         opened = Study(name) if Path(name).is_dir() else Study(study.folder, name)
@@ -161,12 +159,8 @@ def compare_frfs(
             seen_at = on_grid(data, grid)
         estimator = seen_at.estimator or estimator
         used &= np.isfinite(seen_at.log_frf).all(axis=0)
-        h = (
-            np.exp(seen_at.log_frf)
-            if seen_at.phase is None
-            else np.exp(seen_at.log_frf + 1j * seen_at.phase)
-        )
-        seen[name] = seen_at.floors, h
+        turned = 0.0 if seen_at.phase is None else 1j * seen_at.phase
+        seen[name] = seen_at.floors, np.exp(seen_at.log_frf + turned)
     for name, (model, posterior) in models.items():
         mean = posterior.parameters.split(torch.from_numpy(posterior.values.mean((0, 1))[None]))
         at = torch.from_numpy(grid if estimator is None else estimator.frequency_hz)

@@ -184,26 +184,13 @@ def identify(
 def _modes_told(found: AmbientModes, path: Path, written: Path) -> Told:
     """Every mode, what was left out, and the next command."""
     heads = {"name": "mode", "frequency_hz": "frequency", "damping": "damping ratio"}
-    told = {
-        "frequency_hz": [
-            with_unit(mode.frequency_hz, mode.frequency_sd_hz or 0.0, "Hz") for mode in found.modes
-        ],
-        "damping": [
-            with_unit(100.0 * (mode.damping or 0.0), 100.0 * (mode.damping_sd or 0.0), "%")
-            for mode in found.modes
-        ],
-    }
+    hertz = [with_unit(m.frequency_hz, m.frequency_sd_hz or 0.0, "Hz") for m in found.modes]
+    shares = [(100.0 * (m.damping or 0.0), 100.0 * (m.damping_sd or 0.0)) for m in found.modes]
+    told = {"frequency_hz": hertz, "damping": [with_unit(*share, "%") for share in shares]}
     keys = ("name", "frequency_hz", "frequency_sd_hz", "damping", "damping_sd", "shape")
-    table = Table(
-        name="modes",
-        key="modes",
-        columns=tuple(
-            Column(
-                [getattr(mode, key) for mode in found.modes], heads.get(key), told.get(key), key=key
-            )
-            for key in keys
-        ),
-    )
+    values = {key: [getattr(mode, key) for mode in found.modes] for key in keys}
+    columns = (Column(values[key], heads.get(key), told.get(key), key=key) for key in keys)
+    table = Table(name="modes", key="modes", columns=tuple(columns))
     findings, following = mode_findings(found.modes), f"femupdate calibrate {written}"
     content = {"band_hz": found.band_hz, "notes": found.notes, "findings": findings}
 

@@ -83,26 +83,15 @@ def mode_table(modes: Sequence[StudyMode], pictures: Sequence[Path] = ()) -> Tab
     told = ["-" if value is None else f"{value:.3g}" for value in influence]
     numbers = [m.number for m in modes]
     hertz = [f"{value:.3f}" for value in mean]
+    masses, seen = [percent(value, 1) for value in share], [percent(value) for value in found]
     columns = [
         Column(numbers, "mode", [str(value or "-") for value in numbers], "mode", "mode"),
         Column(mean, "frequency, Hz", hertz, "frequency_hz", "frequency_hz"),
         Column(sd, "sd, Hz", [f"{v:.2g}" for v in sd], "frequency_sd_hz", "frequency_sd"),
         Column([m.direction for m in modes], "direction", None, "direction", "direction"),
-        Column(
-            share,
-            "effective mass",
-            [percent(value, 1) for value in share],
-            "effective_mass_share",
-            "effective_mass",
-        ),
+        Column(share, "effective mass", masses, "effective_mass_share", "effective_mass"),
         Column(influence, "influence", told),
-        Column(
-            found,
-            "recognised in draws",
-            [percent(value) for value in found],
-            "share_of_draws_recognised",
-            "found",
-        ),
+        Column(found, "recognised in draws", seen, "share_of_draws_recognised", "found"),
         Column(influence, csv="influence", key="influence"),
         Column([m.rank for m in modes], csv="influence_rank", key="influence_rank"),
         *([Column(pictures, key="picture")] if pictures else []),
