@@ -221,13 +221,16 @@ class CalibrationReport(Result):
         """The verdict, and the interval of every parameter unless they are many."""
         posterior, building = self.posterior, self.model.building
         wrong, seen = bool(posterior.warnings), posterior.observation
-        shares = seen.valid.mean(axis=1) if seen.valid.any() else np.ones(len(seen.floors))
-        few = {f: share for f, share in zip(seen.floors, shares, strict=True) if share < 0.5}
+        # Beside the floor that has most: a file of a narrow band loses no floor.
+        points = dict(zip(seen.floors, seen.valid.sum(axis=1), strict=True))
+        few = {
+            f: n / max(points.values()) for f, n in points.items() if 2 * n < max(points.values())
+        }
         floors = [floor for floor in seen.floors if floor not in few] or seen.floors
         verdict = "to be used with care" if wrong else "the data are explained"
         of = f"{building.name}, {', '.join(floors) or 'frequencies'} of {seen.source}"
         for floor, share in few.items():
-            of += f"; {floor} has {percent(share)} of its points"
+            of += f"; {floor} has {percent(share)} of the points"
         titles = parameter_titles(building, posterior.names)
         columns = zip(posterior.names, posterior.samples.T, strict=True)
         draws = {titles[name]: values for name, values in columns if not key_of(name)}
