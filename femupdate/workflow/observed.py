@@ -200,8 +200,11 @@ def check_readable(source: ObservationSource) -> None:
     Raises:
         MeasurementError: a file cannot be used.
     """
-    for path in source.paths:
-        source.read(path, "x")
+    read = [source.read(path, "x") for path in source.paths]
+    if source.force and not any(
+        isinstance(each, tuple) and each[0].excitation.force for each in read
+    ):
+        raise MeasurementError(f"{source.path}: no FRF to a force is in it; leave --force out")
 
 
 def readable(

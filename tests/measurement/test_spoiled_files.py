@@ -73,6 +73,8 @@ TEXTS = {
     "a column by a number too high": (table(), ("--columns", "base=2,2F=3,RF=9")),
     "volts without a factor": (table(units="s,V,V,V,V"), ()),
     "a row of half the cells": (table() + "4.0,1,2\n", ()),
+    "a complex cell cut": (frfs("1.0,1+1j,1+2j,1+3", "2.0,1+1j,1+,1+3"), ()),
+    "a force of no force test": (table(), ("--force", "RF")),
     "a month that is none": (
         table(change=[(k, 0, f"5 Foo 2024 10:00:{k / 10:.1f}") for k in range(400)]),
         (),

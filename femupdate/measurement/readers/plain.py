@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from femupdate.measurement.clock import is_moment
-from femupdate.measurement.names import TIME_NAME
+from femupdate.measurement.names import FREQUENCY_NAME, TIME_NAME
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import (
     MOMENT_CELLS,
@@ -26,7 +26,7 @@ def recognises(head: str, suffix: str) -> bool:
     rows = TextFile(Path(), tuple(head.split("\n"))).rows()[:50]
     rows = split_complex(rows) if rows else rows
     cells = [cells_of(text, find_delimiter(text)) for _, text in rows]
-    named = bool(cells) and TIME_NAME.match(cells[0][0]) is not None
+    named = bool(cells) and any(axis.match(cells[0][0]) for axis in (TIME_NAME, FREQUENCY_NAME))
     dated = any(is_moment(" ".join(row[a:b])) for row in cells for a, b in MOMENT_CELLS)
     return named or dated or any(all(map(is_number, row)) for row in cells)
 

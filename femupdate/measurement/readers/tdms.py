@@ -1,6 +1,8 @@
 """TDMS files of LabVIEW, by npTDMS."""
 
+import logging
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,7 @@ def read(path: Path) -> Recording:
     """Channels whose time step the waveform's properties or a channel of times gives."""
     file = TextFile(path)
     nptdms = reading_package(file, "nptdms", "npTDMS", "TDMS files")
+    import_module("nptdms.log").log_manager.set_level(logging.ERROR)  # what is cut is told below
     try:
         groups = nptdms.TdmsFile.read(path).groups()
         channels = [(group.name, channel) for group in groups for channel in group.channels()]
