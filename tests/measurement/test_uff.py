@@ -123,7 +123,7 @@ def test_without_pyuff(write, monkeypatch):
 @pytest.mark.parametrize(
     ("data", "name", "message"),
     [
-        (b"MS\x03\0\0", "a.mseed3", "this is miniSEED 3, which is known but not"),
+        (b"MS\x03\0\0", "a.mseed3", "this is miniSEED 3, which is not read here"),
         (b"\x89HDF\r\n\x1a\n\0\0", "a.h5", "an HDF5 file"),
         (b"\x93NUMPY\x01\0v\0{'descr'", "a.npy", "save all channels with their times as .npz"),
         (b"RIFF\x24\0\0\0WAVEfmt ", "a.wav", "a sound file"),
