@@ -149,6 +149,7 @@ base = "{base} m"      # level of the lowest node that is held
 {supports}# Floors lie at the sums of these heights above the base.
 # Members belong to the story between whose floors they are. Of towers, setbacks and mezzanines say
 # where: on = "S1" (what it stands on), x = ["0 m", "9 m"] and y alike (its part of the plan).
+# List it after the story whose part it takes. Floors are named in the order of this list.
 {more}{stories}
 [sensors]
 direction = "x"        # of the measured motion, x or y
