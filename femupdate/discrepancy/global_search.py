@@ -10,13 +10,16 @@ an exchange only orders or turns their rows.
 
 from collections.abc import Sequence
 from functools import partial
+from itertools import chain
 
 import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import (
+    COARSE_NOISE,
     FAR_STEPS,
     FIRST_STEPS,
+    RIGHT,
     Fit,
     coarse,
     fit,
@@ -29,7 +32,7 @@ from femupdate.inference.likelihood import Likelihood
 from femupdate.seeds import spawn, torch_generator
 from femupdate.workers import in_threads
 
-_SEARCHED = 6  # effects that are fitted
+_SEARCHED, _FOLLOWED = 6, 4  # effects that are fitted, and that are so from everywhere
 _ROUGH_STEPS = 10
 
 
@@ -61,36 +64,56 @@ def global_fit(
         nearest = misfits(rough.with_effects(together), z).sort()
         return float(nearest.values[0]), together, z[nearest.indices[:2]]
 
-    others = [score.placed for score in scores if not score.placed.exchange]
-    first = sorted(in_threads(screened, others), key=lambda begin: begin[0])[:_SEARCHED]
+    whole = [score.placed for score in scores if not score.placed.exchange]
+    first = sorted(in_threads(screened, whole), key=lambda begin: begin[0])[:_SEARCHED]
     begun = [(together, start) for _, together, starts in first for start in starts]
-    fits = in_threads(lambda begin: fit(rough, *begin), begun)
-    best = min(fits, key=lambda fitted: fitted.misfit, default=alone)
-    if best.chi2 > 0.5 * alone.chi2:
-        # From theta as it is with every effect by itself, a deviation of its prior large to either
-        # side: where damping is low a draw of the prior seldom meets the peaks, and steps do.
+    tried = [alone, *in_threads(lambda begin: fit(rough, *begin), begun)]
+
+    def right(best: Fit) -> bool:
+        return COARSE_NOISE * float(best.raw.square().mean().sqrt()) < RIGHT
+
+    def by_themselves(z: Tensor) -> list[Fit]:
+        """From one place with every effect, a deviation of its prior large to either side.
+
+        Where damping is low a draw of the prior seldom meets the peaks, and steps do.
+        """
         starts = list[tuple[tuple[Placed, ...], Tensor]]()
         for placed in (test.placed for test in scores if test.placed.effect.parameters):
-            together, count = (*alone.placed, placed), len(placed.effect.parameters)
+            together, count = (*base.placed, placed), len(placed.effect.parameters)
             for size in (-1.0, 1.0):
-                start = torch.cat([alone.z, alone.z.new_zeros(count)])
+                start = torch.cat([z, z.new_zeros(count)])
                 start[-count] = size
                 start = rough.with_effects(together).prior.steps.inside(start)
                 if float(start[-count]) * size > 0.0:
                     starts.append((together, start))
-        usual = in_threads(lambda start: fit(rough, *start, FIRST_STEPS), starts)
-        usual.sort(key=lambda fitted: fitted.misfit)
-        leaders = {fitted.placed[-1].label: fitted for fitted in reversed(usual)}
-        chosen = sorted(leaders.values(), key=lambda fitted: fitted.misfit)[:_SEARCHED]
-        usual = in_threads(lambda near: fit(rough, near.placed, near.z), chosen)
-        best = min([best, *usual], key=lambda fitted: fitted.misfit)
+        near = in_threads(lambda start: fit(rough, *start, FIRST_STEPS), starts)
+        return in_threads(lambda near: fit(rough, near.placed, near.z), _leaders(near, _SEARCHED))
+
+    if not any(right(fitted) for fitted in tried):
+        tried += by_themselves(alone.z)
+    best, *others = _leaders(tried, _FOLLOWED)
     if best.chi2 > 0.5 * alone.chi2:
         return None
-    # From the best of many draws of theta with the effect that was found.
-    of, sizes = best.likelihood, best.z[best.steps.first_size :]
-    z = prior_draws(of, sizes, 512, spawn(seed, 1)[0])
-    everywhere = in_threads(partial(fit, of, best.placed), z[misfits(of, z).argsort()[:6]])
-    return min([best, *everywhere], key=lambda fitted: fitted.misfit)
+
+    def everywhere(near: Fit) -> list[Fit]:
+        """From the best of many draws of theta, with the effect as it was found."""
+        of, sizes = near.likelihood, near.z[near.steps.first_size :]
+        z = prior_draws(of, sizes, 512, spawn(seed, 1)[0])
+        return [fit(of, near.placed, start) for start in z[misfits(of, z).argsort()[:6]]]
+
+    # The right effect may lie far from where it was fitted.
+    followed = [best] if right(best) else [best, *others]
+    further = in_threads(everywhere, [near for near in followed if near is not alone])
+    best = _leaders([best, *chain.from_iterable(further)], 1)[0]
+    # Where theta is right, the right effect leaves least.
+    return _leaders([best, *by_themselves(best.z[: len(alone.z)])], 1)[0]
+
+
+def _leaders(fits: Sequence[Fit], count: int) -> list[Fit]:
+    """The best fits of different effects."""
+    ahead = sorted(fits, key=lambda fitted: fitted.misfit)
+    best = {fitted.placed: fitted for fitted in reversed(ahead)}
+    return sorted(best.values(), key=lambda fitted: fitted.misfit)[:count]
 
 
 def _draws(

@@ -231,23 +231,48 @@ def sought(
     open_ = found.verdict in (UNKNOWN, AMBIGUOUS, PARTLY)
     if not (open_ or (found.leading and found.leading.at_limit)) or too_few(found.base):
         return near, found
-    progress.advance(note="searching far from the model as it is")
     leading = [finding.placed for finding in first.findings]
-    far = global_fit(problem, base, first.scores, leading, chosen.seed)
-    if far is None:
-        return near, found
+    starts = [(problem, base)]
+    factors = torch.arange(len(base.z)) < base.steps.stories
+    away = float(base.z[factors].abs().max()) > SPREAD
+    if away and found.verdict in (UNKNOWN, PARTLY) and not problem.reduced.structure.is_stick:
+        # Under what is missing the factors of the model as it is may be far from right, and the
+        # basis about them serves no others: those of the building's file come first.
+        neutral = fit(problem, base.placed, torch.where(factors, 0.0, base.z), 0)
+        start = base.placed, neutral.z
+        starts.insert(0, _around(model, problem, neutral, start, progress))
+    for begun in starts:
+        progress.advance(note="searching far from the model as it is")
+        far = global_fit(*begun, first.scores, leading, chosen.seed)
+        if far is not None:
+            near, found = _farther(model, begun, far, (near, found), chosen, progress)
+        if found.verdict not in (UNKNOWN, PARTLY):
+            break
+    return near, found
+
+
+def _farther(
+    model: FinderModel,
+    begun: tuple[Likelihood, Fit],
+    far: Fit,
+    so_far: tuple[Likelihood, Diagnosis],
+    settings: DiagnosisSettings,
+    progress: Progress,
+) -> tuple[Likelihood, Diagnosis]:
+    """The diagnosis about a fit with one effect more, or that so far where it explains no more."""
+    problem, base = begun
     there, far = refined(model, problem, far, progress)
     moved = fit(there, base.placed, base.z)
-    again = diagnose(there, chosen, moved, progress, far)
+    again = diagnose(there, settings, moved, progress, far)
     # Log density of the data by the best of the fits.
     now, then = (
         max(log_posterior(fitted.likelihood, fitted) for fitted in fits)
-        for told in (again, found)
+        for told in (again, so_far[1])
         for fits in [[told.base, *(finding.fitted for finding in told.findings)]]
     )
     if again.verdict == UNKNOWN or now < then + VERDICT.clearly:
-        return near, found
-    return _run_off(model, there, moved, again, chosen, progress)
+        return so_far
+    return _run_off(model, there, moved, again, settings, progress)
 
 
 def _run_off(
