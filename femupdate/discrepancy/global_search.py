@@ -16,10 +16,8 @@ import torch
 from torch import Tensor
 
 from femupdate.discrepancy.fit import (
-    COARSE_NOISE,
     FAR_STEPS,
     FIRST_STEPS,
-    RIGHT,
     Fit,
     coarse,
     fit,
@@ -69,9 +67,6 @@ def global_fit(
     begun = [(together, start) for _, together, starts in first for start in starts]
     tried = [alone, *in_threads(lambda begin: fit(rough, *begin), begun)]
 
-    def right(best: Fit) -> bool:
-        return COARSE_NOISE * float(best.raw.square().mean().sqrt()) < RIGHT
-
     def by_themselves(z: Tensor) -> list[Fit]:
         """From one place with every effect, a deviation of its prior large to either side.
 
@@ -89,9 +84,9 @@ def global_fit(
         near = in_threads(lambda start: fit(rough, *start, FIRST_STEPS), starts)
         return in_threads(lambda near: fit(rough, near.placed, near.z), _leaders(near, _SEARCHED))
 
-    if not any(right(fitted) for fitted in tried):
+    if min(tried, key=lambda fitted: fitted.misfit).chi2 > 0.5 * alone.chi2:
         tried += by_themselves(alone.z)
-    best, *others = _leaders(tried, _FOLLOWED)
+    best, *rivals = _leaders(tried, _FOLLOWED)
     if best.chi2 > 0.5 * alone.chi2:
         return None
 
@@ -101,11 +96,12 @@ def global_fit(
         z = prior_draws(of, sizes, 512, spawn(seed, 1)[0])
         return [fit(of, near.placed, start) for start in z[misfits(of, z).argsort()[:6]]]
 
-    # The right effect may lie far from where it was fitted.
-    followed = [best] if right(best) else [best, *others]
-    further = in_threads(everywhere, [near for near in followed if near is not alone])
-    best = _leaders([best, *chain.from_iterable(further)], 1)[0]
-    # Where theta is right, the right effect leaves least.
+    if cheap:
+        return _leaders([best, *everywhere(best)], 1)[0]
+    # Not every place had all draws, and the right effect may lie far from where it was fitted:
+    # where one of its rivals brings theta right, it leaves least.
+    followed = [near for near in (best, *rivals) if near is not alone]
+    best = _leaders([best, *chain.from_iterable(in_threads(everywhere, followed))], 1)[0]
     return _leaders([best, *by_themselves(best.z[: len(alone.z)])], 1)[0]
 
 
