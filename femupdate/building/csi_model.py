@@ -183,6 +183,18 @@ def modifiers(row: Row, names: Sequence[str]) -> tuple[float, ...]:
 _ENDS = (("", "MOD"), ("", "MODIFIER"), ("PROPMOD", ""))
 
 
+def _modified(
+    tables: ModelTables, of_section: Sequence[float], changes: Row | None, names: Sequence[str]
+) -> Floats:
+    """Modifiers of a member: those of its section times those assigned to it, which are noted."""
+    factor = np.array(of_section) * (1.0 if changes is None else modifiers(changes, names))
+    changed = [f"{n} {v:.3g}" for n, v in zip(names, factor, strict=True) if v != 1.0]
+    if changed:
+        kind = "frames" if names is FRAME_MODIFIERS else "areas"
+        tables.changes[f"{kind} with modifiers {', '.join(changed)}"] += 1
+    return factor
+
+
 class Properties:
     """Materials and sections by their name, which are read when they are used."""
 
@@ -344,12 +356,7 @@ def add_frame(
     if not length > 0.0:
         raise row.error("it has no length; move a joint or remove it")
     axes = local_axes(span, angle)
-    factor = np.array(section.modifiers)
-    if changes is not None:
-        factor = factor * modifiers(changes, FRAME_MODIFIERS)
-    changed = [f"{n} {v:.3g}" for n, v in zip(FRAME_MODIFIERS, factor, strict=True) if v != 1.0]
-    if changed:
-        tables.changes[f"frames with modifiers {', '.join(changed)}"] += 1
+    factor = _modified(tables, section.modifiers, changes, FRAME_MODIFIERS)
     own = section.figures
     if (factor < 0.0).any():
         raise row.error("a modifier is negative; correct it")
@@ -412,12 +419,7 @@ def add_area(
         _corner_mass(tables, row, corners, load)
         return
     section = properties.area(row, name, material)
-    factor = np.array(section.modifiers)
-    if changes is not None:
-        factor = factor * modifiers(changes, AREA_MODIFIERS)
-    changed = [f"{n} {v:.3g}" for n, v in zip(AREA_MODIFIERS, factor, strict=True) if v != 1.0]
-    if changed:
-        tables.changes[f"areas with modifiers {', '.join(changed)}"] += 1
+    factor = _modified(tables, section.modifiers, changes, AREA_MODIFIERS)
     mass = section.thickness * section.stuff.density * factor[8] * source.elements + load
     weight = section.weight * section.thickness + section.more_weight
     mass += weight / GRAVITY * factor[9] * source.self_weight

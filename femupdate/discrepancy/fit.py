@@ -241,11 +241,6 @@ def error_left(likelihood: Likelihood, fitted: Fit) -> float:
     return COARSE_NOISE * float(rough.raw(fitted.parameters).square().mean().sqrt())
 
 
-def raw_residuals(fitted: Fit, z: Tensor) -> Tensor:
-    """Residuals (N, n) in the unit of the noise at the unknowns z (N, d) of a fit's model."""
-    return fitted.likelihood.raw(fitted.steps.values(z))
-
-
 def fit(
     likelihood: Likelihood,
     placed: tuple[Placed, ...],
@@ -488,7 +483,6 @@ __all__ = [
     "nearest",
     "parameters_at",
     "prior_draws",
-    "raw_residuals",
     "settle",
     "with_last",
     "with_more",

@@ -96,13 +96,11 @@ def global_fit(
         z = prior_draws(of, sizes, 512, spawn(seed, 1)[0])
         return [fit(of, near.placed, start) for start in z[misfits(of, z).argsort()[:6]]]
 
-    if cheap:
-        return _leaders([best, *everywhere(best)], 1)[0]
-    # Not every place had all draws, and the right effect may lie far from where it was fitted:
-    # where one of its rivals brings theta right, it leaves least.
-    followed = [near for near in (best, *rivals) if near is not alone]
+    # Where not every place had all draws, the right effect may lie far from where it was fitted:
+    # if one of its rivals brings theta right, it leaves least there.
+    followed = [best] if cheap else [near for near in (best, *rivals) if near is not alone]
     best = _leaders([best, *chain.from_iterable(in_threads(everywhere, followed))], 1)[0]
-    return _leaders([best, *by_themselves(best.z[: len(alone.z)])], 1)[0]
+    return best if cheap else _leaders([best, *by_themselves(best.z[: len(alone.z)])], 1)[0]
 
 
 def _leaders(fits: Sequence[Fit], count: int) -> list[Fit]:

@@ -442,12 +442,10 @@ def of_points_that_bend(data: Sequence[Data], known: list[Tensor]) -> Tensor:
 
 __all__ = [
     "MeshError",
-    "MeshModes",
     "OpenMesh",
     "corrected",
     "corrected_model",
     "learn_mesh_error",
     "left_open",
-    "modes_shown",
     "of_points_that_bend",
 ]

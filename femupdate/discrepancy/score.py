@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.fit import Fit, extended, raw_residuals
+from femupdate.discrepancy.fit import Fit, extended
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.inference.likelihood import Likelihood
@@ -223,7 +223,7 @@ def _follow(problem: Likelihood, base: Fit, tests: list[Score]) -> tuple[Tensor,
     for _ in range(6):
         step = remains @ base.jacobian @ inverse
         trial = torch.minimum(torch.maximum(z + step.clamp(-1.0, 1.0), where.lower), where.upper)
-        followed = base.residual - base.likelihood.whitened(raw_residuals(base, trial))
+        followed = base.residual - base.likelihood.residuals(base.steps.values(trial))
         better = (target - followed).norm(dim=1) < remains.norm(dim=1)
         if not better.any():
             break

@@ -239,40 +239,26 @@ def sought(
         # Under what is missing the factors of the model as it is may be far from right, and the
         # basis about them serves no others: those of the building's file come first.
         neutral = fit(problem, base.placed, torch.where(factors, 0.0, base.z), 0)
-        start = base.placed, neutral.z
-        starts.insert(0, _around(model, problem, neutral, start, progress))
-    for begun in starts:
+        starts.insert(0, _around(model, problem, neutral, (base.placed, neutral.z), progress))
+    for around, start in starts:
         progress.advance(note="searching far from the model as it is")
-        far = global_fit(*begun, first.scores, leading, chosen.seed)
-        if far is not None:
-            near, found = _farther(model, begun, far, (near, found), chosen, progress)
+        far = global_fit(around, start, first.scores, leading, chosen.seed)
+        if far is None:
+            continue
+        there, far = refined(model, around, far, progress)
+        moved = fit(there, base.placed, base.z)
+        again = diagnose(there, chosen, moved, progress, far)
+        # Log density of the data by the best of the fits.
+        now, then = (
+            max(log_posterior(fitted.likelihood, fitted) for fitted in fits)
+            for told in (again, found)
+            for fits in [[told.base, *(finding.fitted for finding in told.findings)]]
+        )
+        if again.verdict != UNKNOWN and now >= then + VERDICT.clearly:
+            near, found = _run_off(model, there, moved, again, chosen, progress)
         if found.verdict not in (UNKNOWN, PARTLY):
             break
     return near, found
-
-
-def _farther(
-    model: FinderModel,
-    begun: tuple[Likelihood, Fit],
-    far: Fit,
-    so_far: tuple[Likelihood, Diagnosis],
-    settings: DiagnosisSettings,
-    progress: Progress,
-) -> tuple[Likelihood, Diagnosis]:
-    """The diagnosis about a fit with one effect more, or that so far where it explains no more."""
-    problem, base = begun
-    there, far = refined(model, problem, far, progress)
-    moved = fit(there, base.placed, base.z)
-    again = diagnose(there, settings, moved, progress, far)
-    # Log density of the data by the best of the fits.
-    now, then = (
-        max(log_posterior(fitted.likelihood, fitted) for fitted in fits)
-        for told in (again, so_far[1])
-        for fits in [[told.base, *(finding.fitted for finding in told.findings)]]
-    )
-    if again.verdict == UNKNOWN or now < then + VERDICT.clearly:
-        return so_far
-    return _run_off(model, there, moved, again, settings, progress)
 
 
 def _run_off(

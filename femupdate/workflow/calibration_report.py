@@ -440,7 +440,7 @@ def kept_calibration(study: Study, model: StudyModel) -> CalibrationReport:
             values = tuple(np.nan if value is None else float(value) for value in floors)
             over = float(check["over_allowed"]) ** 2
             check = PredictiveCheck(float(check["whole"]), values, names, over)
-        # A repair and older versions keep theirs with the posterior.
+        # A repair keeps its own with the posterior.
         notes = [*kept.get("notes", ()), *posterior.warnings]
         notes += [*posterior.settings.get("notes", ()), *posterior.observation.notes]
         return CalibrationReport(

@@ -182,18 +182,12 @@ def kept_mesh_error(study: Study, building: Building) -> MeshError | None:
     return study.kept(MESH_ERROR_PART, finder_origin(building))
 
 
-def read_mesh_error(path: Path) -> MeshError | None:
-    """What a study keeps; None of an earlier version that learned less."""
-    content = json.loads(path.read_text(encoding="utf-8"))
-    return MeshError.of(content) if "share_sd" in content else None
-
-
 MESH_ERROR_PART = StudyPart(
     MESH_ERROR,
     "mesh_error.json",
     "diagnose",
     lambda mesh, path: write_text(path, json.dumps(asdict(mesh), indent=2) + "\n"),
-    read_mesh_error,
+    lambda path: MeshError.of(json.loads(path.read_text(encoding="utf-8"))),
     lambda _: {"thetas": _THETAS},
 )
 
