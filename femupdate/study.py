@@ -334,10 +334,10 @@ class Study:
         try:
             yield
         except (MeasurementError, InferenceError):
-            for artefact in self.artefacts().values() if new else ():
-                self.path(artefact.file).unlink(missing_ok=True)
-            for name in (BUILDING_FILE, MANIFEST) if new else ():
-                self.path(name).unlink(missing_ok=True)
+            made = self.artefacts()
+            if new and "surrogate" not in made:  # that took minutes
+                for file in (*(each.file for each in made.values()), BUILDING_FILE, MANIFEST):
+                    self.path(file).unlink(missing_ok=True)
             raise
 
     def record(

@@ -252,3 +252,21 @@ def test_a_part_that_cannot_be_made_leaves_nothing(study):
 )
 def test_only_posteriors_and_predictions_have_an_owner(key, owner):
     assert owner_of(key) == owner
+
+
+@pytest.mark.parametrize("name", ["reduced model", "surrogate"])
+def test_a_refusal_takes_a_new_study_along_but_no_training(study, name):
+    study.folder.mkdir()
+
+    def refused():
+        with study.whole():
+            for file in ("building.toml", "made.npz"):
+                study.path(file).write_text("made")
+            study.record(name, "made.npz", "train", {})
+            raise InferenceError("refused")
+
+    with pytest.raises(InferenceError):
+        refused()
+    left = {path.name for path in study.folder.iterdir()}
+    kept = {"building.toml", "made.npz", "study.json"} if name == "surrogate" else set()
+    assert left == kept
