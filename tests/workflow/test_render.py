@@ -7,7 +7,7 @@ import pytest
 from matplotlib.image import imread
 
 import femupdate
-from femupdate.dynamics import ReducedModes, track_mode
+from femupdate.dynamics import RayleighDamping, ReducedModes, track_mode
 from femupdate.effects import structure_of
 from femupdate.inference import DrawnBy, Posterior, load_posterior, save_posterior
 from femupdate.measurement import Observation
@@ -36,13 +36,17 @@ def test_the_modes_of_a_lumped_building(tower, tower_model, tower_modes):
 
 
 def test_shapes_are_normalised_by_mass_and_read_again(tower, tower_model, tmp_path):
-    report = render_study(tower, tower_model, samples=40, seed=1)
+    rayleigh = replace(tower_model.system, law=RayleighDamping(0.05, (1.0, 4.0)))
+    report = render_study(tower, replace(tower_model, system=rayleigh), samples=40, seed=1)
     frame = report.to_dataframe("shapes")
     floors = list(tower_model.reduced.floors)
     mass = [story.mass for story in tower_model.building.stories]
     # phi' M phi = 1 of every draw, and of their mean but for the spread.
     np.testing.assert_allclose((frame[floors] ** 2) @ mass, 1.0, atol=2e-3)
-    np.testing.assert_allclose(frame["damping"], 0.05, rtol=0.01)  # Rayleigh, at ...
+    # Rayleigh's law, its two anchors at 1 and 4 Hz: each mode has a ratio of its own.
+    hertz = frame["frequency_hz"]
+    np.testing.assert_allclose(frame["damping"], 0.05 * (4.0 / hertz + hertz) / 5.0, rtol=1e-6)
+    assert np.ptp(frame["damping"]) > 0.003
     frame.to_csv(tmp_path / "shapes.csv", index=False)
     same = femupdate.compare(tower, *[str(tmp_path / "shapes.csv")] * 2)
     np.testing.assert_allclose([row["mac"] for row in same.pairs], 1.0)
