@@ -93,6 +93,12 @@ def test_smc_written(write, texts, wave):
 
 BAD = {
     "smc velocity": ("smc", "2 CORRECTED ACCELEROGRAM", "3 VELOCITY", "holds velocity, not accel"),
+    "smc spectra": (
+        "smc",
+        "2 CORRECTED ACCELEROGRAM",
+        "5 RESPONSE SPECTRA",
+        "an SMC file of spectra, which",
+    ),
     "smc too many": ("smc", "      1480 ", "      1479 ", "announces 1479 values but 1480 fo"),
     "smc header cut": ("smc", "    -32768\n", "\n", "lines of numbers are not whole"),
     "esm velocity": ("esm", "TYPE: ACCELERATION", "TYPE: VELOCITY", "take the .ACC file"),
@@ -136,8 +142,9 @@ def tarred(path, members, mode="w:gz"):
 
 
 def test_two_archives_of_a_building_by_the_places_of_their_sensors(tmp_path, texts, wave):
-    """Velocities beside accelerations are passed over; numbers that changed hands are refused."""
-    kinds = {"a": "2 CORRECTED ACCELEROGRAM", "v": "3 VELOCITY", "d": "4 DISPLACEMENT"}
+    """Files beside accelerations are passed over; numbers that changed hands are refused."""
+    kinds = {"a": "2 CORRECTED ACCELEROGRAM", "v": "3 VELOCITY", "d": "4 CORRECTED DISPLACEMENT"}
+    kinds["r"] = "5 RESPONSE SPECTRA"
 
     def archive(name, order):
         text = {key: texts["smc"](np.tile(wave, 2), title) for key, title in kinds.items()}

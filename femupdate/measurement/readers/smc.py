@@ -13,7 +13,7 @@ from femupdate.measurement.text import TextFile, finite, fixed_columns, positive
 READS = "SMC files of the USGS"
 
 _FIRST = re.compile(
-    r"^\s*\d?\s*(UN)?CORRECTED ACCELEROGRAM\s*$|^\s*\d\s*(VELOCITY|DISPLACEMENT|RESPONSE|FOURIER)"
+    r"^\s*\d?\s*(UN)?CORRECTED ACCELEROGRAM\s*$|^\s*\d\s*(CORRECTED )?(VELOCITY|DISPLACEMENT)"
 )
 _QUANTITIES = {
     "ACCELEROGRAM": ("acceleration", "cm/s2"),
@@ -35,10 +35,8 @@ def read(path: Path) -> Recording:
     """The one channel, with its place from the comment `<loclbl=>`."""
     file = read_text(path)
     quantity, unit = next(
-        (each for word, each in _QUANTITIES.items() if word in file.lines[0].upper()), ("", "")
+        each for word, each in _QUANTITIES.items() if word in file.lines[0].upper()
     )
-    if not unit:
-        raise file.error("this is a spectrum, not a record; take the accelerogram beside it", 1)
     integers = _numbers(file, _TEXT_LINES, _INTEGER_LINES, _INTEGER_WIDTH)
     reals = _numbers(file, _TEXT_LINES + _INTEGER_LINES, _REAL_LINES, _REAL_WIDTH)
     count = positive(file, integers[_COUNT], "the number of values", _TEXT_LINES + 2)

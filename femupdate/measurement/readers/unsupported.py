@@ -23,6 +23,7 @@ _KNOWN = (
     (r"BZh[1-9]", "a file packed by bzip2", "unpack it or pack the records as zip"),
     (r"%PDF", "a PDF", "take the data, not the report"),
     (r"KINEMETRICS", "a Kinemetrics event file", _CONVERT),
+    (r"\s*\d\s*(RESPONSE|FOURIER)[^\n]*\n\*", "an SMC file of spectra", "take the accelerogram"),
     (r"Response and Fourier amplitude spectra", "CSMIP Volume 3", f"these are {_SPECTRA}"),
     (
         r"(un)?corrected accelerogram[^\n]*GNS Science",
