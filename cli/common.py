@@ -272,7 +272,7 @@ def columns_options(function: F) -> F:
             columns = columns if rate is None else {**(columns or {}), **timed}
             return function(*args, columns=columns, **kwargs)
         if columns is not None:
-            raise click.UsageError("--columns and --mapping say the same; give one of them")
+            raise Failure("--columns and --mapping say the same; give one of them")
         from femupdate.measurement.write import read_mapping
 
         try:

@@ -59,7 +59,7 @@ def inspect(
     from femupdate.workflow.inspect_files import draw_inspection, propose_mapping
 
     if len(files) > 1 and (picture or write_mapping or columns):
-        raise click.UsageError(
+        raise Failure(
             "--picture draws one file, and names of channels are one file's; inspect the files one"
             " by one"
         )

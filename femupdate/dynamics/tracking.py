@@ -129,16 +129,18 @@ class FullModes:
         """What moves most in a mode; empty where it has no number."""
         return "" if number is None else self.direction[number - 1]
 
-    def numbers_of(self, model: ReducedModel, vectors: Floats) -> list[int | None]:
-        """Numbers of reduced modes (r, m), None of one that resembles none of the full ones."""
-        shapes = vectors.T
+    def numbers_of(self, model: ReducedModel, modes: ReducedModes) -> list[int | None]:
+        """Numbers of the first sample's modes, None of one that resembles none of the full ones."""
+        shapes = modes.vectors[0].T
         if model.node_shapes is not None:
             shapes = node_displacements(model, shapes).reshape(len(shapes), -1)
         first, second = (
             rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
             for rows in (shapes, self.shapes)
         )
-        product = np.abs(first @ second.T) ** 2
+        # Of a mode across the base motion a remnant is left, far above its frequency.
+        near = modes.frequency_hz[0][:, None] < 1.1 * self.frequency_hz
+        product = np.abs(first @ second.T) ** 2 * near
         best = product.argmax(axis=1)
         # Two shapes are of one mode above this modal assurance criterion.
         return [

@@ -66,7 +66,7 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     columns: dict[str, _Column] = {}
     for name, array in numbers.items():
         if array.ndim > 2 and parse_channel(name):
-            raise file.error(f"{name} has {array.ndim} axes; save its values in a row")
+            raise file.error(f"{name} has axes of {array.shape}; save a row of values a channel")
         columns |= _columns(name, array, labels)
     if not columns:
         raise file.error("the file holds no array of numbers; save one for each channel")

@@ -246,7 +246,7 @@ def posterior_modes(
 
 def _numbers(model: StudyModel, full: FullModes, origin: np.ndarray) -> list[int | None]:
     """Number of every reduced mode that comes from `origin` (r,) at factors 1."""
-    at_one = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters))).vectors[0]
+    at_one = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters)))
     numbers = full.numbers_of(model.reduced, at_one)
     once = [n if numbers.index(n) == k else None for k, n in enumerate(numbers)]
     return [once[k] for k in origin]
@@ -262,10 +262,10 @@ def _named(
 ) -> tuple[StudyMode, ...]:
     numbers, moved = _numbers(model, full, origin), model.reduced.excitation
     # Shares of the whole mass, as in the table of all modes: supports have some of it.
-    at_one = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters))).vectors[0]
-    mass = (moved @ at_one) ** 2
+    at_one = reduced_modes(model.reduced, np.ones((1, model.reduced.parameters)))
+    mass = (moved @ at_one.vectors[0]) ** 2
     heaviest = int(mass.argmax())
-    (number,) = full.numbers_of(model.reduced, at_one[:, [heaviest]])
+    number = full.numbers_of(model.reduced, at_one)[heaviest]
     axis = "xy".index(direction_of(model.building))
     share = 0.0 if number is None else full.effective_mass[number - 1, axis]
     whole = mass[heaviest] / share if share > 0.0 else moved @ moved

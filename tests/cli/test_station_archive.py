@@ -73,7 +73,7 @@ def test_a_mapping_file_is_written_edited_and_handed_back(femupdate, archive, to
     answer = femupdate(*words, *options, "--study", study).answer
     assert answer["floors"] == ["RF"]
     both = femupdate(*words, "--columns", "RF=3")
-    assert both.code == 2
+    assert both.complaint == "--columns and --mapping say the same; give one of them"
 
 
 @pytest.mark.parametrize(

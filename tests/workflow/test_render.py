@@ -7,10 +7,16 @@ import pytest
 from matplotlib.image import imread
 
 import femupdate
-from femupdate.dynamics import RayleighDamping, ReducedModes, track_mode
+from femupdate.dynamics import (
+    RayleighDamping,
+    ReducedModes,
+    mesh_modes,
+    reduced_modes,
+    track_mode,
+)
 from femupdate.effects import structure_of
 from femupdate.inference import DrawnBy, Posterior, load_posterior, save_posterior
-from femupdate.measurement import Observation
+from femupdate.measurement import Observation, read_measured
 from femupdate.workflow import open_study, render_study
 
 
@@ -47,6 +53,8 @@ def test_shapes_are_normalised_by_mass_and_read_again(tower, tower_model, tmp_pa
     hertz = frame["frequency_hz"]
     np.testing.assert_allclose(frame["damping"], 0.05 * (4.0 / hertz + hertz) / 5.0, rtol=1e-6)
     assert np.ptp(frame["damping"]) > 0.003
+    of_uff = [mode.damping for mode in read_measured(report.uff).modes]
+    np.testing.assert_allclose(of_uff, frame["damping"], rtol=1e-5)  # six digits are written
     frame.to_csv(tmp_path / "shapes.csv", index=False)
     same = femupdate.compare(tower, *[str(tmp_path / "shapes.csv")] * 2)
     np.testing.assert_allclose([row["mac"] for row in same.pairs], 1.0)
@@ -97,6 +105,16 @@ def test_the_modes_of_a_frame(cabin):
     np.testing.assert_allclose([m["frequency_hz"] for m in modes], expected, rtol=0.02)
     assert all(0.0 < m["frequency_sd"] < 0.03 * m["frequency_hz"] for m in modes)
     assert all(m["found"] > 0.8 for m in modes)
+    # The lowest moves across the motion: no data changed it.
+    across = render_study(study, model, wanted=[1], samples=20)
+    assert across.modes == []
+    assert [path.name for path in across.at_factors_1] == ["model_mode_1.png"]
+    # A remnant of a mode that looks like it and lies far above it is not that mode.
+    full = mesh_modes(structure_of(model.building))
+    at_one = reduced_modes(model.reduced, np.ones((1, 2)))
+    numbers = full.numbers_of(model.reduced, at_one)
+    above = ReducedModes(1.2 * at_one.frequency_hz, at_one.vectors)
+    assert numbers[0] == 2 != full.numbers_of(model.reduced, above)[0]
 
 
 def rotation(angle):
