@@ -154,8 +154,10 @@ base = "{base} m"      # level of the lowest node that is held
 [sensors]
 direction = "x"        # of the measured motion, x or y
 points = [["{x} m", "{y} m"]]   # in plan; the nearest node on the level of every floor
-# [sensors.floors]
+# [sensors.floors]      # other points in plan, such as for a tower
 # RF = [["0 m", "0 m"], ["10 m", "5 m"]]
+# [sensors.at]          # or nodes anywhere: a mezzanine, a split level
+# 2F = [["5 m", "0 m", "2 m"]]
 
 [frequency_grid]       # frequencies at which responses are compared
 start = "{step} Hz"

@@ -607,20 +607,19 @@ def read_model(
     model, names = tables.model(building)
     loose = ~_stiff(model) & ~model.fixed
     held = np.flatnonzero(model.fixed[:, :3].any(axis=1))
-    ground = model.springs.nodes[model.springs.nodes[:, 1] < 0, 0]
-    held = np.union1d(held, ground)
+    held = np.union1d(held, model.springs.nodes[model.springs.nodes[:, 1] < 0, 0])
     _check(model, held, names, file.file.name)
     model = replace(model, fixed=model.fixed | loose)
     walls, wall_of = _walls(model)
-    notes = _notes(tables, model, None if building is None else building.floor_levels)
+    levels = zip(building.floors, building.floor_levels, strict=True) if building else ()
+    notes = _notes(tables, model, dict(levels))
     if loose.any():
-        count = int(loose.any(axis=1).sum())
-        notes.append(f"Changed: at {count} nodes what nothing stiffens is held.")
+        notes.append(f"Changed: at {loose.any(axis=1).sum()} nodes what nothing stiffens is held.")
     stories = {name: level - base for name, level in tables.levels.items()}
     return ReadModel(model, held, walls, wall_of, tuple(notes), stories, base)
 
 
-def _notes(tables: ModelTables, model: FiniteElementModel, levels: Floats | None) -> list[str]:
+def _notes(tables: ModelTables, model: FiniteElementModel, levels: dict[str, float]) -> list[str]:
     """What was taken, changed and left out."""
     counts = tables.file.counts
     gone = {name: count for name, count in tables.skipped.items() if count}
@@ -641,9 +640,12 @@ def _notes(tables: ModelTables, model: FiniteElementModel, levels: Floats | None
     if gone:
         listed = ", ".join(f"{count} {name}" for name, count in sorted(gone.items()))
         notes.append(f"Left out: {listed}.")
-    if levels is not None:
-        heights = ", ".join(f"{level:.4g}" for level in levels)
-        notes.append(f"Floors at {heights} m above the base.")
+    if levels:
+        heights = ", ".join(f"{name} {level:.4g}" for name, level in levels.items())
+        notes.append(f"Floors: {heights} m above the base.")
+    if len(model.faces):  # walls of MITC4, two wide: modes 1 % higher than in the limit
+        program = tables.file.program
+        notes.append(f"Factors hold for a fine mesh; on this mesh {program} may be stiffer.")
     return notes
 
 

@@ -112,7 +112,7 @@ def mean_shape(shapes: Floats) -> tuple[Floats, Floats]:
     return mean / largest, spread / largest
 
 
-X, Y, TORSION, SLABS, DIAGONAL = "X", "Y", "torsion", "slabs", "X+Y"
+X, Y, TORSION, FLOORS, DIAGONAL = "X", "Y", "torsion", "floors", "X+Y"
 _LEAST, _KEPT = 12, 80  # modes of a mesh; 80 of the six-story example fill its frequency grid
 
 
@@ -123,7 +123,7 @@ class FullModes:
     frequency_hz: Floats  # (k,)
     shapes: Floats  # (k, d) displacements of the nodes, three a node; of a stick its coordinates
     effective_mass: Floats  # (k, 2) share of the mass that a motion along x and along y moves
-    direction: tuple[str, ...]  # (k,) what moves most: "X", "Y", "X+Y", "torsion" or "slabs"
+    direction: tuple[str, ...]  # (k,) what moves most: "X", "Y", "X+Y", "torsion" or "floors"
 
     def direction_of(self, number: int | None) -> str:
         """What moves most in a mode; empty where it has no number."""
@@ -190,7 +190,7 @@ def _direction(shape: Floats, nodes: Floats, mass: Floats, levels: Floats) -> st
         on = (np.abs(nodes[:, 2] - level) < near) & (mass > 0.0)
         if on.any():
             energy += _plate(shape[on], nodes[on, :2], mass[on])
-    most = (X, Y, TORSION, SLABS)[int(energy.argmax())]
+    most = (X, Y, TORSION, FLOORS)[int(energy.argmax())]
     return DIAGONAL if most in (X, Y) and energy[:2].min() > 0.5 * energy[:2].max() else most
 
 

@@ -11,6 +11,7 @@ import re
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -189,12 +190,17 @@ _PLACES = re.compile(
 
 
 def pair_findings(
-    channels: Sequence[RecordedChannel], floors: Sequence[str | None], placed: Collection[int] = ()
+    channels: Sequence[RecordedChannel],
+    floors: Sequence[str | None],
+    placed: Collection[int] = (),
+    *,
+    beside: bool = False,
 ) -> tuple[str, ...]:
     """Return sentences on channels that are vertical, repeat another, or do not fit the others.
 
     Args:
         placed: those that measure how the base turns.
+        beside: some floors are beside others, not above them, as those of two towers.
     """
     findings: list[str] = []
     vertical = [
@@ -203,11 +209,9 @@ def pair_findings(
     if vertical:
         are = "s " + ", ".join(vertical) + " are" if len(vertical) > 1 else f" {vertical[0]} is"
         findings.append(f"channel{are} vertical: no response to the base's horizontal motion.")
-    for later, channel in enumerate(channels):
-        for earlier in range(later):
-            same = np.array_equal(channels[earlier].values, channel.values)
-            if same and np.ptp(channel.values):
-                findings.append(f"channels {earlier + 1} and {later + 1} hold the same numbers.")
+    for (earlier, first), (later, second) in combinations(enumerate(channels, start=1), 2):
+        if np.array_equal(first.values, second.values) and np.ptp(first.values):
+            findings.append(f"channels {earlier} and {later} hold the same numbers.")
     rates: dict[float, list[str]] = defaultdict(list)
     for channel in channels:
         rates[round(1.0 / channel.time_step, 6)].append(channel.name)
@@ -224,6 +228,7 @@ def pair_findings(
             along = parsed.direction if parsed else channel.direction.lower() or "x"
             key = along, channel.values.size, channel.time_step
             stack = parsed.sensor if parsed else _PLACES.sub("", channel.location.lower())
+            stack = floor if beside else stack
             values = channel.values * acceleration_factor(channel.unit)
             groups[key].append(_Sensor(number, floor, channel, values, " ".join(stack.split())))
     for group in groups.values():
@@ -530,8 +535,7 @@ def _out_of_order(
     ordered = sorted(group, key=lambda sensor: floor_height(sensor.floor))
     wrong = [
         (low, high)
-        for k, low in enumerate(ordered)
-        for high in ordered[k + 1 :]
+        for low, high in combinations(ordered, 2)
         if low.floor != high.floor
         and low.stack == high.stack
         and sizes[low.number] > 1.25 * sizes[high.number]

@@ -1,6 +1,7 @@
 """The building at rest: a view with grid, floors, sensors and axes, and plans of its stories."""
 
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ def building_view(
 
 @styled
 def story_plans(mesh: BuildingMesh, names: Sequence[str], grid: Lines = ()) -> Figure:
-    """Draw the plan of every story that differs from the others, with what it owns."""
+    """Draw the plan of every story that differs from the others: what it owns, sensors above it."""
     plans = [_members(mesh, story) for story in range(len(names))]
     alike: dict[bytes, list[int]] = {}
     for story, plan in enumerate(plans):
@@ -69,25 +70,21 @@ def story_plans(mesh: BuildingMesh, names: Sequence[str], grid: Lines = ()) -> F
     width = 8.6 / max(columns, 1.6)
     high = float(np.clip(width * spread[1] / max(spread[0], 1e-9), 1.4, 6.0)) + 0.3
     figure, panels = panel_grid(len(alike), columns, (width, high), "x, m", "y, m")
-    sensors = np.concatenate([np.ravel(rows) for rows in mesh.floor_nodes.values()]).astype(int)
     for panel, stories in zip(panels, alike.values(), strict=True):
+        sensors = [node for k in stories for node in mesh.floor_nodes[mesh.floors[k]]]
         _draw_plan(panel, plans[stories[0]], np.unique(nodes[sensors, :2].round(6), axis=0), grid)
         panel.set_title(_ranges(stories, names), pad=14.0)
-    add_head(figure, "Plans", note="What stands in a story, and the beams above it")
+    add_head(figure, "Plans", note="What stands in a story, and the beams and sensors above it")
     return figure
 
 
 def _members(mesh: BuildingMesh, story: int) -> dict[str, Floats]:
     """Columns (n, 2), and beams, walls and braces as segments (n, 2, 2), in plan."""
     model, owner = mesh.model, np.array([*(factor.story for factor in mesh.factors), -1])
-    groups = [
-        owner[
-            np.concatenate(
-                [[], *(e.group for e in model.elements if e.dimension() == size)]
-            ).astype(int)
-        ]
-        for size in (1, 2)
-    ]
+    groups = []
+    for size in (1, 2):
+        numbers = [block.group for block in model.elements if block.dimension() == size]
+        groups.append(owner[np.concatenate([[], *numbers]).astype(int)])
     bars = model.nodes[model.lines[groups[0] == story]]
     rise = np.abs(bars[:, 1, 2] - bars[:, 0, 2])
     run = np.linalg.norm(bars[:, 1, :2] - bars[:, 0, :2], axis=1)
@@ -134,11 +131,7 @@ def _draw_plan(panel: Axes, plan: Mapping[str, Floats], sensors: Floats, grid: L
 
 def _ranges(stories: Sequence[int], names: Sequence[str]) -> str:
     """Such as "S1 to S3, S5"."""
-    runs: list[list[int]] = []
-    for story in stories:
-        if runs and story == runs[-1][-1] + 1:
-            runs[-1].append(story)
-        else:
-            runs.append([story])
+    pairs = groupby(enumerate(stories), lambda pair: pair[1] - pair[0])
+    runs = [[story for _, story in run] for _, run in pairs]
     texts = [names[run[0]] + (f" to {names[run[-1]]}" if len(run) > 1 else "") for run in runs]
     return ", ".join(texts)

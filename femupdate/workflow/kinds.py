@@ -261,7 +261,8 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
                 along = [(to, row) for to, row in rows if to.direction == direction]
                 how: dict[str, Any] = {"time_step": read.time_step, "unit": "m/s2"}
                 heard = [RecordedChannel(name=to.name, values=row, **how) for to, row in along]
-                said = pair_findings(heard, [to.floor for to, _ in along])
+                places = [to.floor for to, _ in along]
+                said = pair_findings(heard, places, beside=not building.is_chain)
                 doubts += [f"{path.name}: {words}" for words in said]
     errors = ModalErrors()
     if source.mode_error is not None:

@@ -36,7 +36,7 @@ class StudyMode:
 
     Attributes:
         number: in the full model at factors 1; None of one that lies above all that are numbered.
-        direction: "X", "Y", "X+Y", "torsion" or "slabs", which moves most; empty without a number.
+        direction: "X", "Y", "X+Y", "torsion" or "floors", which moves most; empty without a number.
         effective_mass: share of the mass that the base motion moves in it, in the mean.
         influence: by how many times their noise (rms) the fit would miss the measured ln|H|
             without it; None where no FRF was measured.

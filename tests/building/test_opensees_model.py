@@ -265,6 +265,8 @@ def test_a_domain_has_its_own_frequencies(domain, tmp_path):
     rest = np.delete(np.arange(6), twisting)
     np.testing.assert_allclose(found[rest], expected[rest], rtol=1e-3)
     told = " ".join(mesh.notes)
+    assert "Floors: 2F 3" in told or "Floors: 2F 4" in told
+    assert ("Factors hold for a fine mesh" in told) == bool(len(mesh.model.faces))
     assert "node" in told
     assert "BeamColumn3d" in told or "ElasticBeam3d" in told
 

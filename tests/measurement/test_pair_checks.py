@@ -107,3 +107,12 @@ def test_a_gain_is_told_whichever_channel_has_it(at, gain):
         told += any(f"channel {at + 1}" in text and "is its gain" in text for text in found)
         assert len(found) < 2, (seed, found)
     assert told == 2
+
+
+def test_floors_beside_each_other_have_no_order():
+    """As of two towers, of which the lower one may move more."""
+    channels, _ = building(0)
+    swapped = [channels[k] for k in (0, 3, 2, 1)]
+    case = [replace(channel, name=name) for channel, name in zip(swapped, FLOORS, strict=True)]
+    assert any("swapped" in text for text in pair_findings(case, FLOORS))
+    assert pair_findings(case, FLOORS, beside=True) == ()

@@ -30,3 +30,17 @@ def test_a_wall_is_drawn_from_end_to_end():
     # Two walls along x from Y1 to Y2, on X2 and X3: 1.8 m each.
     assert np.ptp(ends[:, 0]) == np.float64(1.8)
     assert sorted(set(ends[:, 1].round(6))) == [1.5, 3.0]
+
+
+def test_a_plan_has_the_sensors_above_its_story_alone():
+    document = to_document(load_building("six_story_wall_frame"))
+    document["walls"] = [{**wall, "stories": ["S1", "S2", "S4"]} for wall in document["walls"]]
+    document["sensors"] |= {"points": ["X2-Y2"], "floors": {"4F": ["X1-Y1"], "6F": ["X1-Y1"]}}
+    marks = [
+        sorted(zip(*line.get_data(), strict=True))
+        for panel in drawn(document).axes
+        for line in panel.lines
+        if line.get_label() == "sensor"
+    ]
+    assert [len(each) for each in marks] == [1, 2]
+    assert marks[0][0] == marks[1][1] != marks[1][0]
