@@ -33,7 +33,6 @@ from femupdate.dynamics.system import System
 from femupdate.effects.effect import UNSCALED, Placed, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import StructureError
-from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Data
 from femupdate.inference.parameters import Values
 from femupdate.workers import in_threads
@@ -211,11 +210,17 @@ def corrected(reduced: ReducedStructure, mesh: MeshError) -> ReducedStructure:
 
 def corrected_model(model: ReducedModel, mesh: MeshError, terms: Sequence[Terms]) -> ReducedModel:
     """The same of a reduced model, from what the effects of the error add to it."""
-    stiffness = model.stiffness_terms.copy()
-    for value, added in zip(mesh.mean, terms, strict=True):
+    sizes = mesh.share * np.asarray(mesh.mean)
+    return replace(model, stiffness_terms=with_sizes(model.stiffness_terms, sizes, terms))
+
+
+def with_sizes(stiffness: Floats, sizes: Floats, terms: Sequence[Terms]) -> Floats:
+    """The stiffness (t, r, r) of the terms of a model with effects on members of sizes (q,)."""
+    changed = stiffness.copy()
+    for size, added in zip(sizes, terms, strict=True):
         for story, matrix, _ in added.stiffness:
-            stiffness[story] += mesh.share * value * matrix.numpy()
-    return replace(model, stiffness_terms=stiffness)
+            changed[story] += size * matrix.numpy()
+    return changed
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,23 +311,32 @@ class OpenMesh:
     Attributes:
         mesh: the error.
         terms: of the effects that stand for it, on the basis of the corrected model.
-        by_modes: whether single modes err beside the members. Else a point that these change by
-            too much for a straight line errs by itself: at the bottom of an anti-resonance a
-            thousandth of the frequency multiplies |H|, and one point would tell what no other does.
+        of_members: the errors of members that the system holds, in standard deviations; none where
+            it is empty.
     """
 
     mesh: MeshError
     terms: tuple[Terms, ...]
-    by_modes: bool = False
+    of_members: tuple[float, ...] = ()
+
+    @property
+    def likeliest(self) -> Tensor:
+        """(m,) errors of the members that the system holds, in standard deviations."""
+        return torch.tensor(self.of_members or [0.0] * len(self.mesh.steps), dtype=torch.float64)
+
+    def held(self, likeliest: Tensor, system: System) -> "tuple[OpenMesh, System]":
+        """The same, and the system, with other errors (m,) of the members in it."""
+        sizes = (likeliest - self.likeliest).numpy() @ self.mesh.steps
+        model = system.model
+        stiffness = with_sizes(model.stiffness_terms, sizes, self.terms)
+        moved = replace(system, model=replace(model, stiffness_terms=stiffness))
+        return replace(self, of_members=tuple(likeliest.tolist())), moved
 
     def __call__(self, data: Sequence[Data], system: System, values: Values) -> Tensor:
         """One standard deviation of every error (c, n) about one set of parameters.
 
         In the unit of the residuals; the system is the corrected model with its effects.
         """
-        if not self.by_modes:
-            members = self._members(data, system, self.terms, values)
-            return torch.cat([torch.cat(members, dim=1), of_points_that_bend(data, members)])
         # Of changes this small fewer shapes tell enough.
         count = min(FEWER_SHAPES, system.model.size)
         terms_of, terms = (
@@ -408,9 +422,9 @@ class OpenMesh:
             yield self.mesh.shape * torch.block_diag(*alone)
 
 
-def left_open(mesh: MeshError, reduced: ReducedStructure, *, by_modes: bool = False) -> OpenMesh:
+def left_open(mesh: MeshError, reduced: ReducedStructure) -> OpenMesh:
     """What is left open of a structure that is `corrected`."""
-    return OpenMesh(mesh, tuple(reduced.terms(effect) for effect in mesh.placed), by_modes)
+    return OpenMesh(mesh, tuple(reduced.terms(effect) for effect in mesh.placed))
 
 
 def _predicted(data: Sequence[Data], system: System, values: Values) -> list[Tensor]:
@@ -422,24 +436,6 @@ def _moved(data: Sequence[Data], from_: list[Tensor], to: list[Tensor]) -> list[
     return [kind.moved(*both) for kind, *both in zip(data, from_, to, strict=True)]
 
 
-def of_points_that_bend(data: Sequence[Data], known: list[Tensor]) -> Tensor:
-    """An error (c, n) for every point of FRFs that the known ones change by too much for a line."""
-    found = []
-    for kind, changes in zip(data, known, strict=True):
-        size = changes.square().sum(0).sqrt()
-        if not isinstance(kind, FrfData):
-            found.append(changes.new_zeros(0, len(size)))
-            continue
-        root = kind.weight.sqrt().flatten().to(size)
-        root = root.repeat(len(size) // len(root))
-        # From .7 of ln|H| on, half of |H|, a point is on no straight line.
-        (bent,) = ((size > 0.7 * root) & (root > 0.0)).nonzero(as_tuple=True)
-        sizes = changes.new_zeros(len(bent), len(size))
-        sizes[torch.arange(len(bent)), bent] = 10.0 * size[bent]
-        found.append(sizes)
-    return torch.block_diag(*found)
-
-
 __all__ = [
     "MeshError",
     "OpenMesh",
@@ -447,5 +443,4 @@ __all__ = [
     "corrected_model",
     "learn_mesh_error",
     "left_open",
-    "of_points_that_bend",
 ]

@@ -340,7 +340,7 @@ def _around(
         near = corrected(near, model.mesh)
     # Rows of the tables stay; what is known beforehand does not.
     error = joint_error(data).with_rows_of(problem.error)
-    known = None if model.mesh is None else left_open(model.mesh, near, by_modes=True)
+    known = None if model.mesh is None else left_open(model.mesh, near)
     problem = replace(problem.without_effects_on(near), data=data, error=error, known=known)
     # Where the fit was, the errors of the mesh are as straight lines have them.
     begun = fit(problem.at_row(problem.error.start), *start)

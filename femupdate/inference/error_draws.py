@@ -148,7 +148,7 @@ def draw_errors(
     if phase is None and observation.phase is not None:
         # Phases that are not judged: rows that count, of a finer table where there is an error.
         both = frf_data(observation, likelihood.system.floors)
-        turns = replace(likelihood, data=(both,)).raw(flat)[:, both.sd.numel() :]
+        turns = replace(likelihood, data=(both,), changes=None).raw(flat)[:, both.sd.numel() :]
         whole = replace(both, phase=None).error(None)
         finer = whole.finer(int(whole.log_densities(turns).logsumexp(0).argmax()))
         finer = finer.kept(finer.counting(finer.log_densities(turns)))

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import torch
 from torch import Tensor
@@ -103,10 +103,6 @@ class ModelError:
         """With finer tables about a row."""
         return self._each(LearnedError.finer, row)
 
-    def with_known_of(self, other: "ModelError") -> "ModelError":
-        """With the errors that another of the same data knows beforehand."""
-        return self._each(LearnedError.with_known_of, other.parts)
-
     def with_rows_of(self, other: "ModelError") -> "ModelError":
         """With the rows of the tables of another of the same data."""
         return self._each(LearnedError.with_rows_of, other.parts)
@@ -145,9 +141,23 @@ def summed(densities: Sequence[Tensor]) -> Tensor:
     return torch.stack([torch.logsumexp(density, dim=-1) for density in densities]).sum(dim=0)
 
 
-KnownErrors: TypeAlias = Callable[[Sequence[Data], System, Values], Tensor]
-"""Errors of a model that are known beforehand about given parameters, as those of a mesh: one
-standard deviation of every error (c, n), in the unit of the residuals."""
+class KnownErrors(Protocol):
+    """Errors of a model that are known beforehand about given parameters, as those of a mesh.
+
+    Attributes:
+        likeliest: (m,) of the first ones, in standard deviations; the system holds them.
+    """
+
+    @property
+    def likeliest(self) -> Tensor: ...
+
+    def __call__(self, data: Sequence[Data], system: System, values: Values) -> Tensor:
+        """One standard deviation of every error (c, n), in the unit of the residuals."""
+        ...
+
+    def held(self, likeliest: Tensor, system: System) -> "tuple[KnownErrors, System]":
+        """The same, and the system, with others (m,) of the first errors in it."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +188,7 @@ class Likelihood:
         search: the structure on a basis for the whole prior, on which only instruments and damping
             may have effects; None where `within` serves there.
         known: errors of the model about given parameters; None where there are none.
+        changes: (c, n) of the residuals by these, where they were last asked for.
     """
 
     __repr__ = brief
@@ -191,6 +202,7 @@ class Likelihood:
     within: ReducedStructure | None = None
     search: ReducedStructure | None = None
     known: KnownErrors | None = None
+    changes: Tensor | None = None
 
     def __call__(self, parameters: Tensor) -> Tensor:
         """Log likelihood (n,) of parameters (n, p)."""
@@ -288,7 +300,23 @@ class Likelihood:
             return self
         found = self.known(self.data, self.system, self.prior.split(parameters))
         parts = found.split([kind.residuals for kind in self.data], dim=1)
-        return replace(self, error=joint_error(self.data, parts).with_rows_of(self.error))
+        error = joint_error(self.data, parts).with_rows_of(self.error)
+        return replace(self, error=error, changes=found)
+
+    def holding_likeliest(self, parameters: Tensor) -> "Likelihood":
+        """The same of the system with the likeliest of the known errors, and about it.
+
+        Large errors are on no straight line from none, what is left of them is.
+
+        Args:
+            parameters: (1, p), about which the errors are known.
+        """
+        if self.known is None or self.changes is None:
+            return self
+        held = self.changes[: len(self.known.likeliest)]
+        likeliest = self.error.whiten(held, self.row) @ self.residuals(parameters)[0]
+        known, system = self.known.held(likeliest, self.system)
+        return replace(self, known=known, system=system).about(parameters)
 
     @property
     def divisible(self) -> bool:
@@ -393,7 +421,12 @@ class Likelihood:
 
     def _raw(self, parameters: Tensor) -> Tensor:
         values = self.prior.split(parameters)
-        return missed(self.data, self.system, (values.theta, values.zeta, values.sizes))
+        left = missed(self.data, self.system, (values.theta, values.zeta, values.sizes))
+        if self.known is None or self.changes is None:
+            return left
+        # What the system holds of the errors is as likely as before.
+        held = self.known.likeliest
+        return left + (held @ self.changes[: len(held)]).to(left)
 
     def _in_batches(self, task: Callable[[Tensor], Tensor], parameters: Tensor) -> Tensor:
         """On all processors, but where ln|H| is made by the thousand or slopes are asked for."""

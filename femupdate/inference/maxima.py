@@ -118,9 +118,15 @@ def settled(likelihood: Likelihood, seed: Seed, starts: Tensor | None = None) ->
     rough = prior.from_normal(found.z)
     ended = settle(likelihood.about(rough[:1]), rough)
     # Lines from beside the maximum would tell errors from factors that do the same.
-    again = likelihood.about(prior.from_normal(ended.found.z[:1])).error
-    known = ended.likelihood.error.with_known_of(again)
-    return Settled(replace(ended.likelihood, error=known), ended.found, tried)
+    for _ in range(6):
+        before = prior.from_normal(ended.found.z)
+        about = ended.likelihood.holding_likeliest(before[:1])
+        found = found_from(prior, about.residuals, before)
+        moved = found.z[0] - ended.found.z[0]
+        ended = Settled(about, found)
+        if float(moved @ found.precision[0] @ moved) < 0.1**2:
+            break
+    return ended
 
 
 def settle(likelihood: Likelihood, starts: Tensor) -> Settled:

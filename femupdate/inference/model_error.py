@@ -363,10 +363,6 @@ class LearnedError:
             return self._with(levels=(*self.levels, *noisier_levels(none, self._table)))
         return self._with(levels=finer_levels(self.levels[row], none, self._table))
 
-    def with_known_of(self, other: "LearnedError") -> "LearnedError":
-        """With the errors that another of the same data knows beforehand."""
-        return self._with(_known=other._known, _across=other._across)
-
     def with_rows_of(self, other: "LearnedError") -> "LearnedError":
         """With the rows of the table of another of the same points."""
         return self._with(levels=other.levels)
