@@ -124,14 +124,9 @@ class Columns(click.ParamType):
         )
 
 
-class Channel(click.ParamType):
-    """A channel of a record."""
-
-    name = "channel"
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> int | str:
-        """Return a number where digits are written, else a name."""
-        return int(value) if str(value).isdigit() else value
+def channel(value: str) -> int | str:
+    """A channel of a record: a number where digits are written, else a name."""
+    return int(value) if value.isdigit() else value
 
 
 class Member(click.ParamType):
@@ -174,4 +169,4 @@ class SizedEffect(click.ParamType):
 
 INPUT_FILE, BUILDING_NAME, STUDY_FOLDER = InputFile(), BuildingName(), StudyFolder()
 NAMES, NUMBERS, BAND, COLUMNS = Names(), Numbers(), Band(), Columns()
-CHANNEL, MEMBER, SIZED_EFFECT = Channel(), Member(), SizedEffect()
+CHANNEL, MEMBER, SIZED_EFFECT = click.types.FuncParamType(channel), Member(), SizedEffect()

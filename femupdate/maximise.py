@@ -388,6 +388,3 @@ def _mend(now: Maxima, before: Maxima, rows: Tensor, fresh: Tensor) -> None:
     jacobian = before.jacobian + missed[:, :, None] * scaled[:, None, :]
     jacobian[:, :, jacobian.shape[2] - fresh.shape[2] :] = fresh
     now.jacobian[rows] = jacobian
-
-
-__all__ = ["LeastSquares", "Maxima", "Search", "maximise"]

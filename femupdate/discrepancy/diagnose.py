@@ -586,6 +586,3 @@ def _best_pair(found: Diagnosis, settings: DiagnosisSettings, progress: Progress
 
 def _both(first: Finding, second: Finding) -> Fit:
     return with_more(first.fitted, second.placed, second.fitted.known_of(-1))
-
-
-__all__ = ["as_finding", "denied", "diagnose", "too_few", "with_pair"]

@@ -462,28 +462,3 @@ def parameters_at(fitted: Fit) -> Tensor:
     """Parameters (1, p) of a fit, the damping ratio last."""
     theta, zeta, sizes = fitted.split
     return torch.cat([theta, sizes, zeta[:, None]], dim=1)
-
-
-__all__ = [
-    "Cell",
-    "Fit",
-    "Remains",
-    "about",
-    "coarse",
-    "densities",
-    "error_left",
-    "extended",
-    "fit",
-    "fit_baseline",
-    "glance",
-    "likelihood_about",
-    "log_posterior",
-    "misfits",
-    "narrowed",
-    "nearest",
-    "parameters_at",
-    "prior_draws",
-    "settle",
-    "with_last",
-    "with_more",
-]

@@ -110,6 +110,3 @@ def _expected(
             z = torch.minimum(torch.maximum(better, where.lower), where.upper)
         found.append(least)
     return found
-
-
-__all__ = ["PHASE", "MeasurementValue", "measurement_values"]

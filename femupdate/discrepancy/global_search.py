@@ -203,6 +203,3 @@ def promising(
         if share < 0.8:
             promises.append((share, exchanges[number], moved))
     return sorted(promises, key=lambda promise: promise[0])
-
-
-__all__ = ["exchange_fits", "global_fit", "promising"]

@@ -434,13 +434,3 @@ def _predicted(data: Sequence[Data], system: System, values: Values) -> list[Ten
 def _moved(data: Sequence[Data], from_: list[Tensor], to: list[Tensor]) -> list[Tensor]:
     """Changes (c, n) of every kind of data."""
     return [kind.moved(*both) for kind, *both in zip(data, from_, to, strict=True)]
-
-
-__all__ = [
-    "MeshError",
-    "OpenMesh",
-    "corrected",
-    "corrected_model",
-    "learn_mesh_error",
-    "left_open",
-]

@@ -112,18 +112,17 @@ def settled(likelihood: Likelihood, seed: Seed, starts: Tensor | None = None) ->
     wide = likelihood.at_row(likelihood.error.start)
     if starts is None:
         starts, tried = best_of_prior(prior, wide.log_density, seed)
-    if likelihood.known is None:
-        return replace(settle(likelihood, starts), tried=tried)
-    found = found_from(prior, wide.residuals, starts)
-    rough = prior.from_normal(found.z)
-    ended = settle(likelihood.about(rough[:1]), rough)
+    if likelihood.known is not None:
+        starts = prior.from_normal(found_from(prior, wide.residuals, starts).z)
+        likelihood = likelihood.about(starts[:1])
+    ended = replace(settle(likelihood, starts), tried=tried)
     # Lines from beside the maximum would tell errors from factors that do the same.
-    for _ in range(6):
+    for _ in range(6 if likelihood.known else 0):
         before = prior.from_normal(ended.found.z)
         about = ended.likelihood.holding_likeliest(before[:1])
         found = found_from(prior, about.residuals, before)
         moved = found.z[0] - ended.found.z[0]
-        ended = Settled(about, found)
+        ended = replace(ended, likelihood=about, found=found)
         if float(moved @ found.precision[0] @ moved) < 0.1**2:
             break
     return ended
