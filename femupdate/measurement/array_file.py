@@ -73,11 +73,11 @@ def table_of_arrays(file: TextFile, arrays: Mapping[str, Any]) -> Recording:
     if timed := _channels_with_clocks(file, columns, scalars, arrays):
         return Recording(file, timed)
     axis = _axis(file, columns, scalars)
-    if axis is None and any(map(np.iscomplexobj, columns.values())):
-        raise file.error("complex arrays need their frequencies; add the array frequency_hz (Hz)")
     count = columns[axis].size if axis else max(column.size for column in columns.values())
     used = {k: v for k, v in columns.items() if v.size == count}
     used = {axis: used.pop(axis)} | used if axis else used
+    if axis != FREQUENCY and any(map(np.iscomplexobj, used.values())):
+        raise file.error("complex arrays need their frequencies, frequency_hz; histories are real")
     left_out = [name for name in columns if name not in used]
     alike = [k for k in left_out if 2 * columns[k].size > count > 500 or parse_channel(k)]
     if alike:

@@ -130,6 +130,11 @@ def spoiled(values, at):
 BAD = {
     "no rate": ({"acc": ROWS}, "no column of times among acc_1, acc_2, acc_3; call it time_s, or"),
     "rate of zero": ({"acc": ROWS, "fs": 0.0}, "or give the rate: --rate 200"),
+    "three axes": ({"fs": RATE, "RF": np.zeros((9, 8, 3))}, "RF has axes of (9, 8, 3); save a row"),
+    "complex": (
+        {"fs": RATE, "RF": ROWS[0] + 1j},
+        "need their frequencies, frequency_hz; histories",
+    ),
     "text alone": ({"note": "none"}, "holds no array of numbers"),
     "nan": ({"fs": RATE, "acc": spoiled(ROWS[0], 41)}, "row 42, column 'acc': the cell is blank"),
     "gap": ({"time": np.delete(TIME, 30), "acc": ROWS[0, 1:]}, "row 31, column 'time_s': the sam"),
