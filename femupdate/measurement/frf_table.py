@@ -93,7 +93,8 @@ def _observation(
     frequency = table.frequency_hz
     if frequency.size < 3:
         raise table.file.error(
-            f"{frequency.size} rows are no response function; give at least 3", int(table.lines[-1])
+            f"{frequency.size} rows are no response function; modes are told by a column mode",
+            int(table.lines[-1]),
         )
     wrong = np.flatnonzero((np.diff(frequency, prepend=-1.0) <= 0) | (frequency < 0))
     if wrong.size:
@@ -111,9 +112,9 @@ def _observation(
         position: int, values: Floats, what: str, least: float, most: float
     ) -> None:
         wrong = np.flatnonzero(values <= 0)
-        if wrong.size:
+        if wrong.size and what == "|H|":
             raise table.file.error(
-                f"{what} is {values[wrong[0]]:g} and must be above zero; give |H| or both its parts"
+                f"|H| is {values[wrong[0]]:g} and must be above zero; give |H| or both its parts"
                 " (levels are named RF (dB), modes are told by a column mode)",
                 int(table.lines[wrong[0]]),
                 table.title(position),
@@ -139,8 +140,7 @@ def _observation(
         if stated is not None:
             noise[row] = _ratio(table, stated)
             # Nothing is measured to 1e-5, and nothing of 100 is a measurement.
-            what = "the standard deviation of ln|H|"
-            require_possible(stated, noise[row], what, 1e-5, 100.0)
+            require_possible(stated, noise[row], "the standard deviation of ln|H|", 1e-5, 100.0)
     without = [floor for floor in floors if f"{floor}_sd" not in columns]
     note = f"Noise on ln|H| taken as {default:g} for {', '.join(without)}."
     # Signs of columns in |H| are not known, so that phases are those of complex floors together.

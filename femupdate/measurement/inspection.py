@@ -193,7 +193,7 @@ def next_step(
         force = str(pushed + 1) if names is None else histories[pushed].name
         option = columns_option({"force/RF": force, **along}, [] if floors else ["RF"], what)
         return NextStep(calibrate + option, _FORCED, columns)
-    of_one_place = len(histories) < 4 and all(h.direction for h in histories)
+    of_one_place = len({h.direction for h in histories} - {""}) == len(histories) < 4
     of_one_place |= len(histories) == 1
     if of_one_place and not floors:
         largest = max(usable, key=lambda k: float(abs(histories[k].values).max()))

@@ -69,6 +69,12 @@ def test_inspect_says_what_is_right(shared_file, name):
         assert words in output
 
 
+def test_channels_of_one_direction_are_no_record_of_one_place(shared_file):
+    output, _ = told(["inspect", str(shared_file("cases/reports/two_rates.uff"))])
+    assert "calibrate" in output
+    assert "--columns base=NUMBER,RF=NUMBER Put in which channels are base and RF" in output
+
+
 # Building files that are refused before anything is computed.
 REFUSED = {
     "reports/springs_1_newton.toml": "supports.kx: the whole building would move at 0.0003 Hz",
