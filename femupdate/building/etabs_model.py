@@ -172,7 +172,7 @@ class _EtabsReading:
             if not row.flag("INCLUDEVERTICALMASS", True):
                 self.tables.changes["mass source: lateral in ETABS, here in all directions"] += 1
             if row.flag("LUMPATSTORIES"):
-                self.tables.changes["mass source: lumped at stories in ETABS, here where it is"] += 1
+                self.tables.changes["mass source: at stories in ETABS, here where it is"] += 1
             loads = row.flag("INCLUDELOADS", True)
             for load in self.file.of("MASSSOURCELOAD") if loads else []:
                 if load.text("1") == row.text("1"):
