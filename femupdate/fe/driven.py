@@ -85,11 +85,15 @@ def driven_shapes(
             omega = 2.0 * np.pi * frequency[:, None]
             w = 2.0 * np.pi * top_hz * np.arange(1, _POINTS + 1) / _POINTS
             flexible = 1.0 / (omega**2 - w**2 + 2j * 0.01 * omega * w)
+            alone = np.abs(flexible)
             response = []  # ln of the motion (c, o, k) under every force, of each group
             for group, least in ((rows, 0.0), *((some, 1e-3) for some in watched)):
                 seen = (group @ basis[:, :count]) @ modes.shapes
                 size = np.abs(np.stack([(seen * force) @ flexible for force in driven.T]))
-                floor = least * size.max(axis=(1, 2), keepdims=True) + 1e-300
+                # Beside its bound by Cauchy and Schwarz, what symmetry makes zero is rounding.
+                bound = (driven**2).T[:, None] @ alone * (seen**2 @ alone)
+                floor = least * size.max(axis=(1, 2), keepdims=True) + 1e-6 * np.sqrt(bound)
+                floor += 1e-300
                 response.append(np.asarray(np.log(size + floor)))
             moves = [  # mean square change of each force's response, of each group of rows
                 ((after - before) ** 2).mean(axis=(1, 2))
