@@ -236,14 +236,17 @@ def _next(
             files = shlex.join(sources_of(diagnosis))
             reason = "The diagnosis names what is missing; this adds it to the model."
             return ((_typed(study, f"repair {files}"), reason),)
-    if shown.key("prediction") not in artefacts:
-        reason = "Nothing is predicted yet; RECORD is a ground motion."
-        return ((_typed(study, f"predict --record RECORD{option}"), reason),)
-    reason = "Everything is current; this writes the page to hand on."
-    pages = [(_typed(study, f"report{option}"), reason, shown)]
+    known = artefacts
     if repaired in studies:
-        command = typed("report", repaired / BUILDING_FILE)
-        pages += [(command, "The same of the building that `repair` made.", Study(repaired))]
+        shown, option = Study(repaired), ""
+        known = shown.artefacts()
+    if shown.key("prediction") not in known:
+        reason = "Nothing is predicted yet; RECORD is a ground motion."
+        return ((_typed(shown, f"predict --record RECORD{option}"), reason),)
+    reason = "Everything is current; this writes the page to hand on."
+    pages = [(_typed(shown, f"report{option}"), reason, shown)]
+    if shown.folder != study.folder:
+        pages += [(_typed(study, "report"), "The same of the building before `repair`.", study)]
     return tuple((command, why) for command, why, of in pages if not _page_is_written(of))
 
 

@@ -107,10 +107,14 @@ def test_a_page_is_asked_for_until_it_is_written(look):
 def test_interrupted_work_and_inner_studies_are_named(look):
     study, _ = look
     write_text(study.path("dataset", "0000.npz"), "half")
-    write_text(study.path("repaired", "study.json"), "{}")
+    inner = Study(study.path("repaired"))
+    write_text(inner.path("note"), "any")
+    inner.record("note", "note", "repair", {})
     report = study_status(study)
     assert "goes on where it stopped" in report.unfinished[0]
-    assert report.studies == (study.path("repaired"),)
+    assert report.studies == (inner.folder,)
+    # What was repaired predicts, not what was found wrong.
+    assert f"--study {inner.folder}" in report.next[0][0]
 
 
 def test_a_named_effect_asks_for_a_repair(look):
