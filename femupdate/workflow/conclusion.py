@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.special import ndtr
+from scipy.special import chdtrc, ndtr
 from torch import Tensor
 
 from femupdate.arrays import Floats
@@ -205,6 +205,17 @@ def against_modes(
                 f" {draws.mean():.4g} ± {draws.std():.2g} Hz{shape}."
             )
     return tuple(told)
+
+
+def mesh_warnings(likelihood: Likelihood) -> tuple[str, ...]:
+    """Whether the errors of a mesh are taken for far larger than they are known to be."""
+    known = likelihood.known
+    if known is None or chdtrc(len(known.likeliest), float(known.likeliest.square().sum())) > 1e-3:
+        return ()
+    return (
+        "The data are met only if the mesh errs far more than it was seen to: something else is "
+        "missing in the model, or the mesh is too coarse. Do not trust these intervals.",
+    )
 
 
 def elsewhere_warnings(
@@ -409,6 +420,7 @@ def concluded(
         *measured.left_out,
         *measured.doubts,
         *sampled.warnings,
+        *mesh_warnings(sampled.likelihood),
         *judgement(posterior, fitting),
     )
     error = posterior.model_error
