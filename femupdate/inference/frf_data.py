@@ -178,7 +178,7 @@ class FrfData:
             known,
             table=self.table if several or not self.table.sizes else NOISE_ALONE,
             parts=self._parts,
-            cancelled=self._cancelled,
+            cancelled=self._cancelled if self.forced or known is not None else None,
             leaking=self._leaking,
             shared=self._shared,
         )
@@ -210,12 +210,13 @@ class FrfData:
         """(f, k) response of all floors (rms) over that of one, where that is more than one.
 
         It is how much larger the parts of a floor's response are than their sum, for where one
-        floor's cancel the others' do not. None under base motion, which is a part itself.
+        floor's cancel the others' do not. Base motion is a part itself. None of one floor's force.
         """
-        if not self.forced or len(self.rows) == 1:
+        if self.forced and len(self.rows) == 1:
             return None
         power = torch.where(self.valid, (2.0 * self.log_frf).exp(), 0.0)
-        mean = power.sum(0) / self.valid.sum(0).clamp_min(1)
+        base = float(not self.forced)
+        mean = (base + power.sum(0)) / (base + self.valid.sum(0)).clamp_min(1)
         return torch.where(self.valid, (mean / power.clamp_min(_LEAST**2)).sqrt(), 1.0).clamp_min(1)
 
     def predicted(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:

@@ -250,7 +250,7 @@ class LearnedError:
         wild: standard deviations of a point, error and noise together, beyond which it counts as
             that many; by default every point counts whole.
         cancelled: (f, k) by how much more than the noise a point errs at random where the model
-            errs, one or above; by default nowhere.
+            errs, as by errors known beforehand, one or above; by default nowhere.
         leaking: (f, k) by how much more than the noise a point errs with what leaks, one or above.
             A model that errs, as by errors known beforehand, errs in that as well.
         shared: (f, k) share of the noise's standard deviation that all floors have in common at a
@@ -285,7 +285,8 @@ class LearnedError:
         scale, determinant, self._together = torch.ones_like(weight)[None], 0.0, None
         wider = torch.ones_like(weight) if leaking is None else leaking
         if leaking is not None and known is not None:
-            scale, shared = 1.0 / leaking[None], None
+            random = leaking if cancelled is None else leaking * cancelled
+            scale, shared = 1.0 / random[None], None
         if shared is not None:
             wider = torch.maximum(wider, (1.0 - shared**2 + shared * shared.sum(0)).sqrt())
             column = shared.T[:, :, None]
