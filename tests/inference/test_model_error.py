@@ -66,14 +66,15 @@ def test_a_phase_is_a_second_part_that_only_known_errors_tie_to_the_first():
 
 
 @pytest.mark.parametrize("with_known", [False, True])
-@pytest.mark.parametrize("name", ["cancelled", "leaking"])
-def test_where_parts_cancel_or_leak_rows_with_an_error_have_more_noise(name, with_known):
-    """And where an error is known beforehand what leaks counts in every row."""
-    rng, everywhere = np.random.default_rng(11), name == "leaking" and with_known
+@pytest.mark.parametrize("names", [["cancelled"], ["leaking"], ["cancelled", "leaking"]])
+def test_where_parts_cancel_or_leak_rows_with_an_error_have_more_noise(names, with_known):
+    """And where an error is known beforehand what leaks counts in every row, and cancels there."""
+    rng, everywhere = np.random.default_rng(11), "leaking" in names and with_known
     cancelled = torch.from_numpy(rng.uniform(1.0, 8.0, SHAPE))
+    of_each = dict.fromkeys(names, cancelled ** (1.0 / len(names)))
     known = torch.from_numpy(rng.normal(0.0, 0.1, (3, *SHAPE))) if with_known else None
     steps = None if known is None else (known * weight().sqrt()).flatten(1)
-    error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW, **{name: cancelled})
+    error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW, **of_each)
     plain, whitened = residuals()
     seen = (weight() > 0).flatten()
     stated = 0.5 * (weight().flatten()[seen].log() - np.log(2.0 * np.pi)).sum()
