@@ -306,7 +306,7 @@ class Likelihood:
     def holding_likeliest(self, parameters: Tensor) -> "Likelihood":
         """The same of the system with the likeliest of the known errors, and about it.
 
-        Large errors are on no straight line from none, what is left of them is.
+        Large errors lie on no straight line from none; what is left of them does.
 
         Args:
             parameters: (1, p), about which the errors are known.

@@ -213,8 +213,9 @@ def mesh_warnings(likelihood: Likelihood) -> tuple[str, ...]:
     if known is None or chdtrc(len(known.likeliest), float(known.likeliest.square().sum())) > 1e-3:
         return ()
     return (
-        "The data are met only if the mesh errs far more than it was seen to: something else is "
-        "missing in the model, or the mesh is too coarse. Do not trust these intervals.",
+        "The data are met only if the mesh errs far more than it was seen to: the model lacks "
+        "something that `diagnose` may find, or needs a smaller mesh.size. Do not trust these "
+        "intervals.",
     )
 
 
