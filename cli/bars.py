@@ -19,12 +19,23 @@ class Bars:
         self._bar: Any = None
         self._log: _Log | None = None
         self._on_terminal = sys.stderr.isatty()
+        self._over = threading.Event()
 
     def __enter__(self) -> "Bars":
+        threading.Thread(target=self._tell, daemon=True).start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._over.set()
         self._finish()
+
+    def _tell(self) -> None:
+        """Show every second that a step which says nothing itself goes on."""
+        while not self._over.wait(1.0):
+            if (bar := self._bar) is not None:
+                bar.refresh()
+            elif (log := self._log) is not None:
+                log.tell()
 
     def start(self, label: str, total: int) -> None:
         """Begin a bar."""
@@ -40,7 +51,6 @@ class Bars:
             total=total,
             desc=label,
             leave=False,
-            delay=0.5,
             bar_format="{desc}: {percentage:3.0f}%|{bar:30}| " + times + " {postfix}",
         )
 
@@ -50,8 +60,6 @@ class Bars:
             if note:
                 self._bar.set_postfix_str(note, refresh=False)
             self._bar.update(min(count, self._bar.total - self._bar.n))
-            if count == 0:
-                self._bar.refresh()
         elif self._log is not None:
             self._log.advance(count, note)
 
@@ -79,23 +87,29 @@ class _Log:
     """
 
     def __init__(self, label: str, total: int) -> None:
-        self._label, self._total, self._done = label, total, 0
+        self._label, self._total, self._done, self._note = label, total, 0, ""
         self._started = self._told = time.monotonic()
         self._lock = threading.Lock()
 
     def advance(self, count: int, note: str) -> None:
         """Count, and say so if nothing was said for a while."""
         with self._lock:
-            self._done = min(self._done + count, self._total)
+            self._done, self._note = min(self._done + count, self._total), note
+        self.tell()
+
+    def tell(self) -> None:
+        """Say how far it is if nothing was said for a while."""
+        with self._lock:
             now = time.monotonic()
-            few = self._total < _ALIKE
             # Twenty seconds between two lines of a log.
-            if now - self._told < 20.0 or not 0 < self._done < self._total + few:
+            if now - self._told < 20.0:
                 return
-            self._told = now
-            past = now - self._started
-            left = past * (self._total - self._done) / self._done
-            parts = [f"{100.0 * self._done / self._total:.0f} %", f"{waiting(left)} left", note]
-            if few:
-                parts[:2] = [f"{self._done} of {self._total} steps", f"{waiting(past)} so far"]
-        click.echo(f"  {self._label}: {', '.join(part for part in parts if part)}", err=True)
+            self._told, past, done = now, now - self._started, self._done
+            if self._total >= _ALIKE and 0 < done < self._total:
+                left = waiting(past * (self._total - done) / done)
+                said = f"{100.0 * done / self._total:.0f} %, {left} left"
+            else:
+                steps = f"{done} of {self._total} steps, " * (1 < self._total < _ALIKE)
+                said = f"{steps}{waiting(past)} so far"
+            said += f", {self._note}" if self._note else ""
+        click.echo(f"  {self._label}: {said}", err=True)

@@ -267,10 +267,9 @@ def columns_options(function: F) -> F:
     @option("--mapping", "File that says which channel is which floor.", INPUT_FILE)
     @functools.wraps(function)
     def wrapper(*args: Any, columns: Any, mapping: Any, rate: Any, **kwargs: Any) -> Any:
-        timed = {} if rate is None else {"time_s": f"{rate:g} Hz"}
+        timed = {} if rate is None else {"time_s": f"{rate:.9g} Hz"}
         if mapping is None:
-            columns = columns if rate is None else {**(columns or {}), **timed}
-            return function(*args, columns=columns, **kwargs)
+            return function(*args, columns={**(columns or {}), **timed} or None, **kwargs)
         if columns is not None:
             raise Failure("--columns and --mapping say the same; give one of them")
         from femupdate.measurement.write import read_mapping

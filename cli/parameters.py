@@ -119,9 +119,12 @@ class Columns(click.ParamType):
         from femupdate.measurement.names import is_ours
 
         stripped = [(ours.strip(), theirs.strip()) for ours, theirs in pairs]
-        return dict(  # written the other way round, they say the same
+        named = dict(  # written the other way round, they say the same
             pair[::-1] if is_ours(pair[1]) and not is_ours(pair[0]) else pair for pair in stripped
         )
+        if len(named) < len(pairs):
+            self.fail("one of our names is given twice; give each once", param, ctx)
+        return named
 
 
 def channel(value: str) -> int | str:

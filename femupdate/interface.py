@@ -615,7 +615,7 @@ def _parted(settings: Mapping[str, Any], known: type[Any]) -> tuple[dict[str, An
 def _timed(columns: Mapping[str, str] | None, rate: float | None) -> Mapping[str, str] | None:
     """Names of columns, with the rate of a table without times."""
     named = {ours: str(theirs) for ours, theirs in (columns or {}).items()}
-    return (named if rate is None else {**named, "time_s": f"{rate:g} Hz"}) or None
+    return (named if rate is None else {**named, "time_s": f"{rate:.9g} Hz"}) or None
 
 
 def _files(study: Study, given: "Sequence[File | Observation | GroundMotion]") -> list[Path]:

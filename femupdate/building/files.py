@@ -80,9 +80,7 @@ def load_building(path_or_name: str | Path, units: str | None = None) -> Buildin
 AnyBuilding.load = staticmethod(load_building)
 
 
-@cache
-def _warn_once(text: str) -> None:
-    _log.warning(text)
+_warn_once = cache(_log.warning)
 
 
 def _with_mesh_file(building: MeshBuilding, file: Path) -> MeshBuilding:

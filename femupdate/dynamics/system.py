@@ -290,7 +290,8 @@ class System:
         by_effect = split_sizes(self.placed, sizes)
         stiffness, mass, force, rigid_mass = self._matrices(theta, by_effect)
         base = self._base_motion(theta, by_effect)
-        shapes, rigid = self._with_ports(rows or self._floor_rows(theta), len(theta))
+        rows = rows or Rows(*(part.to(theta) for part in self.model.tensors[4:]))
+        shapes, rigid = self._with_ports(rows, len(theta))
         load = torch.einsum("nrb,nbe->ner", force, base)
         flexibility, free = self._flexibility(theta, by_effect), self.model.released
         if released and free is not None:
@@ -508,9 +509,6 @@ class System:
                 unit = theta.new_tensor(terms.flexibility)
                 total = (0.0 if total is None else total) + size[:, :1].clamp_min(0.0) * unit
         return total
-
-    def _floor_rows(self, like: Tensor) -> Rows:
-        return Rows(*(part.to(like) for part in self.model.tensors[4:]))
 
     def _with_ports(self, rows: Rows, count: int) -> tuple[Tensor, Tensor]:
         """Rows (N, o, r) and their rigid motion (N, o, 2), those of the ports last."""

@@ -424,7 +424,9 @@ class LearnedError:
     def _densities(self, residuals: Tensor, rows: tuple[int, ...]) -> Tensor:
         """Log density (n, r) of residuals (n, p f k) by some rows, alike in `_errs`."""
         tamed = residuals.to(self._wide)[None]
-        if math.isfinite(self._wild) and not self._calm(tamed, rows):
+        least = min(self.levels[row].noise for row in rows)
+        # Where no residual is wilder than counts beside the noise of any row, none needs taming.
+        if math.isfinite(self._wild) and not (tamed.abs() <= self._wild * least).all():
             tamed = torch.cat([self.tame(tamed, row) for row in rows])
         errs, factor, noise = self._errs(rows[0]), self._factor(rows), self._of(rows, "noise")
         tamed = self._apart(tamed, errs)
@@ -453,11 +455,6 @@ class LearnedError:
         most = self._wild * (noise**2 + error).sqrt()
         return torch.minimum(torch.maximum(residuals.nan_to_num(nan=math.inf), -most), most)
 
-    def _calm(self, residuals: Tensor, rows: tuple[int, ...]) -> bool:
-        """Whether no residual is wilder than counts beside the noise of any of some rows."""
-        least = min(self.levels[row].noise for row in rows)
-        return bool((residuals.abs() <= self._wild * least).all())
-
     def by_noise_alone(self, residuals: Tensor) -> Tensor:
         """Residuals (n, m) beside the stated noise and the errors that are known beforehand."""
         none = self._with(levels=(replace(self.levels[0], common=0.0, own=0.0, noise=1.0),))
@@ -472,17 +469,14 @@ class LearnedError:
         level = self.levels[row]
         errs = self._errs(row)
         if level.common == level.own == 0.0 and not self.knows:
-            none = residuals.new_zeros(len(residuals), self._coefficients, dtype=torch.float64)
+            # Of all floors alone, and of what they share.
+            count = self._parts * (self.floors + 1) * self._wide.shape[3] + self._known.shape[1]
+            none = residuals.new_zeros(len(residuals), count, dtype=torch.float64)
             return torch.cat([self._apart(residuals, errs) / level.noise, none], dim=1)
         left = self._apart(residuals, errs)
         alone, shared = self._standard(left, row)
         left = left - self._along_back(*self._scaled((row,), alone, shared), errs)
         return torch.cat([left / level.noise, alone[0].flatten(0, 1).T, shared[0].T], dim=1)
-
-    @property
-    def _coefficients(self) -> int:
-        """Of all floors alone, and of what they share."""
-        return self._parts * (self.floors + 1) * self._wide.shape[3] + self._known.shape[1]
 
     def floor_squares(self, residuals: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
         """Squares (n, f) of residuals (n, p f k), each of unit covariance by its own row (n,).

@@ -39,6 +39,7 @@ from femupdate.measurement.estimated import (
     welch_spectra,
     window_of,
 )
+from femupdate.measurement.names import BASE
 from femupdate.measurement.observation import (
     HANN_BANDWIDTH,
     Histories,
@@ -63,6 +64,7 @@ def estimate_frf(
     direction: str = "x",
     half: int | None = None,
     segments: Segments | None = None,
+    sensors: Sequence[str] = (),
 ) -> Observation:
     """Estimate the FRFs of all floors in one direction, with their noise.
 
@@ -74,14 +76,13 @@ def estimate_frf(
         frequency_hz: (m,) the building's grid, increasing.
         half: 0 or 1 for every other segment alone.
         segments: how the record is cut, if not as above.
+        sensors: floors that notes speak of; none: all.
 
     Raises:
-        MeasurementError: there is no base or floor channel in the direction, the record is too
-            short, or no point of the grid can be used.
+        MeasurementError: no base or floor in the direction, too short, or no point can be used.
     """
     grid, step = _checked_grid(frequency_hz), histories.time_step
-    base, floors, names = histories.means(direction)
-    rotation = histories.rotation
+    (base, floors, names), rotation = histories.means(direction), histories.rotation
     # Long enough to resolve the grid, s.
     wanted = 1.0 / float(np.median(np.diff(grid))) if grid.size > 1 else 8.0 / float(grid[0])
     if segments is None:
@@ -130,8 +131,8 @@ def estimate_frf(
         rotation=None if turned is None else at_grid(turned),
         notes=(
             segments.note,
-            *_of_sensors(histories, direction, base),
-            *_gaps(names, valid, inside),
+            *_of_sensors(histories, direction, base, sensors),
+            *_gaps(names, valid, inside, sensors),
             *histories.notes,
         ),
         excitation=histories.excitation,
@@ -167,11 +168,12 @@ def _explained(
     return coherence, coherence + more, share
 
 
-def on_grid(table: Observation, frequency_hz: Floats) -> Observation:
+def on_grid(table: Observation, frequency_hz: Floats, sensors: Sequence[str] = ()) -> Observation:
     """Bring FRFs of a table to a frequency grid, interpolating ln|H| within the table's range.
 
     Args:
         table: at its own frequencies.
+        sensors: floors that notes speak of; none: all.
     """
     grid, own = _checked_grid(frequency_hz), table.frequency_hz
     inside = (grid >= own[0]) & (grid <= own[-1])
@@ -191,7 +193,7 @@ def on_grid(table: Observation, frequency_hz: Floats) -> Observation:
         valid=valid,
         phase=phase,
         resolution_hz=spacing if coarse else None,
-        notes=(*table.notes, *_gaps(table.floors, valid, inside)),
+        notes=(*table.notes, *_gaps(table.floors, valid, inside, sensors)),
     )
 
 
@@ -219,11 +221,13 @@ def observation_for(
     data: Histories | Observation,
     frequency_hz: Floats,
     direction: str = "x",
+    sensors: Sequence[str] = (),
 ) -> Observation:
     """Return the observation in a file, on the building's floors and frequency grid.
 
     Args:
         building_floors: names of the building's floors, bottom to top, without the base.
+        sensors: floors that notes speak of; none: all.
 
     Raises:
         MeasurementError: the file has a floor that the building has not, or see `estimate_frf`
@@ -232,9 +236,9 @@ def observation_for(
     forced = [data.excitation.force] if data.excitation.force else []
     require_floors_of_building(data.source, (*data.floors, *forced), building_floors)
     if isinstance(data, Observation):
-        found = on_grid(data, frequency_hz)
+        found = on_grid(data, frequency_hz, sensors)
     else:
-        found = estimate_frf(data, frequency_hz, direction)
+        found = estimate_frf(data, frequency_hz, direction, sensors=sensors)
     return select_floors(found, [f for f in building_floors if f in found.floors])
 
 
@@ -433,26 +437,32 @@ def _require_points(valid: Flags, source: str) -> None:
         )
 
 
-def _of_sensors(histories: Histories, direction: str, base: Floats) -> tuple[str, ...]:
+def _of_sensors(
+    histories: Histories, direction: str, base: Floats, sensors: Sequence[str]
+) -> tuple[str, ...]:
     """Sentences on sensors that are averaged, and on those from which a rotation is taken."""
-    places = dict.fromkeys(channel.floor for channel in histories.channels)
+    told = (BASE, *(sensors or histories.floors))
+    places = dict.fromkeys(to.floor for to in histories.channels if to.floor in told)
     counts = {floor: len(histories.rows(floor, direction)) for floor in places}
     several = [f"{floor} ({count})" for floor, count in counts.items() if count > 1]
     averaged = [f"Sensors averaged in time: {', '.join(several)}."] if several else []
     return (*averaged, *said_of_rotation(histories.channels, histories.acceleration, base))
 
 
-def _gaps(floors: tuple[str, ...], valid: Flags, inside: Flags) -> tuple[str, ...]:
-    """Sentences on the points that cannot be used."""
+def _gaps(
+    floors: tuple[str, ...], valid: Flags, inside: Flags, sensors: Sequence[str]
+) -> tuple[str, ...]:
+    """Sentences on the points that cannot be used, of some floors or all."""
     notes: list[str] = []
     if not inside.all():
         notes.append(
             f"{np.count_nonzero(~inside)} of {inside.size} frequencies lie outside what was"
             " measured."
         )
-    weak = [int(np.count_nonzero(inside & ~row)) for row in valid]
-    for count in dict.fromkeys(one for one in weak if one):
-        alike = [floor for floor, own in zip(floors, weak, strict=True) if own == count]
+    rows = zip(floors, valid, strict=True)
+    weak = {f: np.count_nonzero(inside & ~row) for f, row in rows if f in (sensors or floors)}
+    for count in dict.fromkeys(filter(None, weak.values())):
+        alike = [floor for floor, its in weak.items() if its == count]
         each = " each" if len(alike) > 1 else ""
         notes.append(
             f"{', '.join(alike)}: {count} points{each} left out for low coherence or base power."

@@ -82,11 +82,7 @@ class Histories:
     def rows(self, floor: str, direction: str) -> list[int]:
         """Rows of the sensors of a floor, or of the base, in one direction."""
         here = floor, direction
-        return [
-            k
-            for k, channel in enumerate(self.channels)
-            if (channel.floor, channel.direction) == here
-        ]
+        return [k for k, to in enumerate(self.channels) if (to.floor, to.direction) == here]
 
     def means(self, direction: str) -> tuple[Floats, Floats, tuple[str, ...]]:
         """Mean over the sensors of base (n,) and of each floor (f, n), and the floors' names."""

@@ -105,7 +105,7 @@ def without_factors(columns: Mapping[str, str]) -> tuple[dict[str, str], dict[st
     """Our names to the file's, and what the values of some are multiplied by: `RF=a3*4.7e-6`."""
     plain, factors = dict(columns), {}
     for ours, theirs in columns.items():
-        scaled = re.fullmatch(r"(.+?)\s*\*\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)", theirs)
+        scaled = re.fullmatch(r"(.+?)\s*\*\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d\d?)?)", theirs)
         if scaled:
             plain[ours], factors[ours] = scaled[1], float(scaled[2])
     return plain, factors

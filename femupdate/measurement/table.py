@@ -238,12 +238,13 @@ class ColumnTable:
         names = self.names
         if names is None and columns:
             names = tuple(str(k + 1) for k in range(self.values.shape[1]))
-        rate = re.fullmatch(r"(\d+(?:\.\d+)?)\s*Hz", columns.get(TIME, ""), re.IGNORECASE)
+        said = columns.get(TIME, "")
+        rate = re.fullmatch(r"(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?|nan|-?inf)\s*Hz", said, re.IGNORECASE)
         if rate is None or names is None:
             return replace(self, names=names), columns
         if TIME in names:
             raise self.file.error(f"the file has times; leave out the rate of {rate[0]}")
-        if not float(rate[1]) > 0.0:
+        if not 0.0 < float(rate[1]) < np.inf:
             raise self.file.error(f"{TIME}={rate[0]} is no rate; give the samples a second")
         times = np.arange(len(self.values)) / float(rate[1])
         timed = replace(

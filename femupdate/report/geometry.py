@@ -65,11 +65,8 @@ class Geometry:
     @property
     def size(self) -> float:
         """Largest side of the building, m."""
-        return float(np.ptp(self._drawn(), axis=0).max())
-
-    def _drawn(self) -> Floats:
         used = np.unique(np.concatenate([self.shells.ravel(), self.beams.ravel()]))
-        return self.nodes[used]
+        return float(np.ptp(self.nodes[used], axis=0).max())
 
 
 def at_levels(floors: Sequence[tuple[str, float]], size: float) -> list[tuple[str, float]]:

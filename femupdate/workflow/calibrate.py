@@ -69,14 +69,13 @@ def calibrate_study(
         sampled = sample_exact(study, model, measured, settings, sampling, progress, fitted)
     else:
         sampled = sample_latent(study, model, measured, settings, sampling, progress)
-    if why:
-        sampled = replace(sampled, notes=(why, *sampled.notes))
     try:
         before = kept_posterior(study, model.building).settings
     except StudyError:
         before = {}
-    harder = far_stronger(before, base_peak(model, source))
-    sampled = replace(sampled, notes=(*harder, *sampled.notes))
+    noted = (*far_stronger(before, base_peak(model, source)), *[why] * bool(why))
+    sampled = replace(sampled, notes=(*noted, *sampled.notes))
+    progress.start("Comparing the posterior with the data", 1)
     report = concluded(
         model, measured, settings, sampled, drawing, study.result("posterior.nc")
     ).with_settings(level_settings(model, model.system.placed, source, measured.levels))

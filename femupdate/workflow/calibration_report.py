@@ -242,10 +242,6 @@ class CalibrationReport(Result):
         return f"Verdict: {verdict} ({of}).", f"Intervals (90 %): {told}."
 
     @property
-    def _many(self) -> bool:
-        return len(self.posterior.names) > 8
-
-    @property
     def story_stiffness(self) -> DrawnQuantity | None:
         """Of the stories, where the file gives it; of a frame, `predict` computes it."""
         building, factors = self.model.building, self.posterior.of("stiffness").samples
@@ -275,7 +271,7 @@ class CalibrationReport(Result):
         figures = {"mean": draws.mean(axis=0), "sd": draws.std(axis=0), "q05": q05, "q95": q95}
         yield Note(content={"parameters": posterior.names, **figures, "r_hat": self.r_hat})
         table = parameter_table(self.model.building, posterior, self.r_hat)
-        yield replace(table, detail=not self._many)
+        yield replace(table, detail=len(self.posterior.names) <= 8)
         if zeta is not None:
             yield Note(content={"zeta": {"mean": zeta.mean(), "sd": zeta.std()}})
         content: dict[str, Any] = {"evaluations": drawn.evaluations, "invalid": self.invalid}

@@ -20,7 +20,7 @@ from femupdate.measurement.checks import pair_findings
 from femupdate.measurement.frf import observation_for, with_halves
 from femupdate.measurement.frf_table import in_band
 from femupdate.measurement.modes import IdentifiedModes
-from femupdate.measurement.names import QUANTITIES
+from femupdate.measurement.names import BASE, QUANTITIES
 from femupdate.measurement.observation import (
     Histories,
     Observation,
@@ -223,7 +223,7 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
     modes: list[IdentifiedModes] = []
     forced: list[Observation] = []
     doubts: list[str] = []
-    direction = direction_of(building)
+    direction, asked = direction_of(building), source.sensors
     grid = building.frequency_grid.frequencies_hz()
     low, high = source.band_hz or (0.0, np.inf)
     band = max(low, float(grid[0])), min(high, float(grid[-1]))
@@ -248,20 +248,21 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
                 # On the floors and in the band that are asked for.
                 if isinstance(given, Histories):
                     inside = grid[(grid >= band[0]) & (grid <= band[1])]
-                    seen = observation_for(building.floors, given, inside, direction)
+                    seen = observation_for(building.floors, given, inside, direction, asked)
                     seen = with_halves(seen, direction)
                 else:
                     seen = in_band(given, building.floors, band)
-                wanted = [name for name in seen.floors if name in (source.sensors or seen.floors)]
+                wanted = [name for name in seen.floors if name in (asked or seen.floors)]
                 forced += [select_floors(seen, wanted)] if wanted else []
         else:
             base.append((path, found[0]))
             if isinstance(read, Histories):
                 rows = zip(read.channels, read.acceleration, strict=True)
                 along = [(to, row) for to, row in rows if to.direction == direction]
+                used = (BASE, *(asked or read.floors))
                 how: dict[str, Any] = {"time_step": read.time_step, "unit": "m/s2"}
                 heard = [RecordedChannel(name=to.name, values=row, **how) for to, row in along]
-                places = [to.floor for to, _ in along]
+                places = [to.floor if to.floor in used else None for to, _ in along]
                 said = pair_findings(heard, places, beside=not building.is_chain)
                 doubts += [f"{path.name}: {words}" for words in said]
     errors = ModalErrors()

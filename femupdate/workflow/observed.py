@@ -135,7 +135,7 @@ def runs_of(
     """
     grid, direction = building.frequency_grid.frequencies_hz(), direction_of(building)
     runs: Sequence[Observation] = [
-        observation_for(building.floors, held, grid, direction) for _, held in read
+        observation_for(building.floors, held, grid, direction, source.sensors) for _, held in read
     ]
     if any(run.rotation is not None for run in runs):
         require_heights(building)

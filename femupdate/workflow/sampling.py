@@ -398,6 +398,7 @@ def sample_latent(
 ) -> Sampled:
     """Draw the latent posterior by particles."""
     observation, surrogate = measured.base, require_surrogate(study, model.building)
+    show.start("Looking for the maxima of the likelihood", 1)
     likelihood = LatentLikelihood(
         surrogate,
         model.system,
@@ -407,8 +408,8 @@ def sample_latent(
     )
     assert likelihood.settled is not None
     sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings.smc)
-    label, first = "Sampling (latent likelihood)", spawn(seed, 1)[0]
-    runs = sampled_chains(sampler, label, settings, first, show)
+    label = "Sampling (latent likelihood)"
+    runs = sampled_chains(sampler, label, settings, spawn(seed, 1)[0], show)
     found, usual, warnings = likelihood.found, likelihood.usual_misfit, tuple[str, ...]()
     count = len(found.log_weight)
     pieces = "one Gaussian" if count == 1 else f"a mixture of {count} Gaussians"

@@ -106,6 +106,8 @@ BAD_REQUESTS = {
     "sensors": (["--sensors", "7F"], ["there is no 7F to use", "2F, RF"]),
     "band": (["--band", "13,14"], ["fewer than ten frequencies", "--band"]),
     "unit of the file": (["--unit", "g"], ["m/s2", "the unit option says g"]),
+    "name twice": (["--columns", "base=base,2F=2F,2F=RF"], ["is given twice"]),
+    "factor": (["--columns", "base=base,2F=2F*1e999"], ["there is no column '2F*1e999'"]),
     "device": (["--device", "abacus"], ["the device abacus cannot be used"]),
     "device of no use": (["--device", "cpu:0"], ["on the processor, not on cpu:0"]),
     "building": (["--building", "shear_3dog"], ["shear_3dog", "did you mean 'shear_3dof'"]),

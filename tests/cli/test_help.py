@@ -1,10 +1,12 @@
 """Help that can be followed: headings, examples that parse, files that exist; time left; shells."""
 
 import io
+import itertools
 import os
 import shlex
 import subprocess
 import sys
+import time
 from contextlib import redirect_stderr
 from importlib.resources import files
 
@@ -57,6 +59,19 @@ def test_a_log_tells_the_time_that_is_left(monkeypatch):
         "  Sampling: 40 %, about 2 min left",
         "  Sampling: 50 %, about 2 min left",
     ]
+
+
+def test_a_step_that_says_nothing_tells_how_long_it_takes(monkeypatch):
+    ticks = itertools.count(0.0, 25.0)
+    monkeypatch.setattr(bars.time, "monotonic", lambda: next(ticks))
+    log = io.StringIO()
+    with redirect_stderr(log), bars.Bars() as shown:
+        shown.start("Thinking", 1)
+        for _ in range(100):  # every second a thread looks; on a busy machine later
+            time.sleep(0.1)
+            if "so far" in log.getvalue():
+                break
+    assert log.getvalue().splitlines()[:2] == ["Thinking ...", "  Thinking: about 25 s so far"]
 
 
 def test_a_shell_completes_commands_and_options():

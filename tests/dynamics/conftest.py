@@ -119,11 +119,6 @@ def small_frame():
         upright = [2400.0 * h * (6 * 0.4 * 0.6 + wall) for h in heights]
         bars = 2 * sum(widths) + 3 * depth
         flat = 2400.0 * (bars * 0.3 * 0.5 + sum(widths) * depth * 0.15)
-        return Frame(
-            structure,
-            heights,
-            tuple(mass + flat for mass in upright),
-            tuple(upright),
-        )
+        return Frame(structure, heights, tuple(mass + flat for mass in upright), tuple(upright))
 
     return make

@@ -29,11 +29,7 @@ def test_fv5_deep_beam():
 
 @pytest.mark.parametrize(
     ("name", "thickness", "support", "tolerance"),
-    [
-        ("FV13", 0.05, "hard", 0.01),
-        ("FV16", 0.05, "clamped", 0.012),
-        ("FV21", 1.0, "hard", 0.01),
-    ],
+    [("FV13", 0.05, "hard", 0.01), ("FV16", 0.05, "clamped", 0.012), ("FV21", 1.0, "hard", 0.01)],
 )
 def test_square_plates(name, thickness, support, tolerance):
     found = ratios(name, vibrations.square_plate(16, thickness, support))

@@ -27,10 +27,7 @@ def test_channels_by_number_and_name(station):
     ("columns", "message"),
     [
         (None, r"does not say which floors .* base=1,RF=2; .*3 = Up \(peak"),
-        (
-            {"base": "1", "RF": "7"},
-            "there is no channel '7' to take for RF; choose by number: 1 =",
-        ),
+        ({"base": "1", "RF": "7"}, "there is no channel '7' to take for RF; choose by number: 1 ="),
         ({"base": "90 Deg", "RF": "2"}, "2 channels are called '90 Deg'; choose by number"),
         ({"base": "1", "roof": "2"}, "unknown column 'roof'"),
         ({"base": "1", "RF": "1"}, "'1' is mapped twice"),

@@ -156,6 +156,9 @@ def test_sensors_of_a_floor_are_averaged_in_time():
     np.testing.assert_allclose(observation.log_frf, together.log_frf, atol=1e-9)
     assert observation.floors == ("2F", "RF")
     assert "Sensors averaged in time: 2F (2)." in observation.notes
+    of_roof = estimate_frf(apart, np.r_[GRID, 60.0], sensors=("RF",)).notes
+    assert any("lie outside" in note for note in of_roof)
+    assert not any("2F" in note for note in of_roof)
 
 
 def test_points_that_were_not_measured_are_flagged():
@@ -233,11 +236,8 @@ def test_table_brings_its_own_noise_and_phase():
 
 
 def test_observation_refuses_what_does_not_fit():
-    good = {
-        "log_frf": np.zeros((1, 2)),
-        "noise_sd": np.ones((1, 2)),
-        "valid": np.ones((1, 2), bool),
-    }
+    zero = np.zeros((1, 2))
+    good = {"log_frf": zero, "noise_sd": zero + 1.0, "valid": zero == 0.0}
     grid = np.array([1.0, 2.0])
     Observation(grid, ("RF",), **good)
     with pytest.raises(MeasurementError, match="floors by frequencies"):

@@ -68,7 +68,7 @@ def test_a_table_without_header_whose_columns_are_told_by_number(write, first, t
     ("text", "time", "words"),
     [
         (histories_text(), "200 Hz", "the file has times; leave out the rate of 200 Hz"),
-        ("\n".join(["0.1,0.2"] * 20), "0 Hz", "time_s=0 Hz is no rate"),
+        *[("0.1,0.2\n" * 20, f"{r} Hz", f"time_s={r} Hz is no rate") for r in (0, "nan", -5)],
     ],
 )
 def test_a_rate_that_cannot_be(write, text, time, words):
@@ -294,10 +294,7 @@ def test_a_time_step_with_which_nothing_is_measured(write, factor):
         ),
         ({"RF": np.array([1.0, 1e-200, 2.0, 1.0])}, r"\|H\| is 1e-200, and no measurement has"),
         ({"RF_re": np.full(4, 1e200), "RF_im": np.ones(4)}, r"\|H\| is 1e\+200"),
-        (
-            {"RF": np.ones(4), "RF_sd": np.full(4, 1e-300)},
-            r"of ln\|H\| is 1e-300, and no",
-        ),
+        ({"RF": np.ones(4), "RF_sd": np.full(4, 1e-300)}, r"of ln\|H\| is 1e-300, and no"),
     ],
 )
 def test_responses_that_nothing_has(write, columns, message):

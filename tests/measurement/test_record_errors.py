@@ -33,10 +33,7 @@ PLAIN = {
     "nine rows": (plain(rows()[:9]), "9 values are no record"),
     "one column": ("\n".join(str(v) for v in VALUES), "one column only"),
     "no time": ("NS,EW\n" + "\n".join(f"{v},{-v}" for v in VALUES), "no column of times among NS"),
-    "no time, no header": (
-        "\n".join(f"{v},{-v}" for v in VALUES),
-        "no column grows as times do",
-    ),
+    "no time, no header": ("\n".join(f"{v},{-v}" for v in VALUES), "no column grows as times do"),
     "no unit": (plain(rows(), "time_s,a\n"), "does not say its unit; give it by the unit option"),
     "unknown unit": (plain(rows(), "time_s,a\ns,furlong\n"), "unknown unit 'furlong'"),
     "unknown time unit": (plain(rows(), "time_s,a\nh,gal\n"), "unknown unit 'h' for time"),
@@ -102,7 +99,7 @@ HEADERED = {
         "line 4: the header announces 40 values in channel 270 Deg, Roof - center but 32 follow"),
     "knet too few": ("knet", last_line_less, "line 12: the header announces 40 values but 32"),
     "knet no direction": ("knet", lambda t: edited(t, "Dir.", "Dxr."), "does not give Dir."),
-    "knet no scale": ("knet", lambda t: edited(t, "(gal)/", "(gal)/0*"), "'0'; it must be"),
+    "knet no scale": ("knet", lambda t: edited(t, "(gal)/", "(gal)/0*"), "'0'; it must be")
 }  # fmt: skip
 
 

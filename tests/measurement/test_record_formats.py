@@ -85,12 +85,7 @@ def test_plain_table_with_any_delimiter_and_line_end(write, wave, delimiter, end
 
 @pytest.mark.parametrize(
     "head",
-    [
-        "time_s,acc\ns,gal\n",
-        "time (s),acc (gal)\n",
-        '"Time","acc [cm/s^2]"\n',
-        "t,acc\nms,cm/s2\n",
-    ],
+    ["time_s,acc\ns,gal\n", "time (s),acc (gal)\n", '"Time","acc [cm/s^2]"\n', "t,acc\nms,cm/s2\n"],
 )
 @pytest.mark.parametrize("mark", ["", "\ufeff"])
 def test_plain_table_states_its_unit_in_the_header(write, wave, head, mark):
@@ -122,7 +117,7 @@ def test_format_can_be_forced(write, wave):
 @pytest.mark.parametrize(
     ("unit", "factor"),
     [("gal", 1e-2), ("cm/s^2", 1e-2), ("m/s/s", 1.0), ("g", 9.80665), ("mg", 9.80665e-3),
-     ("in/s2", 0.0254), ("cm/sec2", 1e-2), ("cm/sec/sec", 1e-2)],
+     ("in/s2", 0.0254), ("cm/sec2", 1e-2), ("cm/sec/sec", 1e-2)]
 )  # fmt: skip
 def test_unit_option(write, wave, unit, factor):
     small = wave / 100

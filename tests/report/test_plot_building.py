@@ -1,15 +1,18 @@
 """Plans and the view of a building at rest."""
 
 import numpy as np
+from matplotlib.text import Text
 
 from femupdate.building import from_document, load_building, mesh_building, to_document
-from femupdate.report.plot_building import story_plans
+from femupdate.effects import DrawnBuilding, structure_of
+from femupdate.report import Geometry, plot_building
+from femupdate.report import drawn as signs
 
 
 def drawn(document):
     building = from_document(document)
     lines = (building.grid.x, building.grid.y)
-    return story_plans(mesh_building(building), building.story_names, lines)
+    return plot_building.story_plans(mesh_building(building), building.story_names, lines)
 
 
 def test_stories_that_are_alike_share_a_plan():
@@ -44,3 +47,12 @@ def test_a_plan_has_the_sensors_above_its_story_alone():
     ]
     assert [len(each) for each in marks] == [1, 2]
     assert marks[0][0] == marks[1][1] != marks[1][0]
+
+
+def test_the_model_at_rest_has_floors_grid_and_axes():
+    building = load_building("two_story_openings")
+    seen, lines = DrawnBuilding(structure_of(building)), (building.grid.x, building.grid.y)
+    levels, shape = [("base", 0.0), ("2F", 3.0), ("RF", 6.0)], Geometry.of_building(seen)
+    view = plot_building.building_view(shape, signs(seen.sensors("RF")), levels, lines)
+    texts = {text.get_text() for text in view.findobj(Text)}
+    assert {"2F", "RF", *building.grid.x, *building.grid.y, "x", "y", "z"} <= texts

@@ -7,12 +7,7 @@ from femupdate.building import load_building, save_building
 from femupdate.dynamics import reduced_modes
 from femupdate.errors import StudyError
 from femupdate.study import Study
-from femupdate.workflow import (
-    REDUCED,
-    CertifiedModel,
-    build_study,
-    open_study,
-)
+from femupdate.workflow import REDUCED, CertifiedModel, build_study, open_study
 
 
 @pytest.mark.parametrize(

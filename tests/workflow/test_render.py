@@ -7,13 +7,7 @@ import pytest
 from matplotlib.image import imread
 
 import femupdate
-from femupdate.dynamics import (
-    RayleighDamping,
-    ReducedModes,
-    mesh_modes,
-    reduced_modes,
-    track_mode,
-)
+from femupdate.dynamics import RayleighDamping, ReducedModes, mesh_modes, reduced_modes, track_mode
 from femupdate.effects import structure_of
 from femupdate.inference import DrawnBy, Posterior, load_posterior, save_posterior
 from femupdate.measurement import Observation, read_measured

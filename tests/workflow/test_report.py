@@ -11,7 +11,7 @@ from femupdate.errors import ReportError, StudyError
 from femupdate.report import save_figure
 from femupdate.report.figure import new_figure
 from femupdate.study import Study, file_hash, write_text
-from femupdate.workflow import report_study
+from femupdate.workflow import report_study, study_status
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
@@ -121,9 +121,12 @@ def test_something_stale_is_told_on_the_page(study, tmp_path):
     report = report_study(copy)
     assert report.report == copy.path("report.html")
     assert report.stale == ("prediction: stale",)
-    assert "The prediction is stale: the posterior changed since" in report.report.read_text(
-        "utf-8"
-    )
+    html, glance = " ".join(report.report.read_text("utf-8").split()), study_status(copy)
+    # The page begins with what a glance at the study tells, in this order.
+    assert glance.stale[0].startswith("The prediction is stale: the posterior changed since")
+    places = [html.index(line.partition("`")[0]) for line in (*glance.stale, *glance.first)]
+    assert len(places) == 3
+    assert sorted(places) == places
 
 
 def test_a_study_without_a_posterior_has_a_page_too(bare):
@@ -173,6 +176,9 @@ def test_the_page_works_in_a_browser(browser, written):
     page.on("request", lambda one: asked.append(one.url))
     page.goto(written.report.as_uri())
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    # Type of 9 pt is 13.75 px as drawn: 8 px are left to read.
+    shrunk = "[...document.images].map(i => i.getBoundingClientRect().width / i.naturalWidth)"
+    assert min(page.evaluate(shrunk)) > 0.58
     page.set_viewport_size({"width": 1280, "height": 900})
     assert page.evaluate("document.documentElement.scrollWidth") <= 1280
 
