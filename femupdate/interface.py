@@ -169,8 +169,8 @@ def build_model(
         model, name = name, str(write_draft(name, units, Path(draft)))
     try:
         report = build_study(opened, name, progress, units)
-    except FemupdateError:
-        if draft is not None and not asks(model):
+    except FemupdateError as failure:
+        if draft is not None and not asks(model, failure):
             Path(draft).expanduser().unlink(missing_ok=True)
         raise
     if export is not None:

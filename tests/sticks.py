@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from femupdate.dynamics import Excitation
+
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 STEP = 0.01
 BUILDING = """\
@@ -15,6 +17,12 @@ damping = { law = "constant", ratio = 0.04 }
 """
 STORY = '[[stories]]\nname = "S{}"\nmass = "{} kg"\nstiffness = "{} N/m"\n'
 EFFECT = '[[effects]]\nname = "{}"\nplace = "{}"\n'
+
+
+def accelerance(system, parameters, zeta, frequency_hz, forced, rest=None):
+    """Accelerations (N, f, k) of the floors over a force at one of them, 1/kg."""
+    force, (theta, sizes) = Excitation(system.floors[forced]), system.split(parameters)
+    return system.respond(force, theta, zeta, sizes, frequency_hz, rest)[:, :, 0]
 
 
 def shear_stick(damping=None, effects="", stories=3):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from femupdate.building.entry import ALL
 from femupdate.building.model_files import LACKING, model_units, open_model
 from femupdate.building.model_tables import ModelFile, ReadModel, Said, read_model
 from femupdate.building.shipped import PROGRAMS, building_text, program_of
-from femupdate.errors import BuildingError, StructureError
+from femupdate.errors import BuildingError, FemupdateError, StructureError
 from femupdate.fe.assembly import assemble
 from femupdate.fe.solve import lowest_modes
 from femupdate.storage import atomic_path
@@ -199,10 +200,10 @@ def write_draft(model: Path | str, units: str | None, path: Path) -> Path:
     return path
 
 
-def asks(model: Path | str) -> bool:
-    """Whether a draft of this model must be completed before it can be built."""
+def asks(model: Path | str, failure: FemupdateError) -> bool:
+    """Whether a draft of this model must be completed, or is where the failure is mended."""
     file = open_model(Path(model).expanduser())
-    return bool(file.lacks or file.unsized)
+    return bool(file.lacks or file.unsized or re.search(r"\b(mesh|reduction)\.[a-z]", str(failure)))
 
 
 def model_words(path: Path, units: str | None) -> tuple[str, ...]:

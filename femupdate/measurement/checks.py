@@ -371,7 +371,9 @@ def _agreement(
     padded = 2 * x.size
     window = np.hanning(x.size)
     band = int(top * padded * step)
-    first, second = (np.fft.rfft(window * (v - v.mean()), padded)[: band + 1] for v in (x, y))
+    # Without an offset under the window, whose sign would count as a phase.
+    levelled = (window * (v - np.average(v, weights=window)) for v in (x, y))
+    first, second = (np.fft.rfft(v, padded)[: band + 1] for v in levelled)
     size = np.abs(first) * np.abs(second)
     seen = (np.abs(first) > 0.03 * np.abs(first).max()) & (size > 0.0)
     phase = np.where(seen, first.conj() * second / np.where(size > 0.0, size, 1.0), 0.0)

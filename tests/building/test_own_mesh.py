@@ -18,6 +18,7 @@ from femupdate.building import (
 )
 from femupdate.errors import BuildingError
 from femupdate.fe import Beams, Shells, Triangles, assemble, lowest_modes
+from tests.building.test_deck import frequencies
 
 NUMBERS = {"slab": "1", "wall": "2", "column": "4", "beam": "5"}
 
@@ -69,10 +70,6 @@ upper = 2
 law = "constant"
 ratio = 0.02
 """
-
-
-def frequencies(mesh, count=6):
-    return lowest_modes(assemble(mesh.model), np.ones(mesh.model.groups), count).frequency_hz
 
 
 @pytest.mark.parametrize("ending", ["vtu", "msh", "med"])

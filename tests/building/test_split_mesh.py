@@ -8,12 +8,9 @@ from femupdate.benchmarks.frame_coverage import BUILDING
 from femupdate.building import load_building, mesh_building
 from femupdate.building.split_mesh import split_mesh
 from femupdate.effects.structure import structure_of
-from femupdate.fe import RigidLinks, assemble, lowest_modes
+from femupdate.fe import RigidLinks, assemble
 from femupdate.fe.export_nastran import bulk_data
-
-
-def frequencies(model, count=6):
-    return lowest_modes(assemble(model), np.ones(model.groups), count).frequency_hz
+from tests.building.test_deck import frequencies
 
 
 def in_order(nodes):
@@ -29,10 +26,11 @@ def test_a_read_building_is_split_into_its_own_mesh_of_half_the_size(tmp_path):
     path = tmp_path / "model.bdf"
     path.write_text(bulk_data(coarse.model))
     read = load_building(path)
-    model = structure_of(read, halved=True).mesh.model
-    np.testing.assert_allclose(in_order(model.nodes), in_order(fine.model.nodes), atol=1e-5)
-    np.testing.assert_allclose(frequencies(model), frequencies(fine.model), rtol=1e-6)
-    assert np.array_equal(model.nodes[: len(coarse.model.nodes)], mesh_building(read).model.nodes)
+    split = structure_of(read, halved=True).mesh
+    nodes = split.model.nodes
+    np.testing.assert_allclose(in_order(nodes), in_order(fine.model.nodes), atol=1e-5)
+    np.testing.assert_allclose(frequencies(split), frequencies(fine), rtol=1e-6)
+    assert np.array_equal(nodes[: len(coarse.model.nodes)], mesh_building(read).model.nodes)
 
 
 # A plate of triangles and quadrilaterals on an offset beam with a pin, and a rigid pair.
@@ -75,7 +73,7 @@ def test_mass_supports_and_rigid_bodies_stay(tmp_path):
             unit = operators.rigid_translation(axis)
             masses.append(unit @ (operators.mass_full @ unit))
         np.testing.assert_allclose(masses[1], masses[0], rtol=1e-12)
-    np.testing.assert_allclose(frequencies(split.model, 3), frequencies(mesh.model, 3), rtol=0.1)
+    np.testing.assert_allclose(frequencies(split, 3), frequencies(mesh, 3), rtol=0.1)
     nodes, links = split.model.nodes, split.model.links
     (between,) = np.flatnonzero((nodes == [0.0, 2.0, 3.0]).all(axis=1))
     assert links.master[links.slave == between].tolist() == [2]
@@ -92,7 +90,7 @@ def test_a_beam_at_the_edge_of_a_wall_is_held_as_firmly_after_a_split(tmp_path):
     path.write_text(bulk_data(bare))
     split = split_mesh(mesh_building(load_building(path)))
     # Their links are as long as the new sides, those of the fine mesh as the beams are deep.
-    np.testing.assert_allclose(frequencies(split.model, 4), frequencies(fine.model, 4), rtol=0.012)
+    np.testing.assert_allclose(frequencies(split, 4), frequencies(fine, 4), rtol=0.012)
 
 
 def test_a_strut_stays_whole(tmp_path):
@@ -107,5 +105,5 @@ def test_a_strut_stays_whole(tmp_path):
     fine = split_mesh(coarse)
     assert [len(block) for block in fine.model.elements] == [7]
     assert len(fine.parts[0]) == 7
-    found, expected = (frequencies(mesh.model, 2) for mesh in (fine, coarse))
+    found, expected = (frequencies(mesh, 2) for mesh in (fine, coarse))
     np.testing.assert_allclose(found, expected, rtol=0.02)

@@ -234,15 +234,18 @@ def test_a_spoiled_model_is_told_in_one_sentence(case, tmp_path):
         assert [file.name for file in tmp_path.glob("*draft*")] == []
 
 
-@pytest.mark.parametrize("ending", ["bdf", "json"])
-def test_a_draft_stays_where_it_asks_for_something(ending, tmp_path):
-    """A deck with a mechanism leaves nothing behind; what OpenSees does not say is in the draft."""
+@pytest.mark.parametrize("case", ["bdf: free", "json: free", "bdf: unknown"])
+def test_a_draft_stays_where_it_asks_for_something(case, tmp_path):
+    """A mechanism leaves no draft; what OpenSees does not say or is to be ignored is said there."""
+    ending = case.partition(":")[0]
+    free, link = ("SPC1    7       123456", "SPC1    7       3     "), "RBE3,31,,5,123,1.,123,6,7\n"
+    old, new = free if "free" in case else ("GRID,99", f"{link}GRID,99")
     model = tmp_path / f"model.{ending}"
-    model.write_text(WHOLE[ending].replace("SPC1    7       123456", "SPC1    7       3     "))
+    model.write_text(WHOLE[ending].replace(old, new))
     units, draft = ("N,mm" if ending == "bdf" else "kN,m"), tmp_path / "draft.toml"
     with pytest.raises(FemupdateError):
         build_model(tmp_path / "study", model, units=units, draft=draft)
-    assert draft.exists() is (ending == "json")
+    assert draft.exists() is (case != "bdf: free")
     assert not (tmp_path / "study" / "building.toml").exists()
 
 

@@ -6,7 +6,6 @@ import torch
 
 from femupdate.building import load_building, shear_operators
 from femupdate.dynamics import (
-    Excitation,
     RayleighDamping,
     System,
     lumped,
@@ -16,15 +15,10 @@ from femupdate.dynamics import (
 from femupdate.effects import structure_of
 from femupdate.fe import factorize
 from femupdate.inference import reduction_target
+from tests.sticks import accelerance
 
 THETA = np.array([1.3, 0.8, 1.1, 0.7])
 FREQUENCY = np.linspace(0.3, 15.0, 40)
-
-
-def accelerance(system, parameters, zeta, frequency_hz, forced, rest=None):
-    """Accelerations (N, f, k) of the floors over a force at one of them, 1/kg."""
-    force, (theta, sizes) = Excitation(system.floors[forced]), system.split(parameters)
-    return system.respond(force, theta, zeta, sizes, frequency_hz, rest)[:, :, 0]
 
 
 @pytest.fixture(scope="module")

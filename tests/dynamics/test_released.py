@@ -6,22 +6,17 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.building import from_document
-from femupdate.dynamics import Excitation, System, lumped
+from femupdate.dynamics import System, lumped
 from femupdate.effects import structure_of
 from femupdate.errors import BuildingError
 from femupdate.inference.mode_data import modes_as_read
 from tests.documents import stick
+from tests.sticks import accelerance
 
 MASS, SPRING, HEIGHT = np.array([4.0, 3.0, 2.0]), np.array([9e3, 7e3, 5e3]), 0.5
 PLATE = 6.0
 THETA = np.array([1.2, 0.8, 1.1])
 LEVELS = HEIGHT * np.arange(1, 4)
-
-
-def accelerance(system, parameters, zeta, frequency_hz, forced, rest=None):
-    """Accelerations (N, f, k) of the floors over a force at one of them, 1/kg."""
-    force, (theta, sizes) = Excitation(system.floors[forced]), system.split(parameters)
-    return system.respond(force, theta, zeta, sizes, frequency_hz, rest)[:, :, 0]
 
 
 def document(base, **more):

@@ -21,15 +21,10 @@ from femupdate.inference import (
     settled,
 )
 from femupdate.measurement import Observation
+from tests.sticks import accelerance
 
 TRUTH = torch.tensor([[1.3, 0.8, 1.1, 0.7, 0.02]], dtype=torch.float64)
 FREQUENCY = np.linspace(0.5, 12.0, 60)
-
-
-def accelerance(system, parameters, zeta, frequency_hz, forced, rest=None):
-    """Accelerations (N, f, k) of the floors over a force at one of them, 1/kg."""
-    force, (theta, sizes) = Excitation(system.floors[forced]), system.split(parameters)
-    return system.respond(force, theta, zeta, sizes, frequency_hz, rest)[:, :, 0]
 
 
 @pytest.fixture(scope="module")

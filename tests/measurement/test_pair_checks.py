@@ -64,6 +64,16 @@ def test_nothing_is_said_of_good_records(seed):
     assert pair_findings(channels[1:], FLOORS[1:]) == ()
 
 
+def test_a_step_at_the_end_is_no_drift():
+    """It shifts the means, floors against the base: an offset in between, no phase."""
+    last, sides = np.arange(5000) >= 4980, (0.1, -0.1, -0.1, -0.1)
+    stepped = [
+        replace(each, values=each.values[:5000] + side * np.ptp(each.values) * last)
+        for each, side in zip(building(10)[0], sides, strict=True)
+    ]
+    assert pair_findings(stepped, FLOORS) == ()
+
+
 def test_swapped_reversed_late_and_drifting_channels_are_told():
     """In nine of ten records at least, and never another finding."""
     told = {"swapped": 0, "reversed": 0, "are their clocks the same": 0, "drifts": 0}
