@@ -284,7 +284,7 @@ def sampled_by_trajectories(
     groups = settings.chains
     particles = groups * max(_POPULATION // groups, _LEAST_GROUP)
     sampler = TemperedSmc(target.prior, target.likelihood, _TRAJECTORIES, ((Hamiltonian(), 3),))
-    show.start(_LABEL, 200)
+    show.start(f"{_LABEL} over {target.prior.size} parameters, minutes to an hour", 200)
     bar = Percent(show)
     runs = sampler.draws(
         particles,

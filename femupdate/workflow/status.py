@@ -131,6 +131,10 @@ def study_status(study: Study) -> StatusReport:
     made = sorted(artefacts.items(), key=lambda pair: pair[1].created)
     holds = tuple(_holding(study, building, artefacts, *pair) for pair in made)
     kept = study.summary() if study.key("posterior") in artefacts else {}
+    told = dict[str, Any]()
+    if any(item.name == "diagnosis" and item.state in (CURRENT, STALE) for item in holds):
+        told = json.loads(study.path(artefacts["diagnosis"].file).read_text(encoding="utf-8"))
+    lacks = f"What the model lacks: {told.get('verdict')}. {told.get('sentence')}"
     interrupted = "surrogate" not in artefacts and study.path("dataset").exists()
     goes_on = "A training was interrupted; `femupdate train` goes on where it stopped."
     studies = tuple(path.parent for path in sorted(study.folder.glob("*/study.json")))
@@ -144,7 +148,7 @@ def study_status(study: Study) -> StatusReport:
                 f"The {item.name} is {item.state}{': ' if item.reason else ''}{item.reason}. What "
                 f"is said of it does not hold; `{command}` makes it again."
             )
-    following = tuple(again.items()) or _next(study, artefacts, studies)
+    following = tuple(again.items()) or _next(study, artefacts, studies, told)
     if building is None:
         reason = "The study has no building yet; NAME is a file or one of `femupdate list`."
         following = ((_typed(study, "build-model NAME"), reason),)
@@ -154,7 +158,7 @@ def study_status(study: Study) -> StatusReport:
         holds=holds,
         unfinished=(goes_on,) if interrupted else (),
         stale=tuple(stale),
-        first=tuple(kept.get("first", ())),
+        first=(*kept.get("first", ()), *[lacks] * bool(told)),
         warnings=tuple(
             f"{capital(study.key('posterior'))}: {text}" for text in kept.get("warnings", ())
         ),
@@ -215,7 +219,7 @@ def _holding(
 
 
 def _next(
-    study: Study, artefacts: Mapping[str, Artefact], studies: Sequence[Path]
+    study: Study, artefacts: Mapping[str, Artefact], studies: Sequence[Path], told: dict[str, Any]
 ) -> tuple[tuple[str, str], ...]:
     """What to run where all is current, and why, in the order of the work."""
     have = study.posteriors()
@@ -229,13 +233,11 @@ def _next(
         files = shlex.join(sources_of(artefacts[shown.key("posterior")]))
         reason = "The posterior is to be used with care; this looks for what is missing."
         return ((_typed(study, f"diagnose {files}"), reason),)
-    diagnosis, repaired = artefacts.get("diagnosis"), study.path(REPAIRED)
-    if diagnosis is not None and repaired not in studies:
-        told = json.loads(study.path(diagnosis.file).read_text(encoding="utf-8"))
-        if told.get("verdict") in ("named", "partly"):
-            files = shlex.join(sources_of(diagnosis))
-            reason = "The diagnosis names what is missing; this adds it to the model."
-            return ((_typed(study, f"repair {files}"), reason),)
+    repaired = study.path(REPAIRED)
+    if told.get("verdict") in ("named", "partly") and repaired not in studies:
+        files = shlex.join(sources_of(artefacts["diagnosis"]))
+        reason = "The diagnosis names what is missing; this adds it to the model."
+        return ((_typed(study, f"repair {files}"), reason),)
     known = artefacts
     if repaired in studies:
         shown, option = Study(repaired), ""

@@ -86,8 +86,7 @@ def test_flexible_ground(case, sway, rocking):
 def test_table_pitch(case, size):
     changed = case.equations.but(pitch=size)
     agree(
-        case.frf("table_pitch@base", sizes=[size], zeta=ZETA),
-        changed.frf(case.frequency_hz, ZETA),
+        case.frf("table_pitch@base", sizes=[size], zeta=ZETA), changed.frf(case.frequency_hz, ZETA)
     )
 
 

@@ -77,8 +77,7 @@ def test_accelerograph_of_kinemetrics(obspy):
 
 
 @pytest.mark.parametrize(
-    ("starts", "words"),
-    [((0.0, 3.0), "has a gap of 1 s"), ((0.0, 1.0), "has an overlap of 1 s")],
+    ("starts", "words"), [((0.0, 3.0), "has a gap of 1 s"), ((0.0, 1.0), "has an overlap of 1 s")]
 )
 def test_a_trace_with_a_gap_is_refused(obspy, trace, tmp_path, starts, words):
     path = tmp_path / "a.mseed"

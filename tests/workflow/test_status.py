@@ -120,9 +120,11 @@ def test_interrupted_work_and_inner_studies_are_named(look):
 def test_a_named_effect_asks_for_a_repair(look):
     study, _ = look
     for verdict, command in {"named": "repair 'run 1.csv'", "none": "predict"}.items():
-        write_text(study.path("diagnosis.json"), f'{{"verdict": "{verdict}"}}')
+        write_text(study.path("diagnosis.json"), f'{{"verdict": "{verdict}", "sentence": "So."}}')
         study.record("diagnosis", "diagnosis.json", "diagnose", {}, {"file": "run 1.csv"})
-        assert study_status(study).next[0][0].startswith(f"femupdate {command}")
+        found = study_status(study)
+        assert found.next[0][0].startswith(f"femupdate {command}")
+        assert found.first[-1] == f"What the model lacks: {verdict}. So."  # as on the page
 
 
 def test_without_a_posterior_the_way_to_one_is_shown(tmp_path, tower_file):
