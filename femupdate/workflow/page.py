@@ -265,11 +265,11 @@ def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
     warned = [] if page.calibration is None else [*page.calibration.posterior.warnings]
     warned += () if page.prediction is None else page.prediction.warnings
     yield Notes((*dict.fromkeys(warned), *page.status.unfinished), warning=True)
-    yield Note(
-        "All figures hold for motion like that measured, in which the building responds linearly. "
-        "They say nothing of its strength."
-    )
     if page.calibration is not None:
+        yield Note(
+            "All figures hold for motion like that measured, in which the building responds "
+            "linearly. They say nothing of its strength."
+        )
         yield _stiffness(page, page.calibration)
     if page.modes:
         shares = np.sort([mode.effective_mass for mode in page.modes])[::-1]
