@@ -183,9 +183,9 @@ def test_universal_files(tmp_path):
     whole = written(tmp_path, HISTORY.format(count=7).split("\n"), "history.uff")
     (channel,) = read_measured(whole).channels
     assert (channel.name, channel.quantity, channel.unit) == ("1x", "acceleration", "m/s²")
-    cut = written(tmp_path, HISTORY.format(count=9).split("\n"), "cut.uff")
-    with pytest.raises(MeasurementError, match="announces 9 values but 7 follow"):
-        read_measured(cut)
+    for text, words in ((HISTORY.format(count=9), "9 values but 7"), (HISTORY[:-6], "no end")):
+        with pytest.raises(MeasurementError, match=words):
+            read_measured(written(tmp_path, text.split("\n"), "cut.uff"))
 
 
 TITLES = ["Mode", "Frequency [Hz]", "Std. Frequency [Hz]", "Damping Ratio [%]", "Complexity [%]"]

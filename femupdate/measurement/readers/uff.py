@@ -68,9 +68,8 @@ def read(path: Path) -> Recording:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            content = pyuff.UFF(str(path))
+            texts, content = _texts(file), pyuff.UFF(str(path))
             types = [int(kind) for kind in content.get_set_types()]
-            texts = _texts(path)
             texts = texts if len(texts) == len(types) else [()] * len(types)
             sets = [_set(content, k, texts[k]) for k, kind in enumerate(types) if kind in _READ]
         return _recording(file, types, sets)
@@ -82,10 +81,12 @@ def read(path: Path) -> Recording:
         ) from None
 
 
-def _texts(path: Path) -> list[tuple[str, ...]]:
+def _texts(file: TextFile) -> list[tuple[str, ...]]:
     """Lines of every set, without those that part them."""
-    lines = path.read_bytes().decode("utf-8", errors="replace").replace("\r\n", "\n").split("\n")
+    lines = file.path.read_bytes().decode(errors="replace").replace("\r\n", "\n").split("\n")
     at = [k for k, line in enumerate(lines) if line.strip() == "-1"]
+    if len(at) % 2 and not any(re.match(r" *58b", line) for line in lines):  # of bytes none is sure
+        raise file.error("the last set has no end: the file is cut off; export it again")
     return [tuple(lines[a + 1 : b]) for a, b in zip(at[::2], at[1::2], strict=False)]
 
 
@@ -95,14 +96,12 @@ def _set(content: Any, number: int, lines: Sequence[str]) -> dict[str, Any]:
     if kind == 58 and len(lines) > 12 and lines[0].strip() == "58":
         return _text_58(lines)
     if kind != 2414:
-        dataset: dict[str, Any] = content.read_sets(number)
-        return dataset
+        return dict(content.read_sets(number))
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # where pyuff says what it leaves out
-            dataset = content.read_sets(number)
+            return dict(content.read_sets(number))
     except Exception:
         return {"type": 2414}
-    return dataset
 
 
 _RECORD_6 = (
