@@ -20,7 +20,8 @@ from femupdate.storage import atomic_path
 from femupdate.units import factor
 
 _GREAT = 0.2  # of the largest floor's area (or length of beams) is a floor of its own
-_GRIDS = ((10.0, 0.02), (25.0, 0.05), (50.0, 0.1))  # Hz: highest frequency, step
+# Hz: highest frequency, step
+_GRIDS = ((2.0, 0.005), (4.0, 0.01), (10.0, 0.02), (25.0, 0.05), (50.0, 0.1))
 
 
 def floor_levels(read: ReadModel) -> tuple[Floats, list[str]]:

@@ -643,9 +643,10 @@ def _notes(tables: ModelTables, model: FiniteElementModel, levels: dict[str, flo
     if levels:
         heights = ", ".join(f"{name} {level:.4g}" for name, level in levels.items())
         notes.append(f"Floors: {heights} m above the base.")
+    if kinds["beam"] and not kinds["slab"] and not len(model.links.slave):
+        notes.append('Nothing holds floors in their plane; mesh.diaphragms = "*" makes them rigid.')
     if len(model.faces):  # walls of MITC4, two wide: modes 1 % higher than in the limit
-        program = tables.file.program
-        notes.append(f"Factors hold for a fine mesh; on this mesh {program} may be stiffer.")
+        notes.append(f"Factors hold for a fine mesh; this may be stiffer in {tables.file.program}.")
     return notes
 
 
