@@ -284,8 +284,8 @@ class LearnedError:
         # (e, p f k): of residuals by rows without an error, then by those with one if that differs.
         scale, determinant, self._together = torch.ones_like(weight)[None], 0.0, None
         wider = torch.ones_like(weight) if leaking is None else leaking
-        if leaking is not None and known is not None:
-            random = leaking if cancelled is None else leaking * cancelled
+        if known is not None and not (leaking is None and cancelled is None):
+            random = wider if cancelled is None else wider * cancelled
             scale, shared = 1.0 / random[None], None
         if shared is not None:
             wider = torch.maximum(wider, (1.0 - shared**2 + shared * shared.sum(0)).sqrt())

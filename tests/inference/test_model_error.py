@@ -68,8 +68,8 @@ def test_a_phase_is_a_second_part_that_only_known_errors_tie_to_the_first():
 @pytest.mark.parametrize("with_known", [False, True])
 @pytest.mark.parametrize("names", [["cancelled"], ["leaking"], ["cancelled", "leaking"]])
 def test_where_parts_cancel_or_leak_rows_with_an_error_have_more_noise(names, with_known):
-    """And where an error is known beforehand what leaks counts in every row, and cancels there."""
-    rng, everywhere = np.random.default_rng(11), "leaking" in names and with_known
+    """And where an error is known beforehand so has every row."""
+    rng = np.random.default_rng(11)
     cancelled = torch.from_numpy(rng.uniform(1.0, 8.0, SHAPE))
     of_each = dict.fromkeys(names, cancelled ** (1.0 / len(names)))
     known = torch.from_numpy(rng.normal(0.0, 0.1, (3, *SHAPE))) if with_known else None
@@ -82,7 +82,7 @@ def test_where_parts_cancel_or_leak_rows_with_an_error_have_more_noise(names, wi
     kept = error.kept([len(error.levels) - 1, 0, 7, 1])
     found = kept.log_densities(whitened)
     for row, level in enumerate(kept.levels):
-        cover, _ = covariance(kept, row, known, cancelled.flatten(), everywhere)
+        cover, _ = covariance(kept, row, known, cancelled.flatten(), with_known)
         flat = plain.flatten(1)[:, seen].numpy()
         expected = multivariate_normal(cov=cover).logpdf(flat) - float(stated)
         np.testing.assert_allclose(found[:, row] - level.log_weight, expected, rtol=1e-8)
