@@ -1,5 +1,6 @@
 """What is missing: every effect tested, the leading ones fitted, their evidence weighed."""
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -270,7 +271,25 @@ def _fitted(
             return max([fitted, *others], key=lambda either: log_posterior(problem, either))
 
         fits = in_threads(sharpened, fits)
-    return _likeliest(problem, [*fits, *swapped])
+    return _likeliest(problem, [*fits, *_mirrored(base, fits), *swapped])
+
+
+def _mirrored(base: Fit, fits: list[Fit]) -> list[Fit]:
+    """Of two floors, the mass of the other where that of one explains most.
+
+    Without a force only ratios of masses show: heavier by so much, with a stiffness likewise, the
+    other looks the same, and a search may end at either.
+    """
+    problem, floors = base.likelihood, base.likelihood.reduced.structure.floors
+    best = max([base, *fits], key=lambda fitted: log_posterior(problem, fitted))
+    last = best.placed[-1] if best is not base else None
+    if last is None or last.effect.name != "added_mass" or len(floors) != 2:
+        return []
+    placed = (*base.placed, Placed(last.effect, floors[1 - floors.index(last.place)]))
+    times = 1.0 / (1.0 + float(best.known[-1]))
+    z = extended(problem, best, placed, [*base.known, times - 1.0])
+    z[: best.steps.stories] += math.log(times)
+    return [settle(problem, fit(problem, placed, z))]
 
 
 def _surely_exchanged(base: Fit, fits: list[Fit]) -> bool:

@@ -295,7 +295,7 @@ def in_order(
 def others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:
     """Others than the same effect at one place, where it leads in all: that does not say where.
 
-    Nor ranges of places, where it leads in one.
+    One place that is likelier than all says so. Ranges of places do not, where it leads in one.
     """
     everywhere, ranges = first.placed.place == "all", first.placed.is_range
     return [
@@ -303,6 +303,7 @@ def others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:
         for other in others
         if other.placed.effect is not first.placed.effect
         or not (everywhere or (other.placed.is_range and not ranges))
+        or (not other.placed.is_range and other.log_evidence > first.log_evidence)
     ]
 
 

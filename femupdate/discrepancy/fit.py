@@ -248,6 +248,7 @@ def fit(
     iterations: int = STEPS,
     steps: LogSteps | None = None,
     near: Tensor | None = None,
+    renewed: bool = True,
 ) -> Fit:
     """Fit a model with effects from a starting point z (d,).
 
@@ -258,8 +259,9 @@ def fit(
         iterations: steps, at most.
         steps: the unknowns with their priors; by default those of the likelihood's prior.
         near: Jacobian (m, k) by the first unknowns at a point near the start, if known.
+        renewed: whether that is made anew where no step helps, and at the end.
     """
-    how = replace(_SEARCH, iterations=iterations)
+    how = replace(_SEARCH, iterations=iterations, renewed=renewed)
     return _searched(likelihood, placed, start[None], how, steps, near)[0]
 
 

@@ -17,7 +17,6 @@ from torch import Tensor
 
 from femupdate.discrepancy.fit import (
     FAR_STEPS,
-    FIRST_STEPS,
     Fit,
     coarse,
     fit,
@@ -25,6 +24,7 @@ from femupdate.discrepancy.fit import (
     prior_draws,
 )
 from femupdate.discrepancy.score import Score
+from femupdate.discrepancy.thresholds import VERDICT
 from femupdate.effects.effect import Placed
 from femupdate.inference.likelihood import Likelihood
 from femupdate.seeds import spawn, torch_generator
@@ -38,7 +38,6 @@ def global_fit(
     problem: Likelihood,
     base: Fit,
     scores: Sequence[Score],
-    leading: Sequence[Placed],
     seed: int = 0,
 ) -> Fit | None:
     """The best fit with one effect more as if noise were coarse, or None where none explains half.
@@ -46,45 +45,30 @@ def global_fit(
     Args:
         problem: the likelihood of the data.
         base: the model so far, fitted.
-        scores: tests of every effect, the strongest first.
-        leading: what explains most near the base.
+        scores: tests of every effect.
     """
     rough = coarse(problem)
     alone = fit(rough, base.placed, base.z, _ROUGH_STEPS)
-    # What leads, and the strongest place of every effect, get all draws; of a stick all places.
-    strongest = {score.placed.effect.name: score.placed.label for score in reversed(scores)}
-    most = {*strongest.values(), *(placed.label for placed in leading[:4])}
     cheap = problem.reduced.model.size <= 60
+    few = rough if cheap else rough.on_fewer(rough.reduced.model.size // 2)
 
     def screened(placed: Placed) -> tuple[float, tuple[Placed, ...], Tensor]:
         together = (*base.placed, placed)
-        z = _draws(rough, alone, together, seed, cheap or placed.label in most)
-        nearest = misfits(rough.with_effects(together), z).sort()
+        z = _draws(few, alone, together, seed, 192 if cheap else 96)
+        nearest = misfits(few.with_effects(together), z).sort()
         return float(nearest.values[0]), together, z[nearest.indices[:2]]
+
+    def by_themselves(z: Tensor) -> list[Fit]:
+        """From one place with every effect, along its size."""
+        sized = [(*base.placed, test.placed) for test in scores if test.placed.effect.parameters]
+        near = in_threads(partial(_along, few, z), sized)
+        return in_threads(lambda near: fit(rough, near.placed, near.z), _leaders(near, _SEARCHED))
 
     whole = [score.placed for score in scores if not score.placed.exchange]
     first = sorted(in_threads(screened, whole), key=lambda begin: begin[0])[:_SEARCHED]
     begun = [(together, start) for _, together, starts in first for start in starts]
     tried = [alone, *in_threads(lambda begin: fit(rough, *begin), begun)]
-
-    def by_themselves(z: Tensor) -> list[Fit]:
-        """From one place with every effect, a deviation of its prior large to either side.
-
-        Where damping is low a draw of the prior seldom meets the peaks, and steps do.
-        """
-        starts = list[tuple[tuple[Placed, ...], Tensor]]()
-        for placed in (test.placed for test in scores if test.placed.effect.parameters):
-            together, count = (*base.placed, placed), len(placed.effect.parameters)
-            for size in (-1.0, 1.0):
-                start = torch.cat([z, z.new_zeros(count)])
-                start[-count] = size
-                start = rough.with_effects(together).prior.steps.inside(start)
-                if float(start[-count]) * size > 0.0:
-                    starts.append((together, start))
-        near = in_threads(lambda start: fit(rough, *start, FIRST_STEPS), starts)
-        return in_threads(lambda near: fit(rough, near.placed, near.z), _leaders(near, _SEARCHED))
-
-    if min(tried, key=lambda fitted: fitted.misfit).chi2 > 0.5 * alone.chi2:
+    if not cheap or min(tried, key=lambda fitted: fitted.misfit).chi2 > 0.5 * alone.chi2:
         tried += by_themselves(alone.z)
     best, *rivals = _leaders(tried, _FOLLOWED)
     if best.chi2 > 0.5 * alone.chi2:
@@ -96,11 +80,36 @@ def global_fit(
         z = prior_draws(of, sizes, 512, spawn(seed, 1)[0])
         return [fit(of, near.placed, start) for start in z[misfits(of, z).argsort()[:6]]]
 
-    # Where not every place had all draws, the right effect may lie far from where it was fitted:
-    # if one of its rivals brings theta right, it leaves least there.
+    # The right effect may lie far from where a walk has led: if one of its rivals brings theta
+    # right, it leaves least there.
     followed = [best] if cheap else [near for near in (best, *rivals) if near is not alone]
     best = _leaders([best, *chain.from_iterable(in_threads(everywhere, followed))], 1)[0]
-    return best if cheap else _leaders([best, *by_themselves(best.z[: len(alone.z)])], 1)[0]
+    if cheap or best.chi2 < (1.0 - VERDICT.most) * alone.chi2:
+        return best
+    return _leaders([best, *by_themselves(best.z[: len(alone.z)])], 1)[0]
+
+
+def _along(problem: Likelihood, z: Tensor, placed: tuple[Placed, ...]) -> Fit:
+    """The best of a walk along the size of the last effect, from none, all else following.
+
+    Where narrow peaks must meet, less is left within an eighth of the prior's standard deviation of
+    the right size alone; steps towards it from farther off find the valley's walls, and stop.
+    """
+    steps, count = problem.with_effects(placed).prior.steps, len(placed[-1].effect.parameters)
+    start = fit(problem, placed, torch.cat([z, z.new_zeros(count)]), 0)
+    walked = [start]
+    for side in (-1.0, 1.0):
+        before, now = start.z, start
+        for number in range(1, 17):
+            ahead = 2.0 * now.z - before
+            ahead[-count] = 0.125 * side * number
+            inside = steps.inside(ahead)
+            if inside[-count] != ahead[-count]:
+                break
+            before, held = now.z, steps.holding(inside[-count:])
+            now = fit(problem, placed, inside, 2, held, now.jacobian, renewed=False)
+            walked.append(now)
+    return min(walked, key=lambda fitted: fitted.misfit)
 
 
 def _leaders(fits: Sequence[Fit], count: int) -> list[Fit]:
@@ -111,33 +120,25 @@ def _leaders(fits: Sequence[Fit], count: int) -> list[Fit]:
 
 
 def _draws(
-    problem: Likelihood, alone: Fit, together: tuple[Placed, ...], seed: int, many: bool
+    problem: Likelihood, alone: Fit, together: tuple[Placed, ...], seed: int, count: int
 ) -> Tensor:
-    """Unknowns (n, d) with the last effect, its parameters drawn from their prior.
+    """Unknowns (count, d) with the last effect, its parameters drawn from their prior.
 
-    Of many, half have theta from the prior too, half theta as it is but for one story after the
-    other. Of few, theta is as it is but for the story in which the effect sits; for a place in
-    none, such as "all", every story in turn.
+    Half have theta from the prior too, half theta as it is but for one story after the other.
     """
     of = problem.with_effects(together)
     known, added = alone.z[alone.steps.first_size :], len(together[-1].effect.parameters)
     in_stories, in_sizes = spawn(seed, 3)[1:]
-    count, begun = 192 if many else 32, torch.cat([known, known.new_zeros(added)])
+    begun = torch.cat([known, known.new_zeros(added)])
     drawn = prior_draws(of, begun, count, in_stories)
     generator = torch_generator(in_sizes)
     drawn[:, -added:] = 1.5 * torch.randn(count, added, generator=generator, dtype=torch.float64)
     drawn = of.prior.steps.inside(drawn)
-    stories = torch.arange(96 if many else 32) % alone.steps.stories
-    structure, place = problem.reduced.structure, together[-1].place.split("/")[-1]
-    for names in (structure.floors, structure.building.story_names):
-        if place in names and not many:
-            stories = torch.full_like(stories, names.index(place))
-    half = len(stories)
-    rows, first = torch.arange(half), alone.steps.first_size
-    near = drawn[:half].clone()
+    rows, first = torch.arange(count // 2), alone.steps.first_size
+    near, stories = drawn[: count // 2].clone(), rows % alone.steps.stories
     near[:, :first] = alone.z[:first]
     near[rows, stories] = drawn[rows, stories]
-    return torch.cat([near, drawn[half:]])
+    return torch.cat([near, drawn[count // 2 :]])
 
 
 Promise = tuple[float, Placed, Tensor]

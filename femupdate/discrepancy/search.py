@@ -12,7 +12,14 @@ from femupdate.arrays import Floats
 from femupdate.building.document import Building, without_effects
 from femupdate.building.kinds import FrameBuilding
 from femupdate.discrepancy.diagnose import diagnose, too_few
-from femupdate.discrepancy.findings import AMBIGUOUS, PARTLY, UNKNOWN, Diagnosis
+from femupdate.discrepancy.findings import (
+    AMBIGUOUS,
+    NAMED,
+    PARTLY,
+    UNKNOWN,
+    Diagnosis,
+    removed,
+)
 from femupdate.discrepancy.fit import (
     FAR_STEPS,
     RIGHT,
@@ -209,6 +216,13 @@ def prepared(
     return refined(model, problem, tried, progress)
 
 
+def doubted(found: Diagnosis) -> bool:
+    """Whether more than a little of the misfit is left, whatever the verdict."""
+    left = found.verdict in (UNKNOWN, PARTLY)
+    first = found.leading if found.verdict == NAMED else None
+    return left or (first is not None and removed(found.base, first.fitted) < VERDICT.most)
+
+
 def sought(
     model: FinderModel,
     problem: Likelihood,
@@ -228,21 +242,20 @@ def sought(
     chosen = settings or DiagnosisSettings()
     first = diagnose(problem, chosen, base, progress)
     near, found = _run_off(model, problem, base, first, chosen, progress)
-    open_ = found.verdict in (UNKNOWN, AMBIGUOUS, PARTLY)
+    open_ = doubted(found) or found.verdict == AMBIGUOUS
     if not (open_ or (found.leading and found.leading.at_limit)) or too_few(found.base):
         return near, found
-    leading = [finding.placed for finding in first.findings]
     starts = [(problem, base)]
     factors = torch.arange(len(base.z)) < base.steps.stories
     away = float(base.z[factors].abs().max()) > SPREAD
-    if away and found.verdict in (UNKNOWN, PARTLY) and not problem.reduced.structure.is_stick:
+    if away and doubted(found) and not problem.reduced.structure.is_stick:
         # Under what is missing the factors of the model as it is may be far from right, and the
         # basis about them serves no others: those of the building's file come first.
         neutral = fit(problem, base.placed, torch.where(factors, 0.0, base.z), 0)
         starts.insert(0, _around(model, problem, neutral, (base.placed, neutral.z), progress))
     for around, start in starts:
         progress.advance(note="searching far from the model as it is")
-        far = global_fit(around, start, first.scores, leading, chosen.seed)
+        far = global_fit(around, start, first.scores, chosen.seed)
         if far is None:
             continue
         there, far = refined(model, around, far, progress)
@@ -250,13 +263,15 @@ def sought(
         again = diagnose(there, chosen, moved, progress, far)
         # Log density of the data by the best of the fits.
         now, then = (
-            max(log_posterior(fitted.likelihood, fitted) for fitted in fits)
+            max(
+                log_posterior(fitted.likelihood, fitted)
+                for fitted in (told.base, *(finding.fitted for finding in told.findings))
+            )
             for told in (again, found)
-            for fits in [[told.base, *(finding.fitted for finding in told.findings)]]
         )
         if again.verdict != UNKNOWN and now >= then + VERDICT.clearly:
             near, found = _run_off(model, there, moved, again, chosen, progress)
-        if found.verdict not in (UNKNOWN, PARTLY):
+        if not doubted(found):
             break
     return near, found
 
