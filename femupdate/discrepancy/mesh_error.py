@@ -346,14 +346,8 @@ class OpenMesh:
         few = replace(system, model=system.model.first(count), terms=terms_of)
         top_hz = 1.25 * max(kind.top_hz for kind in data)
         modes = modes_shown(few.model, values.theta[0].numpy(), top_hz)
-        here = _predicted(data, few, values)
-        return torch.cat(
-            [
-                torch.cat(self._members(data, few, terms, values), dim=1),
-                *self._frequencies(data, few, values, here, modes),
-                *self._shown(data, few, values, here, modes),
-            ]
-        )
+        of_members = torch.cat(self._members(data, few, terms, values), dim=1)
+        return torch.cat([of_members, *self._of_modes(data, few, values, modes)])
 
     def _members(
         self, data: Sequence[Data], system: System, terms: tuple[Terms, ...], values: Values
@@ -376,48 +370,34 @@ class OpenMesh:
         parts = zip(data, found, strict=True)
         return [member.moved(all_[:1], all_[1:]) / part for member, all_ in parts]
 
-    def _frequencies(
-        self,
-        data: Sequence[Data],
-        system: System,
-        values: Values,
-        here: list[Tensor],
-        modes: MeshModes,
+    def _of_modes(
+        self, data: Sequence[Data], system: System, values: Values, modes: MeshModes
     ) -> Iterator[Tensor]:
-        """Changes (1, n) by one mode's frequency after the other, off by what is left."""
-        model, more = system.model, 2.0 * _LEFT_FACTOR * self.mesh.left
+        """Errors (c, n) of one mode after the other: of its frequency, and of what floors show.
+
+        A frequency is off by what is left. What all floors show errs alike, and what each does by
+        itself: of several kinds of data, in each.
+        """
+        model, here = system.model, _predicted(data, system, values)
+
+        def moved(other: ReducedModel) -> list[Tensor]:
+            there = _predicted(data, replace(system, model=other), values)
+            return [kind.moved(*both) for kind, *both in zip(data, here, there, strict=True)]
+
+        more, part = 2.0 * _LEFT_FACTOR * self.mesh.left, 0.01  # of what the floors show of a mode
         for squared, vector in zip(modes.squared, modes.vectors.T, strict=True):
             stiffer = model.stiffness_constant + more * squared * np.outer(vector, vector)
-            other = replace(system, model=replace(model, stiffness_constant=stiffer))
-            yield torch.cat(_moved(data, here, _predicted(data, other, values)), dim=1)
-
-    def _shown(
-        self,
-        data: Sequence[Data],
-        system: System,
-        values: Values,
-        here: list[Tensor],
-        modes: MeshModes,
-    ) -> Iterator[Tensor]:
-        """Errors (1, n) and (f, n) of what the floors show of each mode: of all alike, of each.
-
-        Of several kinds of data one after the other: each floor's error is its own in each.
-        """
-        model = system.model
-        for vector in modes.vectors.T:
+            yield torch.cat(moved(replace(model, stiffness_constant=stiffer)), dim=1)
             shown = model.floor_shapes @ vector
-            part = 0.01  # of what the floors show of the mode
-            shapes = model.floor_shapes + part * np.linalg.norm(shown) * vector
-            other = replace(system, model=replace(model, floor_shapes=shapes))
-            moved = _moved(data, here, _predicted(data, other, values))
-            share = torch.from_numpy(shown / np.linalg.norm(shown))
+            size = np.linalg.norm(shown)
+            shapes = model.floor_shapes + part * size * vector
+            changed = moved(replace(model, floor_shapes=shapes))
             alone = [
                 _LEFT_FACTOR / part * kind.by_floor(changes[0])
-                for kind, changes in zip(data, moved, strict=True)
+                for kind, changes in zip(data, changed, strict=True)
             ]
-            alike = [
-                share[list(kind.rows)] @ changes for kind, changes in zip(data, alone, strict=True)
-            ]
+            share = torch.from_numpy(shown / size)
+            alike = [share[list(kind.rows)] @ all_ for kind, all_ in zip(data, alone, strict=True)]
             yield self.mesh.effect * torch.cat(alike)[None]
             yield self.mesh.shape * torch.block_diag(*alone)
 
@@ -429,8 +409,3 @@ def left_open(mesh: MeshError, reduced: ReducedStructure) -> OpenMesh:
 
 def _predicted(data: Sequence[Data], system: System, values: Values) -> list[Tensor]:
     return [kind.predicted(system, values.theta, values.zeta, values.sizes) for kind in data]
-
-
-def _moved(data: Sequence[Data], from_: list[Tensor], to: list[Tensor]) -> list[Tensor]:
-    """Changes (c, n) of every kind of data."""
-    return [kind.moved(*both) for kind, *both in zip(data, from_, to, strict=True)]

@@ -116,15 +116,17 @@ def settled(likelihood: Likelihood, seed: Seed, starts: Tensor | None = None) ->
         starts = prior.from_normal(found_from(prior, wide.residuals, starts).z)
         likelihood = likelihood.about(starts[:1])
     ended = replace(settle(likelihood, starts), tried=tried)
-    # Lines from beside the maximum would tell errors from factors that do the same.
-    for _ in range(6 if likelihood.known else 0):
-        before = prior.from_normal(ended.found.z)
-        about = ended.likelihood.holding_likeliest(before[:1])
-        found = found_from(prior, about.residuals, before)
-        moved = found.z[0] - ended.found.z[0]
+    # Lines from beside the maximum would tell errors from factors that do the same. Lines about the
+    # last maximum may lead to and fro about the right one; those from halfway do not.
+    middle = ended.found.z[:1]
+    for _ in range(12 if likelihood.known else 0):
+        about = ended.likelihood.holding_likeliest(prior.from_normal(middle))
+        found = found_from(prior, about.residuals, prior.from_normal(ended.found.z))
+        moved = (found.z - middle)[0]
         ended = replace(ended, likelihood=about, found=found)
         if float(moved @ found.precision[0] @ moved) < 0.1**2:
             break
+        middle = middle + 0.5 * moved
     return ended
 
 
