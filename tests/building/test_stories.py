@@ -18,29 +18,14 @@ from tests.documents import concrete, frame, rectangle
 THETA = np.array([0.8, 1.1, 1.3, 0.7, 0.6, 1.2])
 TOWERS = {"A1 A2": ("A", "B", ["4F", "5F"]), "B1 B2": ("C", "D", ["6F", "RF"])}
 STORIES = """\
-[[stories]]
-name = "P1"
-height = "4.5 m"
-[[stories]]
-name = "P2"
-height = "4 m"
-[[stories]]
-name = "A1"
-height = "3.2 m"
-x = ["0 m", "6 m"]
-[[stories]]
-name = "A2"
-height = "3.2 m"
-x = ["0 m", "6 m"]
-[[stories]]
-name = "B1"
-height = "3.2 m"
-on = "P2"
-x = ["12 m", "18 m"]
-[[stories]]
-name = "B2"
-height = "3.5 m"
-x = ["12 m", "18 m"]
+stories = [
+  { name = "P1", height = "4.5 m" },
+  { name = "P2", height = "4 m" },
+  { name = "A1", height = "3.2 m", x = ["0 m", "6 m"] },
+  { name = "A2", height = "3.2 m", x = ["0 m", "6 m"] },
+  { name = "B1", height = "3.2 m", x = ["12 m", "18 m"], on = "P2" },
+  { name = "B2", height = "3.5 m", x = ["12 m", "18 m"] },
+]
 """
 BESIDE = """\
 name = "towers"
@@ -152,7 +137,7 @@ def test_springs_beside_a_deck_are_those_of_a_grid(tmp_path):
 
 WRONG = {
     "a later story": ('on = "P2"', 'on = "B2"', "'B2' is no story listed before it; write"),
-    "the wrong way": ('["12 m", "18 m"]\n[[', '["18 m", "12 m"]\n[[', "put the lower first"),
+    "the wrong way": ('["12 m", "18 m"], on', '["18 m", "12 m"], on', "put the lower first"),
     "no such floor": ("points", 'floors."9F" = [["0 m", "0 m"]], points', "no floor is named '9F'"),
     "in none": ('x = ["0 m", "6 m"]', 'x = ["0 m", "3 m"]', "lie in none, such as at .*; widen"),
 }
