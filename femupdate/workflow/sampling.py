@@ -238,7 +238,8 @@ def sampled_chains(
 
 def _ahead(prior: Parameters, likelihood: LogLikelihood, count: int, total: int) -> str:
     """The time that likelihoods of `total` draws take, told from that of `count`."""
-    few, started = prior.sample(count, torch_generator(0)), time.monotonic()
+    few = prior.sample(count, torch_generator(0, prior.device))
+    started = time.monotonic()
     likelihood(few)
     return waiting((time.monotonic() - started) * total / count)
 
