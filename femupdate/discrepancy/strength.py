@@ -80,7 +80,9 @@ def judged_by_strength(
         changes = _changes(base, thirds, settings, story) if story and thirds is not None else ()
         changes = tuple(replace(change, size=size, size_sd=sd) for change in changes)
         return _nonlinear(found, changes, f"{text} {_SERVES}")
-    changed = found if thirds is None else _told_by_thirds(found, thirds, settings)
+    # Thirds differ by leakage, too: what a linear filter follows alike, strong or weak, is linear.
+    linear = beyond_linear(run.histories, direction, base.system, top_hz)[0] == 0.0
+    changed = found if thirds is None or linear else _told_by_thirds(found, thirds, settings)
     if changed.verdict not in (NAMED, NONE, UNKNOWN):
         return changed
     named = found.verdict == NAMED
@@ -145,10 +147,8 @@ def _of_measured(
     base, floors, names = histories.means(direction)
     inputs = np.stack([base] if histories.rotation is None else [base, histories.rotation])
     at = [0, *(1 + system.floors.index(name) for name in names)]
-    numbers, mass = (
-        np.arange(1, 1 + len(system.floors)),
-        -np.diff(system.model.story_mass, append=0),
-    )
+    numbers = np.arange(1, 1 + len(system.floors))
+    mass = -np.diff(system.model.story_mass, append=0)
     lever = [np.interp(numbers, at, np.arange(len(at)) == row) for row in range(1, len(at))]
     return np.array(lever) @ mass, floors, inputs, histories.time_step
 
@@ -195,7 +195,7 @@ def beyond_linear(
 
     Returns:
         share: rms left of the strong third beyond that left of the weak third, over the motion;
-            0 where the run is too short to say, or fewer than two floors are measured.
+            NaN where the run is too short to say, or fewer than two floors are measured.
         grown: (f, f) covariances by which shears below the f measured floors grow, of norm 1.
     """
     mass, floors, inputs, step = _of_measured(histories, direction, system)
@@ -206,7 +206,7 @@ def beyond_linear(
     order = min(12, count // (10 * (len(inputs) + len(floors))) - 1)
     # Stories that stand beside each other are no chain: masses would come out negative.
     if order < 4 or len(floors) < 2 or (mass <= 0.0).any():
-        return 0.0, np.zeros((len(floors), len(floors)))
+        return np.nan, np.zeros((len(floors), len(floors)))
     scale, drive = (
         np.maximum(motion.std(axis=1, keepdims=True), 1e-300) for motion in (floors, inputs)
     )
