@@ -204,7 +204,9 @@ def write_draft(model: Path | str, units: str | None, path: Path) -> Path:
 def asks(model: Path | str, failure: FemupdateError) -> bool:
     """Whether a draft of this model must be completed, or is where the failure is mended."""
     file = open_model(Path(model).expanduser())
-    return bool(file.lacks or file.unsized or re.search(r"\b(mesh|reduction)\.[a-z]", str(failure)))
+    # Keys that messages name, and no file that is called mesh.bdf.
+    keys = r"\b(mesh\.(base|diaphragms|force|ignore|merge|unit)|reduction\.tolerance)\b"
+    return bool(file.lacks or file.unsized or re.search(keys, str(failure)))
 
 
 def model_words(path: Path, units: str | None) -> tuple[str, ...]:

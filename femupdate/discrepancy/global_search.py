@@ -35,10 +35,7 @@ _ROUGH_STEPS = 10
 
 
 def global_fit(
-    problem: Likelihood,
-    base: Fit,
-    scores: Sequence[Score],
-    seed: int = 0,
+    problem: Likelihood, base: Fit, scores: Sequence[Score], seed: int = 0
 ) -> Fit | None:
     """The best fit with one effect more as if noise were coarse, or None where none explains half.
 
@@ -92,8 +89,9 @@ def global_fit(
 def _along(problem: Likelihood, z: Tensor, placed: tuple[Placed, ...]) -> Fit:
     """The best of a walk along the size of the last effect, from none, all else following.
 
-    Where narrow peaks must meet, less is left within an eighth of the prior's standard deviation of
-    the right size alone; steps towards it from farther off find the valley's walls, and stop.
+    Where narrow peaks must meet, little is left near the right size alone, and fits from farther
+    off stop. In the frame that showed it steps of a sixth of the prior's sd find it, of a quarter
+    do not.
     """
     steps, count = problem.with_effects(placed).prior.steps, len(placed[-1].effect.parameters)
     start = fit(problem, placed, torch.cat([z, z.new_zeros(count)]), 0)

@@ -255,6 +255,7 @@ def test_pages_of_a_repair_name_it_and_every_file(repaired, home, tmp_path):
     told = " ".join(html.replace("&#39;", "'").split())
     assert all(line in told for line in study_status(after).first)
     assert "This model was repaired. Added to it: Added mass at" in html
+    assert "share of the floor's" in told
     # Data kept out made no artefact of the repaired study itself.
     assert file_hash(home / "kept.csv")[:16] in html
 
