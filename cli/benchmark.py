@@ -15,22 +15,18 @@ _MISSING = (
 )
 
 
-def _absent() -> click.Command:
-    """A command that says how to get the benchmarks, whatever it is asked."""
-
-    @click.command(
-        "benchmark",
-        help=f"{_HELP}\nHere {_MISSING}.",
-        context_settings={"ignore_unknown_options": True},
-    )
-    @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
-    def command(arguments: tuple[str, ...]) -> None:
-        raise Failure(_MISSING)
-
-    return command
+@click.command(
+    "benchmark",
+    help=f"{_HELP}\nHere {_MISSING}.",
+    context_settings={"ignore_unknown_options": True},
+)
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+def absent(arguments: tuple[str, ...]) -> None:
+    """Say how to get the benchmarks, whatever is asked."""
+    raise Failure(_MISSING)
 
 
 # What each benchmark needs is imported when it runs.
 command: click.Command = (
-    _absent() if find_spec(_PACKAGE) is None else import_module(f"{_PACKAGE}.commands").group
+    absent if find_spec(_PACKAGE) is None else import_module(f"{_PACKAGE}.commands").group
 )

@@ -30,21 +30,6 @@ def test_pipes_and_devices(tmp_path, make, read):
         read(make(tmp_path))
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes and devices of POSIX")
-def test_a_device_for_a_mesh(tmp_path):
-    (tmp_path / "b.toml").write_text(
-        'name = "b"\nkind = "mesh"\n[mesh]\nfile = "/dev/zero"\nunit = "m"\n'
-        '[[stories]]\nname = "S"\nheight = "3 m"\n'
-        '[materials.c]\nyoungs_modulus = "30 GPa"\npoisson_ratio = 0.2\ndensity = "2400 kg/m3"\n'
-        '[[parts]]\ngroup = "1"\nthickness = "200 mm"\n'
-        '[sensors]\ndirection = "x"\npoints = [["0 m", "0 m"]]\n'
-        '[frequency_grid]\nstart = "0.1 Hz"\nstep = "0.1 Hz"\ncount = 100\n'
-        '[prior.theta]\nlower = 0.5\nupper = 2\n[damping]\nlaw = "constant"\nratio = 0.02\n'
-    )
-    with pytest.raises(BuildingError, match=r"mesh\.file: there is no file /dev/zero"):
-        load_building(tmp_path / "b.toml")
-
-
 def test_limits_of_texts(tmp_path):
     with open(tmp_path / "long.csv", "wb") as file:
         file.write(b"time_s,a\ns,gal\n0,1\n")

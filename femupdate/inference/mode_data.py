@@ -218,7 +218,8 @@ class ModeData:
         length = torch.einsum("mf,nfr->nmr", weight, shape.square()).clamp_min(_TINY)
         whole = (weight * self.shape.square()).sum(1)
         cost = cost + whole[:, None] - product.square() / length
-        felt = shape.square().sum(1)
+        # Where no sensor says what moves, all floors do.
+        felt = (shape if self.rows else predicted[:, 2:]).square().sum(1)
         share = felt / felt.amax(dim=1, keepdim=True)
         cost = cost - 2.0 * share.clamp_min(_TINY).log()[:, None, :]
         finite = torch.where(cost.isfinite(), cost, np.finfo(np.float64).max / 1e9).numpy()

@@ -46,7 +46,8 @@ def _moment(text: str) -> re.Match[str] | None:
     of_year = _YEAR_DAY.match(text)
     if of_year and 0 < int(of_year[2]) < 367 and int(of_year[1]):
         day = date.fromordinal(date(int(of_year[1]), 1, 1).toordinal() + int(of_year[2]) - 1)
-        text = f"{day} {text[of_year.end() :]}"
+        if day.year == int(of_year[1]):
+            text = f"{day} {text[of_year.end() :]}"
     return _MOMENT.fullmatch(text)
 
 
@@ -71,6 +72,19 @@ def seconds_of(texts: Sequence[str]) -> Floats | int:
     if not readings:
         return max(each for each in orders if isinstance(each, int))
     return min(readings, key=lambda each: float(np.ptp(np.diff(each, prepend=each[0]))))
+
+
+def impossible_days(lines: Sequence[str]) -> tuple[str, ...]:
+    """Sentences on days that there are not, such as a 30 February, in the first lines of a file."""
+    days = {
+        day[0]: number
+        for number in range(min(len(lines), 60), 0, -1)
+        for day in re.finditer(rf"(?<![\w./-]){_DATE}(?![\d./-])", lines[number - 1])
+        if re.search(r"\d{4}|[^\W\d]", day[0])  # no version 30.2.1
+        and {"29", "30", "31"} & {*day.groups()}
+        and isinstance(seconds_of([f"{day[0]} 0:00"]), int)
+    }
+    return tuple(f"Line {k}: there is no day {day}; correct it." for day, k in days.items())
 
 
 def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats | int:

@@ -96,13 +96,6 @@ def _observation(
             f"{frequency.size} rows are no response function; modes are told by a column mode",
             int(table.lines[-1]),
         )
-    wrong = np.flatnonzero((np.diff(frequency, prepend=-1.0) <= 0) | (frequency < 0))
-    if wrong.size:
-        raise table.file.error(
-            "the frequencies must be zero or above and increase; sort the rows by frequency",
-            int(table.lines[wrong[0]]),
-            FREQUENCY,
-        )
     floors = tuple(sorted({column.floor for column in table.frfs}, key=floor_height))
     if not floors:
         raise table.file.error(f"there is no column of a floor; columns are {FRF_COLUMNS}")
@@ -261,11 +254,11 @@ def table_of_functions(recording: Recording, columns: Mapping[str, str]) -> Colu
     return ColumnTable.of_arrays(file, {FREQUENCY: first.frequency_hz, **values}, units)
 
 
-def unnamed_functions(table: ColumnTable, at: int) -> tuple[RecordedFunction, ...]:
+def unnamed_functions(table: ColumnTable) -> tuple[RecordedFunction, ...]:
     """The functions in a table whose columns do not say their floors, by the file's names."""
-    columns = {name: k for k, name in enumerate(table.names or ()) if k != at}
+    columns = {name: k for k, name in enumerate(table.names or ()) if k != table.at}
     return tuple(
-        _function(table, "function", name, parts, table.values[:, at], table.units[parts[0]])
+        _function(table, "function", name, parts, table.units[parts[0]])
         for name, parts in in_parts(columns).items()
     )
 
@@ -278,7 +271,7 @@ def response_functions(table: ColumnTable) -> tuple[RecordedFunction, ...]:
         if column.part != "sd":
             columns.setdefault(column.force, {})[column.name] = i
     functions = [
-        (force, _function(table, "frequency response", name, parts, table.frequency_hz, unit))
+        (force, _function(table, "frequency response", name, parts, unit))
         for force, places in columns.items()
         for name, parts in in_parts(places).items()
         for unit in (table.units[parts[0]] if forced else None,)
@@ -291,16 +284,11 @@ def response_functions(table: ColumnTable) -> tuple[RecordedFunction, ...]:
 
 
 def _function(
-    table: ColumnTable,
-    kind: str,
-    name: str,
-    parts: tuple[int, int | None],
-    frequency_hz: Floats,
-    unit: str | None,
+    table: ColumnTable, kind: str, name: str, parts: tuple[int, int | None], unit: str | None
 ) -> RecordedFunction:
     at, imaginary = parts
     values = table.values[:, at]
     values = values if imaginary is None else values + 1j * table.values[:, imaginary]
     return RecordedFunction(
-        kind=kind, name=name, frequency_hz=frequency_hz, values=values, unit=unit
+        kind=kind, name=name, frequency_hz=table.frequency_hz, values=values, unit=unit
     )

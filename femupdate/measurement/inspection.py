@@ -333,17 +333,15 @@ class Inspection:
     @property
     def summary(self) -> str:
         """How many of what, and the format."""
-        counts = {
-            "channel": len(self.channels),
-            "function of frequency": len(self.functions),
-            "mode": len(self.modes),
-            "measuring point": len(self.recording.points),
-        }
-        parts = []
-        for what, number in counts.items():
-            several = what.replace("function", "functions") if " of " in what else f"{what}s"
-            if number:
-                parts.append(f"{number} {what if number == 1 else several}")
+        held = (
+            ("channel", "channels", len(self.channels)),
+            ("function of frequency", "functions of frequency", len(self.functions)),
+            ("mode", "modes", len(self.modes)),
+            ("measuring point", "measuring points", len(self.recording.points)),
+        )
+        parts = [
+            f"{count} {each if count == 1 else several}" for each, several, count in held if count
+        ]
         return f"{', '.join(parts) or 'nothing that is used'} ({self.reads})"
 
     @property
@@ -509,7 +507,7 @@ def _functions_of_table(
         return ()
     others = (name for k, name in enumerate(names) if k != axis)
     if not columns and not all(map(parse_frf_column, others)):
-        return unnamed_functions(table, axis)
+        return unnamed_functions(replace(table, at=axis))
     table = resolved(table, columns)
     if not (table.force_units or any(column.force for column in table.frfs)):
         base_motion_in(recording, unit, columns)  # refuses what cannot be

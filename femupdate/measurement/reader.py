@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement import readers as folder
+from femupdate.measurement.clock import impossible_days
 from femupdate.measurement.frf_table import frfs_in_table, table_of_functions
 from femupdate.measurement.modes import IdentifiedModes, identified_modes
 from femupdate.measurement.names import TIME
@@ -58,12 +59,8 @@ def readers() -> Mapping[str, Reader]:
     known: dict[str, Any] = {
         name: importlib.import_module(f"{folder.__name__}.{name}") for name in names
     }
-    return MappingProxyType(dict(sorted(known.items(), key=lambda item: is_fallback(item[1]))))
-
-
-def is_fallback(reader: Reader) -> bool:
-    """Whether nearly every file is in this format."""
-    return getattr(reader, "FALLBACK", False)
+    ordered = sorted(known.items(), key=lambda item: getattr(item[1], "FALLBACK", False))
+    return MappingProxyType(dict(ordered))
 
 
 def read_measured(path: str | Path) -> Recording:
@@ -82,17 +79,23 @@ def read_measured(path: str | Path) -> Recording:
         raise file.error(
             f"the file is in none of the known formats ({', '.join(readers())}); convert it to CSV"
         )
-    reader = readers()[name]
+    recording = read_as(name, path)
+    channels = in_step(recording.file, dict(enumerate(recording.channels)))
+    notes = (*recording.notes, *impossible_days(recording.file.lines))
+    return replace(recording, channels=tuple(channels.values()), format=name, notes=notes)
+
+
+def read_as(name: str, path: Path) -> Recording:
+    """Read a file by the reader of a name, however it is damaged."""
     try:
-        recording = reader.read(path)
-        channels = in_step(recording.file, dict(enumerate(recording.channels)))
-        return replace(recording, channels=tuple(channels.values()), format=name)
+        return readers()[name].read(path)
     except MeasurementError:
         raise
-    except Exception as error:  # damage of a kind that the reader does not expect
+    except Exception as error:  # packages raise nearly anything; most of it is in Python's words
+        why = f" ({error})" if isinstance(error, (OSError, ValueError, RuntimeError)) else ""
         raise MeasurementError(
-            f"{path}: it is read as one of {reader.READS}, but is damaged ({error}); write it"
-            " again from its source"
+            f"{path}: it is read as one of {readers()[name].READS}, but is damaged{why}; write it"
+            " again from its source, or export it as CSV"
         ) from error
 
 

@@ -203,7 +203,15 @@ class ColumnTable:
         """(r,) of the rows."""
         named = FREQUENCY_NAME.match((self.names or ("",))[self.at])
         unit = self.units[self.at] or ("rad/s" if named and named["w"] else "Hz")
-        return self.values[:, self.at] * si_factor(self.file, unit, "frequency")
+        frequency = self.values[:, self.at] * si_factor(self.file, unit, "frequency")
+        wrong = np.flatnonzero(~((np.diff(frequency, prepend=-1.0) > 0) & (frequency >= 0)))
+        if wrong.size:
+            raise self.file.error(
+                "the frequencies must be zero or above and increase; sort the rows by frequency",
+                int(self.lines[wrong[0]]),
+                FREQUENCY,
+            )
+        return frequency
 
     @property
     def force_units(self) -> list[str]:
@@ -398,6 +406,18 @@ def drop_trailing_blanks(rows: list[Row], delimiter: str | None) -> list[Row]:
     return cut
 
 
+def whole_row(file: TextFile, line: int, text: str, delimiter: str | None, width: int) -> list[str]:
+    """The cells of a row, which must be so many."""
+    cells = cells_of(text, delimiter)
+    if len(cells) != width:
+        raise file.error(
+            f"the row has {len(cells)} cells where {width} are expected; the file may be cut off:"
+            " complete or remove the row",
+            line,
+        )
+    return cells
+
+
 def parse_rows(
     file: TextFile,
     rows: list[Row],
@@ -433,13 +453,7 @@ def parse_rows(
     if values is not None and values.shape[1] == width and not refused(values).any():
         return values, lines
     for line, text in zip(lines.tolist(), texts, strict=True):
-        cells = cells_of(text, delimiter)
-        if len(cells) != width:
-            raise file.error(
-                f"the row has {len(cells)} cells where {width} are expected; the file may be cut"
-                " off: complete or remove the row",
-                line,
-            )
+        cells = whole_row(file, line, text, delimiter, width)
         for position, cell in enumerate(cells):
             number = is_number(cell)
             if (number and not refused(float(cell))) or (blanks and cell.lower() in BLANKS):

@@ -300,6 +300,7 @@ def test_cells_of_another_type_are_told(tmp_path):
 
 WRONG = {
     "no such file": ("own.vtu", "other.vtu", r"mesh\.file: there is no file .*other\.vtu"),
+    "a device": ("own.vtu", "/dev/zero", r"mesh\.file: there is no file /dev/zero"),
     "name too long": ("own.vtu", f"{'o' * 300}.vtu", r"mesh\.file: there is no file .*ooo\.vtu"),
     "no such tags": ('tags = "part"', 'tags = "story"',
         r"mesh\.tags: .* no cell data 'story'.*part"),

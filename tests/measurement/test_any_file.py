@@ -72,12 +72,7 @@ def blanked(row: int, cells: slice) -> np.ndarray:
 
 
 def scaled(**factors: float) -> np.ndarray:
-    return (
-        ROWS
-        * np.array(
-            [factors.get(name.lower(), 1.0) for name in map(str, ("base", "f2", "f3", "rf"))]
-        )[:, None]
-    )
+    return ROWS * np.array([[factors.get(name, 1.0)] for name in ("base", "f2", "f3", "rf")])
 
 
 _JITTER = np.sort(TIME + 3e-4 * np.random.default_rng(1).normal(size=TIME.size))
@@ -195,7 +190,9 @@ def test_tables_are_read_as_they_come(write, name):
 
 
 @pytest.mark.parametrize("row", [0, 90, 3999])
-@pytest.mark.parametrize("cell", ["25:00:01", "10:61:01", "13:05:00 PM", "2024-13-05 10:00", "nan"])
+@pytest.mark.parametrize(
+    "cell", ["25:00:01", "10:61:01", "13:05:00 PM", "2024-13-05 10:00", "2023-366 10:00", "nan"]
+)
 def test_a_wrong_moment_is_named_with_its_row_and_column(write, row, cell):
     times = dated("%d-%b-%Y %H:%M:%S.%L" if "-" in cell else "%H:%M:%S.%L")
     path = write(table([*times[:row], cell, *times[row + 1 :]]), "any.csv")

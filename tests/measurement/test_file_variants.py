@@ -289,6 +289,12 @@ def test_frequencies_in_other_units(tmp_path, name, factor):
             inspect_file(written(tmp_path, ["time_s,base,RF", *lines[1:]], "b.csv"), unit)
 
 
+@pytest.mark.parametrize("head", ["frequency_hz,a", "frequency_hz,2F/RF (m/s2/N)"])
+def test_frequencies_out_of_order_are_refused_when_a_file_is_inspected(tmp_path, head):
+    with pytest.raises(MeasurementError, match=r"line 4, .*; sort the rows by frequency"):
+        inspect_file(written(tmp_path, [head, "1,1", "3,1", "2,1", "4,1"]))
+
+
 @pytest.mark.parametrize(
     "of_floor",
     [

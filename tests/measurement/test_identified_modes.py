@@ -175,12 +175,21 @@ HEAD = "mode,frequency_hz,damping,2F,RF\n"
         ("mode,frequency_hz,frequency_sd_hz\n1,2,0\n", r"deviation of the frequency of mode 1"),
         ("mode,frequency_hz,2F,2F_sd\n1,2,3,-1\n", r"a standard deviation of the shape of mode 1"),
         ("mode,period_s,frequency_hz,RF\n1,.25,5,1\n", "do not fit each other; leave out one"),
+        ("test,f1,f2\n1,3.8,10\n2,3.9\n", r"line 3: the row has 2 cells where 3 are expected"),
+        ("test,f1,f2\n1,3.8,10\n2,10.1,3.9\n", "line 3, .*10.1 Hz and the next one at 3.9 Hz, in"),
         ("mode,frequency_hz,RF.y\n1,2,3\n", r"none of the shapes' components is a floor's in dir"),
     ],
 )
 def test_wrong_tables(write, text, message):
     with pytest.raises(MeasurementError, match=message):
         read(write(text, "m.csv"))
+
+
+def test_modes_not_numbered_by_frequency_and_a_day_of_none_are_said(write):
+    path = write("date,T1,T2\n2024-02-30,.1,.26\n2024-03-01,.11,.27\n", "m.csv")
+    _, order, day = read_measured(path).notes
+    assert order == "The modes are not numbered by frequency."
+    assert day == "Line 2: there is no day 2024-02-30; correct it."
 
 
 def test_circular_frequencies_and_letters_of_modes(write):

@@ -99,7 +99,8 @@ HEADERED = {
         "line 4: the header announces 40 values in channel 270 Deg, Roof - center but 32 follow"),
     "knet too few": ("knet", last_line_less, "line 12: the header announces 40 values but 32"),
     "knet no direction": ("knet", lambda t: edited(t, "Dir.", "Dxr."), "does not give Dir."),
-    "knet no scale": ("knet", lambda t: edited(t, "(gal)/", "(gal)/0*"), "'0'; it must be")
+    "knet scale 0": ("knet", lambda t: edited(t, "(gal)/", "(gal)/0*"), "'0'; it must be"),
+    "knet no scale": ("knet", lambda t: edited(t, "7845(gal)/8223790", ""), "not give Scale"),
 }  # fmt: skip
 
 

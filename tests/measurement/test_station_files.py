@@ -281,7 +281,7 @@ def test_packed_files_that_are_no_archive(tmp_path, texts, wave, spoil):
     whole = tarred(tmp_path / "a.tar.gz", {"a.asc": texts["esm"](wave)}).read_bytes()
     path = tmp_path / "cut.tar.gz"
     path.write_bytes(spoil(whole))
-    with pytest.raises(MeasurementError, match="an archive that cannot be opened"):
+    with pytest.raises(MeasurementError, match="archives of records, but is damaged"):
         read_record(path)
 
 

@@ -1,7 +1,10 @@
 """build-model against closed forms, and what it does to a study that has something in it."""
 
+import re
+
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from femupdate.building import load_building, save_building
 from femupdate.dynamics import reduced_modes
@@ -78,6 +81,14 @@ def test_modes_say_what_they_move(cabin):
     assert modes.effective_mass[0] == pytest.approx([0.0, 0.9], abs=0.02)
     assert modes.effective_mass[2, 0] > 0.05
     assert (modes.effective_mass.sum(axis=0) < 1.0).all()
+
+
+def test_a_picture_says_what_the_table_says(cabin):
+    table = {line[:3].strip(): line.split() for line in repr(cabin[0]).splitlines()}
+    texts = " ".join(text.get_text() for text in cabin[0].plot().findobj(Text))
+    number, said, share = re.search(r"Mode (\d+) .*: (.*) Hz, (.*) % of the", texts).groups()
+    _, hertz, _, expected, *_ = table[number]
+    assert (said, share) == (f"{float(hertz):.2f}", expected)
 
 
 def test_without_a_name_a_study_keeps_its_building(tmp_path, tower_file):

@@ -35,16 +35,8 @@ def recognises(head: str, suffix: str) -> bool:
 def read(path: Path) -> Recording:
     """Channels of all records in an archive, unpacked under our own names for a moment."""
     file = TextFile(path)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            return _together(file, _unpacked(file, Path(folder)))
-    except MeasurementError:
-        raise
-    except Exception as error:  # a damaged archive makes zipfile and tarfile raise nearly anything
-        raise file.error(
-            f"this is a workbook or an archive that cannot be opened ({error}); export it as CSV"
-            " or unpack it"
-        ) from None
+    with tempfile.TemporaryDirectory() as folder:
+        return _together(file, _unpacked(file, Path(folder)))
 
 
 def _members(file: TextFile) -> Iterator[tuple[str, int, Any]]:
@@ -165,7 +157,7 @@ def _together(file: TextFile, unpacked: dict[str, Path]) -> Recording:
 
 def _member(file: TextFile, name: str, path: Path, members: int) -> Recording | None:
     """What a member holds; None of one that is no record."""
-    from femupdate.measurement.reader import is_fallback, readers
+    from femupdate.measurement.reader import read_as, readers
 
     if path.stat().st_size == 0:
         return None
@@ -175,8 +167,8 @@ def _member(file: TextFile, name: str, path: Path, members: int) -> Recording | 
     if kind is None or kind in _NOT_LOOKED_INTO:
         return None
     try:
-        return readers()[kind].read(path)
+        return read_as(kind, path)
     except MeasurementError as error:
-        if is_fallback(readers()[kind]) and members > 1:  # a note beside the records
+        if getattr(readers()[kind], "FALLBACK", False) and members > 1:  # a note beside the records
             return None
         raise MeasurementError(str(error).replace(str(path), f"{file.path}: {name}")) from None

@@ -18,7 +18,7 @@ _SCALE = r"^Scale Factor\s+([\d.Ee+-]+)\s*\(gal\)\s*/\s*([\d.Ee+-]+)"
 
 
 def recognises(head: str, suffix: str) -> bool:
-    return any(re.search(_SCALE, line) for line in head.split("\n")[:20])
+    return any(re.match(r"Scale Factor.*gal|Duration Time\(s\)", x) for x in head.split("\n")[:20])
 
 
 def read(path: Path) -> Recording:

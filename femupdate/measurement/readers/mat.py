@@ -25,24 +25,15 @@ def read(path: Path) -> Recording:
     from scipy.io import loadmat, whosmat
 
     file = TextFile(path, row_name="row")
-    try:
-        with path.open("rb") as stream:
-            hdf = stream.read(10) == b"MATLAB 7.3"
-        if hdf:
-            arrays = _version_7_3(path)
-        else:
-            require_whole(read_file(path, LARGEST_BYTES, MeasurementError), LARGEST_BYTES)
-            _require_moderate(path, [shape for _, shape, _ in whosmat(path)])
-            content = loadmat(path, squeeze_me=True, struct_as_record=False)
-            parts = [_flat(name, content[name]) for name in content if not name.startswith("__")]
-            arrays = {key: item for part in parts for key, item in part.items()}
-    except MeasurementError:
-        raise
-    except Exception as error:  # a damaged file makes scipy and h5py raise nearly anything
-        raise file.error(
-            f"this MATLAB file cannot be read ({error}); save it again with save -v7"
-        ) from None
-    return table_of_arrays(file, arrays)
+    with path.open("rb") as stream:
+        hdf = stream.read(10) == b"MATLAB 7.3"
+    if hdf:
+        return table_of_arrays(file, _version_7_3(path))
+    require_whole(read_file(path, LARGEST_BYTES, MeasurementError), LARGEST_BYTES)
+    _require_moderate(path, [shape for _, shape, _ in whosmat(path)])
+    content = loadmat(path, squeeze_me=True, struct_as_record=False)
+    parts = [_flat(name, content[name]) for name in content if not name.startswith("__")]
+    return table_of_arrays(file, {key: item for part in parts for key, item in part.items()})
 
 
 def _flat(name: str, value: Any) -> dict[str, Any]:

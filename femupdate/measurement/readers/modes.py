@@ -17,6 +17,7 @@ from femupdate.measurement.table import (
     parse_rows,
     read_head_rows,
     split_complex,
+    whole_row,
 )
 from femupdate.measurement.text import TextFile, read_text
 
@@ -98,10 +99,10 @@ def _in_rows(
 ) -> Recording:
     """A table with a row for each test as one with a row for each of its modes."""
     delimiter = find_delimiter(rows[0][1])
-    table = [(line, cells_of(text, delimiter) + [""] * len(columns)) for line, text in rows[1:]]
-    mark = delimiter or " "
+    heads, mark = cells_of(rows[0][1], delimiter), delimiter or " "
+    table = [(line, whole_row(file, line, text, delimiter, len(heads))) for line, text in rows[1:]]
     picked = [(line, mark.join(cells[k] for k in columns)) for line, cells in table]
-    titles = tuple(cells_of(rows[0][1], delimiter)[k] for k in columns)
+    titles = tuple(heads[k] for k in columns)
     values, lines = parse_rows(file, picked, delimiter, titles, blanks=True)
     modes = sorted({mode for _, mode, _ in columns.values()})
     names = tuple(dict.fromkeys((TEST, MODE, *(figure for figure, _, _ in columns.values()))))
@@ -110,10 +111,14 @@ def _in_rows(
     for (figure, mode, factor), column in zip(columns.values(), values.T, strict=True):
         long[:, modes.index(mode), names.index(figure)] = factor * column
     rate = PERIOD if PERIOD in names else FREQUENCY
-    seen = np.isfinite(long[:, :, names.index(rate)])
+    rates = long[:, :, names.index(rate)]
+    seen = np.isfinite(rates)
+    falls = (np.diff(rates, axis=1) * (-1.0 if rate == PERIOD else 1.0) < 0.0).any()
     units, lines = (None,) * len(names), lines[np.nonzero(seen)[0]]
     found = ColumnTable(file, names, units, long[seen], lines)
-    return Recording(file, mode_table=found, notes=(_MEANS.format(len(values)),))
+    order = ("The modes are not numbered by frequency.",) if falls else ()
+    notes = _MEANS.format(len(values)), *order
+    return Recording(file, mode_table=found, notes=notes)
 
 
 def _numbered(rows: list[Row], delimiter: str | None, names: tuple[str, ...]) -> list[Row]:

@@ -26,7 +26,8 @@ def recognises(head: str, suffix: str) -> bool:
     rows = TextFile(Path(), tuple(head.split("\n"))).rows()[:50]
     rows = split_complex(rows) if rows else rows
     cells = [cells_of(text, find_delimiter(text)) for _, text in rows]
-    named = bool(cells) and any(axis.match(cells[0][0]) for axis in (TIME_NAME, FREQUENCY_NAME))
+    axes = (TIME_NAME, FREQUENCY_NAME)
+    named = bool(cells) and any(axis.match(cell) for cell in cells[0] for axis in axes)
     dated = any(is_moment(" ".join(row[a:b])) for row in cells for a, b in MOMENT_CELLS)
     return named or dated or any(all(map(is_number, row)) for row in cells)
 

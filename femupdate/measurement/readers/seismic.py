@@ -48,14 +48,9 @@ def read(path: Path) -> Recording:
         warnings.simplefilter("ignore")
         kind = _format(stream.read(5000).decode("latin-1"), path.suffix.lower())
         stream.seek(0)
-        try:
-            # Kinemetrics say volts per count and per g: theirs come in m/s2.
-            found = obspy.read(stream, format=kind or "MSEED", apply_calib=kind == _ALTUS)
-            traces = list(found.merge(method=-1))
-        except Exception as error:  # a damaged file makes ObsPy raise nearly anything
-            raise file.error(
-                f"this {kind} file cannot be read ({error}); fetch it again from its source"
-            ) from None
+        # Kinemetrics say volts per count and per g: theirs come in m/s2.
+        found = obspy.read(stream, format=kind or "MSEED", apply_calib=kind == _ALTUS)
+        traces = list(found.merge(method=-1))
     traces = [trace for trace in traces if trace.data.dtype.kind in "fiu"]  # others are logs
     _require_whole(file, traces)
     return Recording(file, tuple(_channel(trace, kind == _ALTUS) for trace in traces))

@@ -30,18 +30,13 @@ def read(path: Path) -> Recording:
     file = TextFile(path)
     nptdms = reading_package(file, "nptdms", "npTDMS", "TDMS files")
     import_module("nptdms.log").log_manager.set_level(logging.ERROR)  # what is cut is told below
-    try:
-        groups = nptdms.TdmsFile.read(path).groups()
-        channels = [(group.name, channel) for group in groups for channel in group.channels()]
-        numbers = [
-            (name, channel)
-            for name, channel in channels
-            if len(channel) > 1 and channel[:].dtype.kind in "fiu"
-        ]
-    except Exception as error:  # a damaged file makes npTDMS raise nearly anything
-        raise file.error(
-            f"this TDMS file cannot be read ({error}); save it again from its program"
-        ) from None
+    groups = nptdms.TdmsFile.read(path).groups()
+    channels = [(group.name, channel) for group in groups for channel in group.channels()]
+    numbers = [
+        (name, channel)
+        for name, channel in channels
+        if len(channel) > 1 and channel[:].dtype.kind in "fiu"
+    ]
     # Three times tell a step.
     clocks = {
         name: np.asarray(channel[:], float)

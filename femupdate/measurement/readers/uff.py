@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from femupdate.errors import MeasurementError
 from femupdate.measurement.clock import even_step, interpolated
 from femupdate.measurement.names import force_unit, is_acceleration
 from femupdate.measurement.recording import (
@@ -65,20 +64,13 @@ def read(path: Path) -> Recording:
     """Histories, functions of frequency, modes and points of a universal file."""
     file = TextFile(path)
     pyuff = reading_package(file, "pyuff", "pyuff", "universal files")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            texts, content = _texts(file), pyuff.UFF(str(path))
-            types = [int(kind) for kind in content.get_set_types()]
-            texts = texts if len(texts) == len(types) else [()] * len(types)
-            sets = [_set(content, k, texts[k]) for k, kind in enumerate(types) if kind in _READ]
-        return _recording(file, types, sets)
-    except MeasurementError:
-        raise
-    except Exception as error:  # a damaged file makes pyuff raise nearly anything
-        raise file.error(
-            f"this universal file cannot be read ({error}); export it again from its program"
-        ) from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        texts, content = _texts(file), pyuff.UFF(str(path))
+        types = [int(kind) for kind in content.get_set_types()]
+        texts = texts if len(texts) == len(types) else [()] * len(types)
+        sets = [_set(content, k, texts[k]) for k, kind in enumerate(types) if kind in _READ]
+    return _recording(file, types, sets)
 
 
 def _texts(file: TextFile) -> list[tuple[str, ...]]:

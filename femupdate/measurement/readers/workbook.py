@@ -20,22 +20,21 @@ def read(path: Path) -> Recording:
     """The one sheet that holds rows of numbers; values of formulas as they were saved."""
     file = TextFile(path, row_name="row")
     openpyxl = reading_package(file, "openpyxl", "openpyxl", "workbooks")
-    try:
-        with zipfile.ZipFile(path) as packed:
-            size = sum(member.file_size for member in packed.infolist())
-        if size > LARGEST_BYTES:
-            raise file.error(f"the workbook unpacks to {size / 1e9:.3g} GB; export it as CSV")
-        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-        sheets = {sheet.title: sheet.iter_rows(values_only=True) for sheet in book.worksheets}
-        texts = {
-            title: [
-                "\t".join("" if cell is None else " ".join(str(cell).split()) for cell in row)
-                for row in rows
-            ]
-            for title, rows in sheets.items()
-        }
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, SyntaxError) as error:
-        raise file.error(f"the workbook cannot be opened ({error}); export it as CSV") from None
+    with zipfile.ZipFile(path) as packed:
+        names = {member.filename: member.file_size for member in packed.infolist()}
+    size = sum(names.values())
+    if size > LARGEST_BYTES:
+        raise file.error(f"the workbook unpacks to {size / 1e9:.3g} GB; export it as CSV")
+    if names and not any(name.startswith("xl/worksheets/") for name in names):
+        raise file.error("the workbook holds no sheet of cells, such as a chart alone; export CSV")
+    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    texts = {
+        sheet.title: [
+            "\t".join("" if cell is None else " ".join(str(cell).split()) for cell in row)
+            for row in sheet.iter_rows(values_only=True)
+        ]
+        for sheet in book.worksheets
+    }
     tables = {
         title: lines
         for title, lines in texts.items()
