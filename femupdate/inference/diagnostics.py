@@ -155,7 +155,7 @@ class PredictiveCheck:
             f"{name} {value:.2g}" for name, value in zip(self.names, self.floors, strict=True)
         )
         return (
-            f"posterior predictive p-value {self.whole:.2g} ({floors}): the data miss the model "
+            f"Posterior predictive p-value {self.whole:.2g} ({floors}): the data miss the model "
             f"by {self.ratio**0.5:.2f} times what is allowed for"
         )
 

@@ -51,7 +51,7 @@ class DrawnBy:
 
     def sentences(self) -> tuple[str, ...]:
         """For the user."""
-        told = [f"drawn by {self.way} ({self.evaluations:,} likelihoods)"]
+        told = [f"Drawn by {self.way} ({self.evaluations:,} likelihoods)"]
         if self.effective_sample_size is not None:
             told.append(f"effective sample size {self.effective_sample_size:.0f}")
         if self.log_evidence is not None:
