@@ -180,7 +180,7 @@ def study_options(
                     what = click.get_current_context().info_name or "command"
                     stack.enter_context(locked(study.folder, what))
                 stack.enter_context(shared_out(kwargs.pop("dask", None)))
-                bars = progress_bars(stack)
+                bars = SILENT if asked_for("quiet") else stack.enter_context(Bars())
                 answer = function(*args, study=study, bars=bars, **kwargs)
                 study = Study(study.folder, kwargs.get("name", study.posterior))
                 if writes and (workbook or answer.result.tables()):
@@ -221,11 +221,6 @@ def shared_out(address: str | None) -> Iterator[None]:
 def asked_for(name: str) -> bool:
     """Whether the running command was given a flag that all commands have."""
     return bool(click.get_current_context().params.get(name))
-
-
-def progress_bars(stack: ExitStack) -> Any:
-    """Progress on stderr, or none where it was asked for quiet."""
-    return SILENT if asked_for("quiet") else stack.enter_context(Bars())
 
 
 def plain_options(function: Callable[..., Answer]) -> Callable[..., None]:

@@ -145,7 +145,7 @@ def beam_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBl
         floors = resolve(beams.floors, building.floors, "floor", f"{key}.floors")
         for run in beam_stretches(building.grid, beams, key):
             parts = [run]
-            if beams.has_spans:
+            if beams.rigid_ends is not None or beams.hinges is not None:  # at ends of every span
                 spanned = spans(building.grid, run)
                 parts = [Stretch(run.axis, run.line, start, end) for start, end, _ in spanned]
             for floor, part in product(floors, parts):

@@ -115,11 +115,6 @@ class BeamLines(Entry):
     rigid_ends: tuple[LengthOrZero, LengthOrZero] | None = None
     hinges: Literal["start", "end", "both"] | None = None
 
-    @property
-    def has_spans(self) -> bool:
-        """Whether something happens at the ends of every span."""
-        return self.rigid_ends is not None or self.hinges is not None
-
 
 class Braces(Entry):
     """Straight members across a bay between two crossing lines, from floor to floor.

@@ -422,7 +422,7 @@ class Effect(ABC):
                 "size": size_as_read,
                 "number": size_as_read.partition(" ")[0],
                 "lost": first.shown(-size),
-                "change": more_or_less(size, *self.words),
+                "change": f"{100.0 * abs(size):.3g} % {self.words[0 if size > 0.0 else 1]}",
             }
         return self.clause.format(**known)
 
@@ -524,11 +524,6 @@ class Placed:
 def _in_words(place: str) -> str:
     """A place such as "2F,3F" as it is read."""
     return place.replace(",", " and ")
-
-
-def more_or_less(size: float, more: str, less: str) -> str:
-    """A share in words, such as "25 % softer"."""
-    return f"{100.0 * abs(size):.3g} % {more if size > 0.0 else less}"
 
 
 def mass_terms(structure: Structure, values: Floats) -> Terms:

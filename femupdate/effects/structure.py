@@ -94,11 +94,6 @@ class Structure:
         below = np.array(self.building.below)
         return values - np.concatenate([np.zeros_like(values[:1]), values])[below + 1]
 
-    @property
-    def rigid_floors(self) -> Floats:
-        """(f, 2) displacement of the floors per unit base translation and rotation."""
-        return np.column_stack([np.ones(len(self.levels)), self.levels])
-
     def stiffness(self, theta: Floats) -> csc_matrix:
         """K (n, n) at theta (p,)."""
         if self.operators is not None:

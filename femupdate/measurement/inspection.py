@@ -149,16 +149,23 @@ def next_step(
         names: of a table's columns, the one of times included; None of any other file.
     """
     kinds = ("acceleration", "unknown")  # as far as is told
-    usable = [k for k, e in enumerate(histories) if e.quantity in kinds and not e.vertical]
-    units = (histories[k].unit for k in usable)
-    unknown = unit is None and any(stated is None or RAW.fullmatch(stated) for stated in units)
+    untold = [each.unit is None or RAW.fullmatch(each.unit) is not None for each in histories]
+    usable = [
+        k
+        for k, each in enumerate(histories)
+        if each.quantity in kinds
+        and not each.vertical
+        and (untold[k] or is_acceleration(each.unit or ""))
+    ]
+    unknown = unit is None and any(untold[k] for k in usable)
     options = f" --unit {shlex.quote(unit or 'UNIT')}" if unit or unknown else ""
     if not usable:
         return NextStep("", "None of the channels is a horizontal acceleration.")
     name = shlex.quote(str(path))
     identify = f"femupdate identify {name} -o {shlex.quote(f'{path.stem}_modes.csv')}"
     if columns:
-        based = any(ours.startswith((BASE, "force/")) for ours in columns)
+        known = (*columns, *(each.name for each in histories))
+        based = any(ours.startswith((BASE, "force/")) for ours in known)
         command = f"femupdate calibrate {name}{options}" if based else identify
         return NextStep(f"{command}{columns_option(columns)}", "", columns)
     proposed = _proposal(histories, usable)

@@ -210,6 +210,7 @@ class IdentifiedModes:
         floors: (f,) with a sensor, bottom to top.
         shape: (m, f) displacement of the floors against the fixed base, in any scale and sign.
         shape_sd: (m, f) standard deviations, in the scale of the shape.
+        doubts: see `mode_findings`.
     """
 
     names: tuple[str, ...]
@@ -222,6 +223,7 @@ class IdentifiedModes:
     shape_sd: Floats
     source: str = "modes"
     notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     def some(self, rows: Sequence[int]) -> "IdentifiedModes":
         """Some of the modes."""
@@ -264,15 +266,6 @@ def identified_modes(
     notes = []
     if any(channel is not None and channel.floor == BASE for channel in sensors):
         notes.append("The shapes' component at the base is left out.")
-    loose = [
-        mode.name or f"{mode.frequency_hz:.4g} Hz"
-        for mode in modes
-        if mode.shape.size and phase_collinearity(mode.shape) < _IN_PHASE
-    ]
-    if loose:
-        notes.append(
-            f"Mode {', '.join(loose)}: the floors do not move in phase; the part that does is used."
-        )
     placed = _floors_of(file, modes, None if table is not None else columns, direction)
     floors = tuple(sorted(set(placed.values()), key=floor_height))
     # The sensors of a floor averaged.
@@ -298,6 +291,7 @@ def identified_modes(
         shape_sd=spread,
         source=file.path.name,
         notes=tuple(notes),
+        doubts=mode_findings(modes),
     )
 
 

@@ -248,6 +248,8 @@ class ColumnTable:
             names = tuple(str(k + 1) for k in range(self.values.shape[1]))
         said = columns.get(TIME, "")
         rate = re.fullmatch(r"(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?|nan|-?inf)\s*Hz", said, re.IGNORECASE)
+        if rate is None and said and TIME in (names or ()) and said not in (names or ()):
+            raise self.file.error(f"its times are {TIME} already; leave {TIME}={said} out")
         if rate is None or names is None:
             return replace(self, names=names), columns
         if TIME in names:

@@ -241,6 +241,7 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
                     )
                 read = read.some(np.flatnonzero(within).tolist())
             modes.append(read)
+            doubts += [f"{path.name}: {words}." for words in read.doubts]
             continue
         found = (read,) if isinstance(read, Histories) else read
         if found[0].excitation.force:
@@ -275,6 +276,7 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
         None,
         errors,
         notes_of_others=tuple(_notes(building, forced, modes, errors)),
+        doubts=tuple(doubts),
     )
     if not base:
         floors = others.base.floors
@@ -290,7 +292,6 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
         others,
         base=as_one(building, runs),
         runs=runs,
-        doubts=tuple(doubts),
         base_paths=tuple(path for path, _ in base),
     )
 

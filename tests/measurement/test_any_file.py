@@ -77,7 +77,7 @@ def scaled(**factors: float) -> np.ndarray:
 
 _JITTER = np.sort(TIME + 3e-4 * np.random.default_rng(1).normal(size=TIME.size))
 _LEAP = dated("%H:%M:%S.%L", "2016-12-31 23:59:50")
-_LEAP = [t.replace("00:00:00", "23:59:60") if t.startswith("00:00:00") else t for t in _LEAP]
+_LEAP = [t.replace("00:00:00", "23:59:60") for t in _LEAP]
 _LEAP = [
     "2016-12-31T" + t if t[:2] == "23" else f"2017-01-01T00:00:{int(t[6:8]) - 1:02d}{t[8:]}"
     for t in _LEAP
@@ -171,9 +171,8 @@ SAID = {
 def test_tables_are_read_as_they_come(write, name):
     text, (words, rate, samples) = TABLES[name], SAID.get(name, ("", 100, 4000))
     path = write(text, "any.csv")
-    columns = {"time_s": "timestamp"} if "timestamp" in text[:20] else None
-    columns = {"time_s": "time_ms"} if "time_ms" in text[:20] else columns
-    columns = {"time_s": "Zeit"} if text.startswith("Zeit") else columns
+    called = [name for name in ("timestamp", "time_ms", "Zeit") if text.startswith(name)]
+    columns = {"time_s": called[0]} if called else None
     seen = inspect_file(path)
     assert words in " ".join((*seen.rotation, *seen.all_findings))
     assert words or seen.all_findings == ()
@@ -255,11 +254,7 @@ def test_what_cannot_be_told_is_refused_with_its_place(write, text, message):
 def test_counts_take_a_factor_for_each_channel(write):
     factors = {"base": 4e-6, "2F": 5e-6, "3F": 4e-6, "RF": 2e-5}
     counts = np.rint(ROWS / np.array(list(factors.values()))[:, None])
-    text = "time_s,base,2F,3F,RF\n" + "\n".join(
-        ",".join([f"{t:.2f}", *(f"{v:.0f}" for v in row)])
-        for t, row in zip(TIME, counts.T, strict=True)
-    )
-    path = write(text, "counts.csv")
+    path = write(table(_TIMES, counts, "time_s,base,2F,3F,RF"), "counts.csv")
     assert any("counts of a digitiser" in words for words in inspect_file(path).all_findings)
     read = read_observation_file(path, "m/s2", {k: f"{k}*{v}" for k, v in factors.items()})
     np.testing.assert_allclose(read.acceleration, ROWS, atol=2e-5)
@@ -321,7 +316,7 @@ def test_universal_files_of_other_programs(write, name, start, even, form):
     path = write(text, "other.uff")
     columns = {floor: str(k) for k, floor in enumerate(NAMES, start=1)}
     read = read_observation_file(path, columns=columns)
-    places = [each.location for each in read_channels(path)]
+    places = [each.channel.location for each in inspect_file(path).channels]
     assert places == [f"point {k} +X" for k in range(1, 5)]
     begin = round(start / STEP)
     np.testing.assert_allclose(read.acceleration[0], ROWS[0][begin:], atol=1e-4)
@@ -373,10 +368,6 @@ def test_frfs_without_header_are_mapped_by_number(write):
     assert "of frequencies say it by --columns" in inspect_file(path).step.advice
 
 
-def read_channels(path):
-    return [each.channel for each in inspect_file(path).channels]
-
-
 @pytest.mark.parametrize(
     ("names", "floors"),
     [
@@ -409,22 +400,35 @@ def test_the_next_command_runs_with_the_names_that_people_give(write, names, flo
 
 def test_columns_in_two_directions_are_not_taken_for_two_sensors(write):
     names = ["Ground_EW", "Roof_EW", "Ground_NS", "Roof_NS"]
-    path = write(
-        table(printed("{:.2f}"), head=",".join(["time_s", *names]) + "\ns" + ",m/s2" * 4), "xy.csv"
-    )
+    head = ",".join(["time_s", *names]) + "\ns" + ",m/s2" * 4
+    path = write(table(_TIMES, head=head), "xy.csv")
     step = inspect_file(path).step
     assert step.columns == dict(zip(("base", "RF", "base.y", "RF.y"), names, strict=True))
     assert "base=Ground_EW,RF=Roof_EW" in step.command
 
 
 def test_nothing_is_proposed_where_a_column_is_left_over(write):
-    path = write(
-        table(printed("{:.2f}"), head="time_s,Ground,A,Floor2,Roof\ns" + ",m/s2" * 4), "a.csv"
-    )
+    head = "time_s,Ground,A,Floor2,Roof\ns" + ",m/s2" * 4
+    path = write(table(_TIMES, head=head), "a.csv")
     step = inspect_file(path).step
     assert step.command == ""
     assert "which floor A is" in step.advice
     assert "such as 'base=Ground,2F=A'" in step.advice
+
+
+def test_what_is_proposed_fits_the_file(write):
+    text = table(_TIMES)
+    mapped = inspect_file(
+        write(text.replace("time_s", "clock"), "a.csv"), None, {"time_s": "clock"}
+    )
+    assert mapped.step.command.startswith("femupdate calibrate")
+    assert inspect_file(write(text.replace("m/s2", "mm"), "b.csv")).step.command == ""
+    each_its_clock = table(_TIMES, [ROWS[0], TIME, ROWS[3]], "t1 (s),base (g),t2 (s),RF (g)")
+    assert read_observation_file(write(each_its_clock, "c.csv"), None, {"time_s": "t1"}).floors == (
+        "RF",
+    )
+    with pytest.raises(MeasurementError, match="leave time_s=clock out"):
+        inspect_file(write(table(dated("%H:%M:%S.%L")), "d.csv"), None, {"time_s": "clock"})
 
 
 def test_sensors_in_opposite_corners_are_not_said_to_be_swapped(write):

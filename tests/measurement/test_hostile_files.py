@@ -83,13 +83,10 @@ def test_modes_of_any_scale_and_of_no_frequency(write):
             inspect_file(write(rows, "c.csv"))
 
 
-def test_functions_with_fewer_values_than_frequencies(tmp_path):
+def test_sets_without_all_their_values(tmp_path):
     one = {"func_type": 4, "x": np.arange(128.0), "data": np.ones(127)}
     with pytest.raises(MeasurementError, match="127 values at 128 frequencies"):
         uff._function(TextFile(tmp_path / "a.uff"), one, True)
-
-
-def test_a_mode_without_components_at_a_point(tmp_path):
     one = {"type": 55, "analysis_type": 2, "node_nums": [1, 2, 3], "mode_n": 4}
     one |= {"freq": 1.5, "modal_damp_vis": 0.01, "r1": np.ones(2)}
     with pytest.raises(MeasurementError, match="mode 4 has 2 components where its points have 3"):

@@ -96,10 +96,8 @@ def test_complex_shapes_are_turned_to_be_real(write, cell):
 
 def test_a_shape_out_of_phase_is_told(write):
     path = write("mode,frequency_hz,2F,RF\n1,2.0,1,1j\n", "m.csv")
-    assert read(path).notes == (
-        "Mode 1: the floors do not move in phase; the part that does is used.",
-    )
-    assert inspect_file(path).findings == ("mode 1 at 2 Hz: the sensors do not move in phase",)
+    said = ("mode 1 at 2 Hz: the sensors do not move in phase",)
+    assert read(path).doubts == inspect_file(path).findings == said
     assert phase_collinearity(np.array([1.0, 1j])) == pytest.approx(0.0, abs=1e-15)
     np.testing.assert_allclose(in_phase(np.array([2.0, -1.0]) * np.exp(0.7j)) ** 2, [4.0, 1.0])
 
@@ -177,6 +175,7 @@ HEAD = "mode,frequency_hz,damping,2F,RF\n"
         ("mode,period_s,frequency_hz,RF\n1,.25,5,1\n", "do not fit each other; leave out one"),
         ("test,f1,f2\n1,3.8,10\n2,3.9\n", r"line 3: the row has 2 cells where 3 are expected"),
         ("test,f1,f2\n1,3.8,10\n2,10.1,3.9\n", "line 3, .*10.1 Hz and the next one at 3.9 Hz, in"),
+        (HEAD + "1,1.7,.02,1,2\nMean,1.7,.02,,\n", "line 3: 'Mean' is no mode and no test; remove"),
         ("mode,frequency_hz,RF.y\n1,2,3\n", r"none of the shapes' components is a floor's in dir"),
     ],
 )

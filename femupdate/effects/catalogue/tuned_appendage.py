@@ -57,7 +57,7 @@ class TunedAppendage(Effect):
         """Where it stands, the floor's mass and the building's first frequency."""
         floor = structure.floors.index(place)
         mass = float(structure.points.mass[structure.along_floor(floor)].sum())
-        port = Port(structure.floor_means[floor], structure.rigid_floors[floor])
+        port = Port(structure.floor_means[floor], np.array([1.0, structure.levels[floor]]))
         return Terms(port=port, constants=(mass, structure.fundamental[0]))
 
     def port_stiffness(self, omega: Tensor, sizes: Tensor, constants: tuple[float, ...]) -> Tensor:

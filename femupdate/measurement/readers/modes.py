@@ -6,7 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.measurement.modes import DAMPING, MODE, PERIOD, TELLING, TEST, figure_of
-from femupdate.measurement.names import FREQUENCY, TIME_NAME, bracketed
+from femupdate.measurement.names import (
+    FREQUENCY,
+    TIME_NAME,
+    bracketed,
+    is_acceleration,
+    parse_channel,
+)
 from femupdate.measurement.recording import Recording
 from femupdate.measurement.table import (
     ColumnTable,
@@ -28,6 +34,10 @@ _LEAST_TOLD, _MOST_ABOVE = 2, 10
 _NUMBERED = re.compile(
     r"(?P<what>[^\W\d](?:\D*[^\d _.])?)[ _.]*(?P<mode>[1-9]\d?)"
     r"|(?P<first>[1-9])(st|nd|rd|th) (?P<behind>.+)"
+)
+# What spreadsheets put below a table.
+_SUMMARY = re.compile(
+    r"(mean|average|avg|median|mittel(wert)?|std|sd|standard deviation|cov|min|max|sum)[.:]?", re.I
 )
 
 
@@ -58,6 +68,9 @@ def table_in(file: TextFile) -> Recording:
     above = _header_at(rows) or 0
     rows = split_complex(rows[above:])
     delimiter = find_delimiter(rows[0][1])
+    for line, text in rows[1:]:
+        if _SUMMARY.fullmatch(label := cells_of(text, delimiter)[0]):
+            raise file.error(f"{label!r} is no mode and no test; remove the row", line)
     of_tests = _of_tests(rows[0][1])
     if of_tests:
         return _in_rows(file, rows, of_tests)
@@ -86,7 +99,10 @@ def _of_tests(head: str) -> dict[int, tuple[str, int, float]]:
         if of and (figure in (FREQUENCY, DAMPING) or (figure == PERIOD and unit in (None, "s"))):
             found[k] = figure, int(of["mode"] or of["first"]), 0.01 if unit == "%" else 1.0
     hertz = any(titles[k][1] == "Hz" for k in found)
-    timed = any(TIME_NAME.match(title) for title, _ in titles) and not hertz
+    timed = not hertz and any(
+        TIME_NAME.match(title) or parse_channel(title) or is_acceleration(unit or "")
+        for title, unit in titles
+    )
     several = [figure for figure, _, _ in found.values() if figure != DAMPING]
     return found if len(several) > 1 and len(set(several)) == 1 and not timed else {}
 
