@@ -148,16 +148,9 @@ def next_step(
     Args:
         names: of a table's columns, the one of times included; None of any other file.
     """
-    kinds = ("acceleration", "unknown")  # as far as is told
-    untold = [each.unit is None or RAW.fullmatch(each.unit) is not None for each in histories]
-    usable = [
-        k
-        for k, each in enumerate(histories)
-        if each.quantity in kinds
-        and not each.vertical
-        and (untold[k] or is_acceleration(each.unit or ""))
-    ]
-    unknown = unit is None and any(untold[k] for k in usable)
+    usable = [k for k, each in enumerate(histories) if each.horizontal]
+    units = (histories[k].unit for k in usable)
+    unknown = unit is None and any(stated is None or RAW.fullmatch(stated) for stated in units)
     options = f" --unit {shlex.quote(unit or 'UNIT')}" if unit or unknown else ""
     if not usable:
         return NextStep("", "None of the channels is a horizontal acceleration.")

@@ -101,6 +101,13 @@ class RecordedChannel:
         up = _word(self.direction).replace("-", "") in _VERTICAL
         return up or (named is not None and named.direction == "z")
 
+    @property
+    def horizontal(self) -> bool:
+        """Whether it is a horizontal acceleration, as far as is told."""
+        unit = self.unit or "counts"
+        known = RAW.fullmatch(unit) is not None or is_acceleration(unit)
+        return known and self.quantity in ("acceleration", "unknown") and not self.vertical
+
     def times(self, factor: float) -> "RecordedChannel":
         """The same multiplied by a factor, -1 for the opposite direction."""
         return self if factor == 1.0 else replace(self, values=factor * self.values)

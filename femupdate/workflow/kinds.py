@@ -266,9 +266,8 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
                 places = [to.floor if to.floor in used else None for to, _ in along]
                 said = pair_findings(heard, places, beside=not building.is_chain)
                 doubts += [f"{path.name}: {words}" for words in said]
-    errors = ModalErrors()
-    if source.mode_error is not None:
-        errors = replace(errors, model_frequency=source.mode_error)
+    stated = source.mode_error
+    errors = ModalErrors() if stated is None else ModalErrors(model_frequency=stated)
     others = Measured(
         no_base_motion(building, modes, forced),
         tuple(modes),
