@@ -81,10 +81,12 @@ def impossible_days(lines: Sequence[str]) -> tuple[str, ...]:
         for number in range(min(len(lines), 60), 0, -1)
         for day in re.finditer(rf"(?<![\w./-]){_DATE}(?![\d./-])", lines[number - 1])
         if re.search(r"\d{4}|[^\W\d]", day[0])  # no version 30.2.1
+        and not re.search(r"\b(3[2-9]|[4-9]\d)\b", day[0])  # no number 2024-30-77
         and {"29", "30", "31"} & {*day.groups()}
         and isinstance(seconds_of([f"{day[0]} 0:00"]), int)
     }
-    return tuple(f"Line {k}: there is no day {day}; correct it." for day, k in days.items())
+    told = reversed(days.items())
+    return tuple(f"Line {number}: there is no day {day}; correct it." for day, number in told)
 
 
 def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats | int:

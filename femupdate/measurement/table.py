@@ -57,7 +57,7 @@ def is_number(cell: str) -> bool:
 _THOUSANDS = r"[-+]?[1-9]\d{0,2}(,\d{3})+"
 
 
-def _unquoted(rows: list[Row]) -> list[Row]:
+def unquoted(rows: list[Row]) -> list[Row]:
     """Rows without quotes, and without commas that part thousands or are decimal signs in them."""
     delimiter = find_delimiter(re.sub(r'"[^"]*"', "", rows[-1][1]))
     if delimiter is None or not any('"' in text for _, text in (rows[0], rows[-1])):
@@ -366,7 +366,7 @@ def without_decibels(table: ColumnTable) -> ColumnTable:
 
 def rows_of_table(file: TextFile) -> list[Row]:
     """Rows of a table without what loggers write above it: lines of other numbers of cells."""
-    rows = _unquoted(file.rows())
+    rows = unquoted(file.rows())
     delimiter = find_delimiter(rows[-1][1])
     width = len(cells_of(rows[-1][1], delimiter))
     titles = cells_of(rows[0][1], delimiter)

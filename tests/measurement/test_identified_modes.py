@@ -42,7 +42,7 @@ def test_foreign_names_semicolons_and_units_in_a_row(write):
 
 F = np.array([[3.80, 10.1, 16.0], [3.84, 10.0, np.nan], [3.82, 10.3, 16.4]])
 TESTS = {
-    "test,f1,f2,f3": (("run 1", "run 2", "run 3"), ","),
+    "test,f1,f2,f3": (("run 1", '"run 2, calm"', '"run, 3"'), ","),
     "Date;Mode 1 [Hz];Mode 2 [Hz];Mode 3 [Hz]": (("2024-01-01", "2024-01-02", "2024-02-01"), ";"),
     "freq_1 (Hz)|1st damping (%)|freq_2 (Hz)|freq_3 (Hz)": ((), "|"),
 }
@@ -185,7 +185,7 @@ def test_wrong_tables(write, text, message):
 
 
 def test_modes_not_numbered_by_frequency_and_a_day_of_none_are_said(write):
-    path = write("date,T1,T2\n2024-02-30,.1,.26\n2024-03-01,.11,.27\n", "m.csv")
+    path = write("date,T1,T2\n2024-02-30,.1,.26\n2024-30-77,.11,.27\n", "m.csv")
     _, order, day = read_measured(path).notes
     assert order == "The modes are not numbered by frequency."
     assert day == "Line 2: there is no day 2024-02-30; correct it."

@@ -23,6 +23,7 @@ from femupdate.measurement.table import (
     parse_rows,
     read_head_rows,
     split_complex,
+    unquoted,
     whole_row,
 )
 from femupdate.measurement.text import TextFile, read_text
@@ -64,7 +65,7 @@ def read(path: Path) -> Recording:
 
 def table_in(file: TextFile) -> Recording:
     """The table in a text, whose cells may be blank."""
-    rows = file.rows()
+    rows = unquoted(file.rows())
     above = _header_at(rows) or 0
     rows = split_complex(rows[above:])
     delimiter = find_delimiter(rows[0][1])
@@ -132,9 +133,8 @@ def _in_rows(
     falls = (np.diff(rates, axis=1) * (-1.0 if rate == PERIOD else 1.0) < 0.0).any()
     units, lines = (None,) * len(names), lines[np.nonzero(seen)[0]]
     found = ColumnTable(file, names, units, long[seen], lines)
-    order = ("The modes are not numbered by frequency.",) if falls else ()
-    notes = _MEANS.format(len(values)), *order
-    return Recording(file, mode_table=found, notes=notes)
+    notes = _MEANS.format(len(values)), "The modes are not numbered by frequency."
+    return Recording(file, mode_table=found, notes=notes if falls else notes[:1])
 
 
 def _numbered(rows: list[Row], delimiter: str | None, names: tuple[str, ...]) -> list[Row]:
