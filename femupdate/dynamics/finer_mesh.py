@@ -57,17 +57,10 @@ def on_finer_mesh(
 
 
 def on_nodes_of(coarse: Structure, reduced: ReducedStructure) -> ReducedModel:
-    """The reduced model of a finer mesh, its node shapes at the nodes of the coarse one."""
+    """The reduced model of a split mesh, whose first nodes those of the coarse one are."""
     shapes = reduced.model.node_shapes
     assert shapes is not None
-    wanted = _nodes(coarse)
-    if (
-        reduced.structure.meshed[0].of_coarser is not None
-    ):  # it has the nodes of the coarse one first
-        return replace(reduced.model, node_shapes=shapes[: len(wanted)])
-    between = interpolation(_nodes(reduced.structure), wanted)
-    moved = _interpolated(between, shapes).astype(np.float32)
-    return replace(reduced.model, node_shapes=moved)
+    return replace(reduced.model, node_shapes=shapes[: len(_nodes(coarse))])
 
 
 def interpolation(known: Floats, wanted: Floats) -> csr_matrix:

@@ -279,7 +279,7 @@ def structure_of(
 
     Args:
         mesh_size: m; the building's own where None.
-        halved: on a mesh half as wide as its own, of a mesh that was read and is not large as well.
+        halved: every element is split, but those of a mesh that was read and is large.
 
     Raises:
         BuildingError, StructureError: the building cannot be meshed or stand.
@@ -308,11 +308,9 @@ def structure_of(
             direction=0,
             dashpots=np.zeros((0, count)),
         )
-    if halved and isinstance(building, FrameBuilding):
-        mesh_size = 0.5 * building.mesh.size
     mesh = mesh_building(building, mesh_size)
-    split = halved and isinstance(building, MeshBuilding) and not is_large(mesh)
-    return _frame(building, split_mesh(mesh) if split else mesh, mesh_size)
+    stays = isinstance(building, MeshBuilding) and is_large(mesh)
+    return _frame(building, split_mesh(mesh) if halved and not stays else mesh, mesh_size)
 
 
 def _frame(
