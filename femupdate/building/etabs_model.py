@@ -41,6 +41,7 @@ _RELEASED = tuple(f"{part}{end}" for end in "IJ" for part in ("P", "V2", "V3", "
 _HARMLESS = re.compile(
     r"(GUID|NOTES|COLOR|SYMTYPE|TYPE|GRADE|A|F[YUC].*|SIMILARTO|MASTERSTORY|SPLICE.*|M[AI][XN].*"
     r"|AUTOMESH|MESH.*|OBJMESH.*|ADDRESTRAINT|PIER|SPANDREL|DESIGN.*|TRANSFORM.*|[1-9]|TITLE.*"
+    r"|HYSTYPE|SSTYPE|STRAINAT.*|FINALSLOPE|(IO|LS|CP)[TC].*|ENERGYDEGFACT|TIMEDEP.*"
     r"|PROPTYPE|MODELINGTYPE|SLABTYPE|IS.*|LUMP.*|INCLUDE.*|PREFERENCE|CARDINALPOINT|COVER.*)"
 )
 
@@ -58,7 +59,8 @@ class EtabsModel(ModelFile[Row]):
     def opened(cls, file: Path) -> "EtabsModel":
         """The lines of a file."""
         rows: dict[str, list[Row]] = defaultdict(list)
-        for number, line in enumerate(file_text(file).splitlines(), 1):
+        text = file_text(file).partition("STARTCOMMENTS")[0]
+        for number, line in enumerate(text.splitlines(), 1):
             words = re.findall(r'"[^"]*"|\S+', line)
             if not words or words[0].startswith("$"):
                 continue
@@ -67,7 +69,6 @@ class EtabsModel(ModelFile[Row]):
             values = {str(k + 1): word for k, word in enumerate(words[:places])}
             rest = words[places:]
             values |= {k.upper(): v for k, v in zip(rest[::2], rest[1::2], strict=False)}
-
             rows[head].append(Row(file.name, head, number, values))
         if not rows.get("STORY") or not rows.get("POINT"):
             raise BuildingError(

@@ -162,7 +162,8 @@ def stick_modes(model: ReducedModel, direction: int = 0) -> FullModes:
 def mesh_modes(structure: Structure) -> FullModes:
     """The lowest modes of a structure that has a mesh."""
     _, operators = structure.meshed
-    count = max(_LEAST, min(_KEPT, len(operators.free) // 8))
+    massive = np.count_nonzero(operators.mass.diagonal() > 0.0)  # a single cantilever has few
+    count = min(max(_LEAST, min(_KEPT, len(operators.free) // 8)), max(1, massive))
     modes = lowest_modes(operators, np.ones(operators.parameters), count)
     full = operators.expand(modes.shapes).reshape(len(operators.model.nodes), 6, -1)[:, :3]
     shapes = np.moveaxis(full, 2, 0)

@@ -5,10 +5,14 @@ import pytest
 
 from femupdate.building import load_building, mesh_building
 from femupdate.building.model_draft import write_draft
+from femupdate.dynamics import mesh_modes
+from femupdate.effects import structure_of
 from femupdate.fe import assemble
 from femupdate.fe.export_nastran import bulk_data
 from tests.building.csi_texts import KG, etabs, sap2000
 from tests.building.test_deck import frequencies, mass
+
+LOG = '$ LOG\n  STARTCOMMENTS\n{\n  "Version": null\n}\n  ENDCOMMENTS\n'
 
 
 def read(tmp_path, text, ending):
@@ -21,7 +25,7 @@ def test_one_building_in_two_languages(tmp_path):
     sap = read(tmp_path, sap2000(), "s2k")
     assert mass(sap) == pytest.approx(KG, rel=1e-6)
     alike = "\n".join(line for line in sap2000().splitlines() if "Mass1=3" not in line)
-    plain, other = read(tmp_path, alike, "s2k"), read(tmp_path, etabs(), "e2k")
+    plain, other = read(tmp_path, alike, "s2k"), read(tmp_path, etabs() + LOG, "e2k")
     np.testing.assert_allclose(frequencies(other), frequencies(plain), rtol=1e-5)
     told = " ".join(sap.notes)
     for words in (
@@ -36,7 +40,9 @@ def test_one_building_in_two_languages(tmp_path):
         "1 GRID LINES",
     ):
         assert words in told, words
-    assert "at stories in ETABS" in " ".join(other.notes)
+    told = " ".join(other.notes)
+    assert "at stories in ETABS" in told
+    assert "VERSION" not in told  # of the detailing that ETABS keeps among its comments
     names = load_building(tmp_path / "model.e2k").story_names
     assert names == ("Story1", "Story2")
 
@@ -105,6 +111,16 @@ def test_what_is_assigned_has_its_closed_form(added, tmp_path):
     deck.write_text(bulk_data(mesh.model))
     back = mesh_building(load_building(deck, "N,m"))
     np.testing.assert_allclose(frequencies(back, 2), frequencies(mesh, 2), rtol=1e-6)
+
+
+@pytest.mark.parametrize(("mass", "top_hz"), [(5, 25.0), (50, 4.0), (500, 2.0)])
+def test_a_draft_asks_for_frequencies_that_a_slow_cantilever_has(mass, top_hz, tmp_path):
+    (tmp_path / "column.s2k").write_text(COLUMN.replace("=50", f"={mass}") + END)
+    drafted = load_building(write_draft(tmp_path / "column.s2k", None, tmp_path / "own.toml"))
+    assert drafted.frequency_grid.frequencies_hz()[-1] == pytest.approx(top_hz)
+    modes = mesh_modes(structure_of(drafted))  # fewer than are looked for
+    expected = np.sqrt(np.array([WEAK, STRONG]) / 4.0**3 / (1e3 * mass)) / (2.0 * np.pi)
+    np.testing.assert_allclose(modes.frequency_hz[:2], expected, rtol=1e-5)
 
 
 # Other ways of writing the same building: what stands in place of what.

@@ -31,6 +31,11 @@ def test_a_read_building_is_split_into_its_own_mesh_of_half_the_size(tmp_path):
     np.testing.assert_allclose(in_order(nodes), in_order(fine.model.nodes), atol=1e-5)
     np.testing.assert_allclose(frequencies(split), frequencies(fine), rtol=1e-6)
     assert np.array_equal(nodes[: len(coarse.model.nodes)], mesh_building(read).model.nodes)
+    # 3 m at .7 m are 5 parts, and 9 at .35 m: the frame itself is split as well.
+    path.write_text(bulk_data(mesh_building(building, 0.7).model))
+    grid, deck = (structure_of(b, s, halved=True).mesh for b, s in ((building, 0.7), (read, None)))
+    np.testing.assert_allclose(in_order(grid.model.nodes), in_order(deck.model.nodes), atol=1e-5)
+    np.testing.assert_allclose(frequencies(grid), frequencies(deck), rtol=1e-6)
 
 
 # A plate of triangles and quadrilaterals on an offset beam with a pin, and a rigid pair.
