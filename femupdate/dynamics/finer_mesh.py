@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, csr_matrix, diags, eye_array
+from scipy.sparse import csr_matrix, diags, eye_array
 
 from femupdate.arrays import Floats, Singles
 from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, reduced_on
@@ -107,11 +107,6 @@ def _nodes(structure: Structure) -> Floats:
     return structure.meshed[0].model.nodes
 
 
-def _interpolated(between: csr_matrix | csr_array, shapes: NDArray[np.float32]) -> Floats:
-    """Displacements (m, 3, r) of other nodes, from (n, 3, r)."""
-    return np.stack([between @ shapes[:, axis].astype(np.float64) for axis in range(3)], axis=1)
-
-
 def _loads(coarse: Structure, shapes: NDArray[np.float32], fine: Structure) -> Floats:
     """Inertial forces (n, r) on the finer mesh per unit acceleration of each coarse shape."""
     mesh, operators = fine.meshed
@@ -120,7 +115,8 @@ def _loads(coarse: Structure, shapes: NDArray[np.float32], fine: Structure) -> F
     between = mesh.of_coarser
     if between is None:
         between = interpolation(_nodes(coarse), nodes)
-    moved[:, :3] = _interpolated(between, shapes)
+    parts = [between @ shapes[:, axis].astype(np.float64) for axis in range(3)]
+    moved[:, :3] = np.stack(parts, axis=1)
     return operators.gather(operators.mass_full @ moved.reshape(-1, shapes.shape[2]))
 
 

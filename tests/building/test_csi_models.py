@@ -40,11 +40,10 @@ def test_one_building_in_two_languages(tmp_path):
         "1 GRID LINES",
     ):
         assert words in told, words
-    told = " ".join(other.notes)
+    told = " ".join(other.notes)  # not of the detailing that ETABS keeps among its comments
     assert "at stories in ETABS" in told
-    assert "VERSION" not in told  # of the detailing that ETABS keeps among its comments
-    names = load_building(tmp_path / "model.e2k").story_names
-    assert names == ("Story1", "Story2")
+    assert "VERSION" not in told
+    assert load_building(tmp_path / "model.e2k").story_names == ("Story1", "Story2")
 
 
 # A cantilever of 4 m, .4 m along x and .2 m along y, with 50 t on top; kip and in below.

@@ -6,7 +6,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from femupdate.building import from_document, load_building, mesh_building, self_mass
-from femupdate.building.lattice import divisions
 from femupdate.dynamics import mesh_modes
 from femupdate.effects import structure_of
 from femupdate.fe import Beams, Shells, assemble, lowest_modes
@@ -14,14 +13,6 @@ from femupdate.fe import Beams, Shells, assemble, lowest_modes
 DENSITY = 2400.0
 COLUMN, BEAM = 0.4 * 0.6, 0.3 * 0.5  # m2, as the maker of documents has them
 SLAB = 0.15  # m
-
-
-@pytest.mark.parametrize(
-    ("length", "size", "parts"),
-    [(1.8, 0.3, 6), (0.9, 0.3, 3), (0.9, 0.31, 3), (0.9, 0.29, 4), (1.5, 0.3, 5), (0.2, 0.3, 1)],
-)
-def test_an_interval_has_as_few_parts_as_the_mesh_size_allows(length, size, parts):
-    assert divisions(length, size) == parts
 
 
 def total_mass(mesh):

@@ -18,24 +18,22 @@ def in_order(nodes):
     return rounded[np.lexsort(rounded.T)]
 
 
-def test_a_read_building_is_split_into_its_own_mesh_of_half_the_size(tmp_path):
-    heavy, size = tmp_path / "heavy.toml", 0.5
+def test_frames_are_split_as_meshes_that_were_read(tmp_path):
+    """Where sizes divide spans the halves are those of a mesh of half the size."""
+    heavy, path = tmp_path / "heavy.toml", tmp_path / "model.bdf"
     heavy.write_text(f'{BUILDING.read_text()}[[floor_mass]]\ntotal = "70 t"\n')
     building = load_building(heavy)
-    coarse, fine = mesh_building(building, size), mesh_building(building, size / 2.0)
-    path = tmp_path / "model.bdf"
-    path.write_text(bulk_data(coarse.model))
-    read = load_building(path)
-    split = structure_of(read, halved=True).mesh
-    nodes = split.model.nodes
-    np.testing.assert_allclose(in_order(nodes), in_order(fine.model.nodes), atol=1e-5)
-    np.testing.assert_allclose(frequencies(split), frequencies(fine), rtol=1e-6)
-    assert np.array_equal(nodes[: len(coarse.model.nodes)], mesh_building(read).model.nodes)
-    # 3 m at .7 m are 5 parts, and 9 at .35 m: the frame itself is split as well.
-    path.write_text(bulk_data(mesh_building(building, 0.7).model))
-    grid, deck = (structure_of(b, s, halved=True).mesh for b, s in ((building, 0.7), (read, None)))
-    np.testing.assert_allclose(in_order(grid.model.nodes), in_order(deck.model.nodes), atol=1e-5)
-    np.testing.assert_allclose(frequencies(grid), frequencies(deck), rtol=1e-6)
+    for size in (0.5, 0.7):  # 3 m at .7 m are 5 parts, and 9 at .35 m
+        path.write_text(bulk_data(mesh_building(building, size).model))
+        read = load_building(path)
+        split = structure_of(read, halved=True).mesh
+        grid = structure_of(building, size, halved=True).mesh
+        for fine in (grid, mesh_building(building, size / 2.0)) if size == 0.5 else (grid,):
+            nodes = split.model.nodes
+            np.testing.assert_allclose(in_order(nodes), in_order(fine.model.nodes), atol=1e-5)
+            np.testing.assert_allclose(frequencies(split), frequencies(fine), rtol=1e-6)
+        first = mesh_building(read).model.nodes
+        assert np.array_equal(nodes[: len(first)], first)
 
 
 # A plate of triangles and quadrilaterals on an offset beam with a pin, and a rigid pair.

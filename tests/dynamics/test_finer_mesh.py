@@ -51,11 +51,7 @@ def test_its_modes_are_those_of_the_finer_mesh(coarse, fine, carried, theta):
     np.testing.assert_allclose(found[0], own, rtol=1e-3)
     np.testing.assert_allclose(found[1], shown, atol=0.01 * np.abs(shown).max())
     assert before[0] > 1.003 * own[0]  # the coarse mesh is farther off by far
-
-
-def test_its_shapes_are_seen_at_the_nodes_of_the_coarse_mesh(coarse, fine, carried):
-    """A mesh that is split has them first."""
     nodes = coarse.mesh.model.nodes
     np.testing.assert_array_equal(fine.mesh.model.nodes[: len(nodes)], nodes)
     seen = on_nodes_of(coarse, carried).node_shapes
-    np.testing.assert_array_equal(seen, carried.model.node_shapes[: len(nodes)])
+    np.testing.assert_array_equal(seen, model.node_shapes[: len(nodes)])
