@@ -162,7 +162,7 @@ def stick_modes(model: ReducedModel, direction: int = 0) -> FullModes:
 def mesh_modes(structure: Structure) -> FullModes:
     """The lowest modes of a structure that has a mesh."""
     _, operators = structure.meshed
-    massive = np.count_nonzero(operators.mass.diagonal() > 0.0)  # a single cantilever has few
+    massive = int((operators.mass.diagonal() > 0.0).sum())  # a single cantilever has few
     count = min(max(_LEAST, min(_KEPT, len(operators.free) // 8)), max(1, massive))
     modes = lowest_modes(operators, np.ones(operators.parameters), count)
     full = operators.expand(modes.shapes).reshape(len(operators.model.nodes), 6, -1)[:, :3]
