@@ -285,7 +285,10 @@ def _floor_nodes(building: MeshBuilding, model: FiniteElementModel) -> dict[str,
         if not len(on_level):
             nearest = points[int(np.abs(points[:, 2] - level).argmin()), 2]
             text = f"no node of the mesh lies at the level of {floor}, {level:g} m (the nearest is"
-            raise Complaint("stories", f"{text} {nearest:g} m); correct the heights or mesh.base")
+            text += f" {nearest:g} m); correct the heights or mesh.base"
+            if abs(nearest - level) < LEVEL:
+                text = f"other stories have all nodes at {floor}, {level:g} m; give them x and y"
+            raise Complaint("stories", text)
         _, sensors = building.sensors.of(floor)
         away = np.linalg.norm(points[on_level, None, :2] - np.array(sensors), axis=2)
         nearest_nodes[floor] = on_level[away.argmin(axis=0)]

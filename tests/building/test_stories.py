@@ -125,8 +125,8 @@ def test_springs_beside_a_deck_are_those_of_a_grid(tmp_path):
     springs = {"kx": 2e6, "kz": 4e8, "cx": 5e4}
     (tmp_path / "towers.bdf").write_text(bulk_data(mesh_building(from_document(document())).model))
     path = tmp_path / "towers.toml"
-    added = 'kx = "2 MN/m"\nkz = "400 MN/m"\ncx = "50 kN s/m"\n'
-    path.write_text(BESIDE + STORIES + "[[springs]]\n" + added)
+    added = '[[springs]]\nkx = "2 MN/m"\nkz = "400 MN/m"\ncx = "50 kN s/m"\n'
+    path.write_text(BESIDE + STORIES + added)
     read = structure_of(load_building(path))
     ours = structure_of(from_document(document() | {"springs": [springs]}))
     np.testing.assert_allclose(
@@ -139,6 +139,7 @@ WRONG = {
     "a later story": ('on = "P2"', 'on = "B2"', "'B2' is no story listed before it; write"),
     "the wrong way": ('["12 m", "18 m"], on', '["18 m", "12 m"], on', "put the lower first"),
     "no such floor": ("points", 'floors."9F" = [["0 m", "0 m"]], points', "no floor is named '9F'"),
+    "another's": ('x = ["12 m", "18 m"], on', "on", "have all nodes at 4F, 11.7 m; give them x"),
     "in none": ('x = ["0 m", "6 m"]', 'x = ["0 m", "3 m"]', "lie in none, such as at .*; widen"),
 }
 
@@ -146,8 +147,7 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_stories_that_do_not_fit_are_refused(case, tmp_path):
     old, new, message = WRONG[case]
-    mesh = mesh_building(from_document(document()))
-    (tmp_path / "towers.bdf").write_text(bulk_data(mesh.model))
+    (tmp_path / "towers.bdf").write_text(bulk_data(mesh_building(from_document(document())).model))
     path = tmp_path / "towers.toml"
     assert old in BESIDE + STORIES
     path.write_text((BESIDE + STORIES).replace(old, new))
