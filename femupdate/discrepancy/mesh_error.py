@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.discrepancy.fit import FEWER_SHAPES
 from femupdate.discrepancy.thresholds import MESH_ERROR
-from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, first_coordinates
+from femupdate.dynamics.reduced import ReducedModel, ReducedStructure
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import UNSCALED, Placed, Terms
 from femupdate.effects.registry import CATALOGUE
@@ -337,21 +336,13 @@ class OpenMesh:
 
         In the unit of the residuals; the system is the corrected model with its effects.
         """
-        # Of changes this small fewer shapes tell enough.
-        count = min(FEWER_SHAPES, system.model.size)
-        terms_of, terms = (
-            tuple(first_coordinates(effect, count) for effect in some)
-            for some in (system.terms, self.terms)
-        )
-        few = replace(system, model=system.model.first(count), terms=terms_of)
+        # On the whole basis: what it left out of members, factors would still have.
         top_hz = 1.25 * max(kind.top_hz for kind in data)
-        modes = modes_shown(few.model, values.theta[0].numpy(), top_hz)
-        of_members = torch.cat(self._members(data, few, terms, values), dim=1)
-        return torch.cat([of_members, *self._of_modes(data, few, values, modes)])
+        modes = modes_shown(system.model, values.theta[0].numpy(), top_hz)
+        of_members = torch.cat(self._members(data, system, values), dim=1)
+        return torch.cat([of_members, *self._of_modes(data, system, values, modes)])
 
-    def _members(
-        self, data: Sequence[Data], system: System, terms: tuple[Terms, ...], values: Values
-    ) -> list[Tensor]:
+    def _members(self, data: Sequence[Data], system: System, values: Values) -> list[Tensor]:
         """Changes (c, n) of every kind of data by one error of the members after the other.
 
         Along tangents: a whole step bends at peaks, and data would tell it from stiffness factors.
@@ -360,7 +351,7 @@ class OpenMesh:
         steps = torch.from_numpy(part * self.mesh.steps)
         steps, count = torch.cat([torch.zeros_like(steps[:1]), steps]), len(steps) + 1
         placed = (*system.placed, *self.mesh.placed)
-        wide = replace(system, placed=placed, terms=(*system.terms, *terms))
+        wide = replace(system, placed=placed, terms=(*system.terms, *self.terms))
         both = Values(
             values.theta.expand(count, -1),
             values.zeta.expand(count),
