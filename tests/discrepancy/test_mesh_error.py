@@ -34,8 +34,8 @@ def frame(size):
     return from_document(made)
 
 
-def near(structure):
-    """A basis of the shapes at every theta that is asked."""
+def near(structure, others=0):
+    """A basis of so many shapes of no meaning, and those at every theta that is asked."""
 
     def make(*thetas):
         force, rows = structure.rigid_force[:, :1], structure.floor_rows
@@ -45,7 +45,8 @@ def near(structure):
             found = driven_shapes(factorize(K), structure.mass, force, rows, GRID[-1])
             shapes.append(found.shapes)
         left, size, _ = np.linalg.svd(np.column_stack(shapes), full_matrices=False)
-        basis = left[:, size > 1e-8 * size[0]]
+        first = np.random.default_rng(2).standard_normal((len(left), others))
+        basis = np.column_stack([first, left[:, size > 1e-8 * size[0]]])
         root = np.linalg.cholesky(basis.T @ (structure.mass @ basis))
         return reduced_on(structure, np.linalg.solve(root, basis.T).T)
 
@@ -68,15 +69,14 @@ def posed(reduced, data):
     return likelihood_of((data,), System(reduced.model), PRIOR, reduced=reduced)
 
 
-def amplitudes_at_one(coarse, learned):
+def amplitudes_at_one(coarse, learned, others=0):
     """The corrected model at theta = 1, the problem of its own |H| with a noise of .1, its fit."""
     theta = np.array([1.0, 1.0])
-    reduced = corrected(near(coarse)(theta), learned)
+    reduced = corrected(near(coarse, others)(theta), learned)
     measured = np.abs(frf(reduced, theta))
     noise = np.full(measured.shape, 0.1)
     seen = Observation(GRID, reduced.model.floors, np.log(measured), noise, noise > 0)
-    data = frf_data(seen, reduced.model.floors, table=COARSE_ERROR)
-    problem = posed(reduced, data)
+    problem = posed(reduced, frf_data(seen, reduced.model.floors, table=COARSE_ERROR))
     base = fit_baseline(problem)[0]
     return reduced, theta, problem, base
 
@@ -176,7 +176,7 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
 
 def test_errors_of_members_are_those_of_small_steps(coarse, learned):
     """By differences of ln|H|, whether complex responses or their logs alone are made."""
-    reduced, theta, problem, base = amplitudes_at_one(coarse, learned)
+    reduced, theta, problem, base = amplitudes_at_one(coarse, learned, others=150)
     count, known = len(learned.steps), problem.prior.split(base.parameters)
     alone = errors_left_open(problem, learned, base)
     logs = problem.data[0].as_logs(base.system, modes=None)
