@@ -165,7 +165,8 @@ def _label(panel: Axes, row: int, column: int, names: Sequence[str]) -> None:
         # Round values away from the ends, whose labels would push the panels apart.
         low, high = axis.get_view_interval()
         room = 0.14 * (high - low)
-        ticks = MaxNLocator(3).tick_values(low + room, high - room)
+        most = 3 if last < 6 else 2  # of narrow panels the figures would meet
+        ticks = MaxNLocator(most).tick_values(low + room, high - room)
         inner = [float(tick) for tick in ticks if low + room <= tick <= high - room]
         axis.set_major_locator(FixedLocator(inner))
     panel.tick_params(

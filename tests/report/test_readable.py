@@ -42,15 +42,15 @@ def test_a_stick_says_that_its_bands_are_thin():
 
 
 def test_long_names_of_parameters_do_not_run_into_one_another():
-    draws = np.random.default_rng(1).normal(size=(300, 6))
-    names = [
-        *(f"θ{k}" for k in range(4)),
-        "softening in run, all: size",
-        "softening in run: damping",
-    ]
-    figure = posterior_pairs({"RF": draws}, names, np.array([[-9.0, 9.0]] * 6))
+    draws = np.random.default_rng(1).normal(0.8995, 0.0045, size=(300, 8))
+    long = "softening in run, all: size", "softening in run: damping"
+    names = [*(f"θ{k}" for k in range(6)), *long]
+    figure = posterior_pairs({"RF": draws}, names, np.array([[-9.0, 9.0]] * 8))
     figure.canvas.draw()
-    panels = np.reshape(figure.axes, (6, 6))
+    panels = np.reshape(figure.axes, (8, 8))
+    for panel in panels[-1]:
+        marks = [label.get_window_extent() for label in panel.get_xticklabels()]
+        assert all(a.x1 < b.x0 for a, b in pairwise(marks))
     below = [panel.xaxis.label.get_window_extent() for panel in panels[-1]]
     assert all(a.x1 < b.x0 for a, b in pairwise(below))
     beside = [panel.yaxis.label.get_window_extent() for panel in panels[1:, 0]]
