@@ -155,7 +155,8 @@ class Finding:
         added = self.fitted.system.terms[-1].mass
         if added is None or self.fitted.likelihood.building.forces_are_relative:
             return None
-        return self.size * float(added.rigid[0, 0])
+        mass = self.size * float(added.rigid[0, 0])
+        return mass if abs(mass) > 1e-3 else None  # an eccentricity moves masses alone
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,7 +68,8 @@ def story_plans(mesh: BuildingMesh, names: Sequence[str], grid: Lines = ()) -> F
     nodes = mesh.model.nodes
     spread = np.ptp(nodes[:, :2], axis=0)
     width = 8.6 / max(columns, 1.6)
-    high = float(np.clip(width * spread[1] / max(spread[0], 1e-9), 1.4, 6.0)) + 0.3
+    high = float(np.clip(width * spread[1] / max(spread[0], 1e-9), 1.4, 6.0))
+    high += 0.3 if len(alike) <= columns else 0.6  # for the figures under each row
     figure, panels = panel_grid(len(alike), columns, (width, high), "x, m", "y, m")
     for panel, stories in zip(panels, alike.values(), strict=True):
         sensors = [node for k in stories for node in mesh.floor_nodes[mesh.floors[k]]]

@@ -33,8 +33,9 @@ def in_words(name, place, size, sd, **model):
         (21900.0, False, "(± 0.33 %; 2.14 t)"),
         (3.5, False, "(± 0.33 %; 0.342 kg)"),
         (21900.0, True, "(± 0.33 %)"),
+        (1e-11, False, "(± 0.33 %)"),
     ],
-    ids=["building", "model on a bench", "nominal masses"],
+    ids=["building", "model on a bench", "nominal masses", "masses that only move"],
 )
 def test_added_mass_is_told_in_its_own_unit_too(unit_mass, nominal, told):
     words = in_words("added_mass", "3F", 0.0976, 0.0033, unit_mass=unit_mass, nominal=nominal)

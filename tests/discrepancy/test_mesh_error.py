@@ -140,18 +140,8 @@ def test_what_is_left_open_widens_the_intervals(coarse, learned):
     reduced = corrected(near(coarse)(theta), learned)
     measured = frf(reduced, theta)
     noise = np.full(measured.shape, 0.01)
-    seen = Observation(
-        GRID,
-        reduced.model.floors,
-        np.log(np.abs(measured)),
-        noise,
-        noise > 0,
-        np.angle(measured),
-        None,
-        0.25,
-        "made",
-        (),
-    )
+    shown = np.log(np.abs(measured)), noise, noise > 0, np.angle(measured)
+    seen = Observation(GRID, reduced.model.floors, *shown, None, 0.25, "made", ())
     data = frf_data(seen, reduced.model.floors, table=COARSE_ERROR)
     problem = posed(reduced, data)
     base = fit_baseline(problem)[0]

@@ -24,6 +24,14 @@ def test_stories_that_are_alike_share_a_plan():
     assert titles == ["S1 to S2, S4", "S3, S5 to S6"]
     with_walls, without = ({line.get_label() for line in panel.collections} for panel in panels[:2])
     assert with_walls - without == {"wall"}
+    document["grid"]["x"] |= {"Y2": 4.5, "Y3": 9.0}
+    document["mesh"]["size"] = 1.5
+    for wall, story in zip(document["walls"], ("S1", "S2", "S3"), strict=False):
+        wall |= {"stories": [story], "stiffness": True}  # two rows of flat plans
+    figure = drawn(document)
+    figure.canvas.draw()
+    seen = [panel for panel in figure.axes if panel.get_visible()]
+    assert min(panel.xaxis.label.get_window_extent().y0 for panel in seen) > 0.0
 
 
 def test_a_wall_is_drawn_from_end_to_end():
