@@ -109,7 +109,7 @@ class RepairReport(Result):
         path, folder = self.building_path, None if self.study is None else self.study.folder
         yield from first_lines(
             f"Verdict: {verdict}",
-            f"Residuals: {'; '.join((squares, *kept_out[:1], self._left))}",
+            f"Residuals: {'; '.join((squares, *kept_out[:1]))}. {self._left}",
             f"`{typed('report', path or self.path)}` writes the page",
         )
         # What predicts data kept out better stands for itself, and what others complete.
