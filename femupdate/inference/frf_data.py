@@ -366,9 +366,10 @@ class FrfData:
         """The same with so much more noise in ln|H|."""
         return replace(self, sd=(self.sd**2 + noise**2).sqrt())
 
-    def emptied(self) -> "FrfData":
-        """The same as if nothing had been observed."""
-        return replace(self, sd=torch.full_like(self.sd, torch.inf), halves=())
+    def emptied(self, above_hz: float = 0.0) -> "FrfData":
+        """The same as if nothing had been observed above a frequency."""
+        kept = self.frequency_hz <= above_hz
+        return replace(self, sd=torch.where(kept, self.sd, torch.inf), halves=())
 
     @property
     def forced(self) -> bool:

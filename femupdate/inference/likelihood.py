@@ -337,6 +337,11 @@ class Likelihood:
             whole += 1
         return replace(self, data=tuple(parts), error=joint_error(parts).with_rows_of(self.error))
 
+    def up_to(self, hz: float) -> "Likelihood":
+        """By what was measured up to a frequency, and by all modes."""
+        parts = tuple(kind.emptied(hz) if isinstance(kind, FrfData) else kind for kind in self.data)
+        return replace(self, data=parts, error=joint_error(parts).with_rows_of(self.error))
+
     def coarse(self, noise: float) -> "Likelihood":
         """The same as if there were so much more noise: peaks that do not meet show a distance."""
         data = tuple(kind.coarse(noise) for kind in self.data)

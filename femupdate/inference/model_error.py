@@ -196,36 +196,45 @@ class _Factor:
 
     One for each of r rows of the table. Coefficients of one floor alone (a group is a floor in one
     part) are tied to those of another by what all share: the common process of their part, and
-    errors known beforehand.
+    errors known beforehand. Rows that differ by their common process alone share what is dear.
 
     Attributes:
-        groups: (r, g, j, j) of each.
-        across: (r, g, j, s) of these and the shared ones.
+        kind: (r,) which of u kinds of groups each row has.
+        groups: (u, g, j, j) of each.
+        across: (u, g, j, s) of these and the shared ones, were their common process of size one.
+        sizes: (r, 1, s) by which these are larger.
         shared: (r, s, s).
     """
 
+    kind: Tensor
     groups: Tensor
     across: Tensor
+    sizes: Tensor
     shared: Tensor
 
     def forward(self, alone: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
         """The factors' inverses times values of all coefficients, (r, g, j, n) and (r, s, n)."""
-        first = torch.linalg.solve_triangular(self.groups, alone, upper=False)
-        rest = shared - self.across.flatten(1, 2).mT @ first.flatten(1, 2)
+        first = torch.linalg.solve_triangular(self._each(self.groups), alone, upper=False)
+        tied = self._each(self.across).flatten(1, 2).mT @ first.flatten(1, 2)
+        rest = shared - self.sizes.mT * tied
         return first, torch.linalg.solve_triangular(self.shared, rest, upper=False)
 
     def solve(self, alone: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
         """The precisions' inverses times values of all coefficients, shaped likewise."""
         first, rest = self.forward(alone, shared)
         rest = torch.linalg.solve_triangular(self.shared.mT, rest, upper=True)
-        first = first - self.across @ rest[:, None]
-        return torch.linalg.solve_triangular(self.groups.mT, first, upper=True), rest
+        first = first - self._each(self.across) @ (self.sizes.mT * rest)[:, None]
+        return torch.linalg.solve_triangular(self._each(self.groups).mT, first, upper=True), rest
+
+    def _each(self, kinds: Tensor) -> Tensor:
+        """Of every row what its kind has."""
+        return kinds if len(kinds) == len(self.kind) else kinds[self.kind]
 
     @property
     def half_log_determinants(self) -> Tensor:
         """(r,) of the precisions."""
         alone = self.groups.diagonal(dim1=2, dim2=3).log().sum((1, 2))
-        return alone + self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
+        return self._each(alone) + self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
 
     @property
     def size(self) -> int:
@@ -393,7 +402,7 @@ class LearnedError:
         Up to the constant of the stated noise.
         """
         kinds: tuple[list[int], list[int]] = [], []
-        for row in range(len(self.levels)):
+        for row in sorted(range(len(self.levels)), key=self._kind):
             kinds[self._errs(row)].append(row)
         chunks = [
             tuple(rows[k : k + _AT_ONCE]) for rows in kinds for k in range(0, len(rows), _AT_ONCE)
@@ -525,54 +534,38 @@ class LearnedError:
         return torch.stack([self.harmonics.spread(self.levels[row].length_hz) for row in rows])
 
     def _factored(self, rows: tuple[int, ...]) -> _Factor:
-        noise, spread = (
-            self._of(rows, "noise"),
-            self._spread(rows) / self._of(rows, "noise")[:, None],
-        )
-        owns, commons = (self._of(rows, name) for name in ("own", "common"))
+        kinds: dict[tuple[float, ...], int] = {}
+        of_row = [kinds.setdefault(self._kind(row), row) for row in rows]
+        firsts = tuple(kinds.values())
+        kind = torch.tensor([firsts.index(first) for first in of_row])
+        noise, owns = (self._of(firsts, name)[:, None, None, None] for name in ("noise", "own"))
+        spread = (self._spread(firsts)[:, None] / noise[:, 0])[..., None]  # (u, 1, j, 1)
         errs = self._errs(rows[0])
-        scaled = spread[:, None, :, None] * self._normal[errs] * spread[:, None, None, :]
-        identity = torch.eye(spread.shape[1]).to(scaled)
-        alone = torch.linalg.cholesky(identity + owns[:, None, None, None] ** 2 * scaled)
-        known = (
-            spread[:, None, :, None]
-            * self._across[errs].permute(1, 2, 0)
-            / noise[:, None, None, None]
-        )
-        both = owns[:, None, None, None] * known
-        both = self._with_common(both, (owns * commons)[:, None, None, None] * scaled)
-        groups = alone.repeat(1, self._parts, 1, 1)
-        across = torch.linalg.solve_triangular(groups, both, upper=False).contiguous()
+        scaled = spread * self._normal[errs] * spread.mT
+        identity = torch.eye(scaled.shape[3]).to(scaled)
+        groups = torch.linalg.cholesky(identity + owns**2 * scaled).repeat(1, self._parts, 1, 1)
+        known = spread * self._across[errs].permute(1, 2, 0) / noise
+        # Every part has a common process of its own.
+        own = torch.eye(self._parts).to(scaled)
+        common = torch.einsum("pq,ufij->upfiqj", own, scaled).flatten(4).flatten(1, 2)
+        across = owns * torch.cat([known, common], 3)
+        across = torch.linalg.solve_triangular(groups, across, upper=False).contiguous()
+        # What all floors share, were there nothing of a floor's own, less what that explains.
+        beside = self._known[errs]
+        between = known.unflatten(1, (self._parts, -1)).sum(2).flatten(1, 2)
+        common = common.unflatten(1, (self._parts, -1)).sum(2).flatten(1, 2)
+        top = torch.cat([beside @ beside.T / noise[:, 0] ** 2, between.mT], 2)
         flat = across.flatten(1, 2)
-        shared = self._shared_precision(rows, scaled, known) - flat.mT @ flat
-        return _Factor(groups, across, torch.linalg.cholesky(shared))
+        within = torch.cat([top, torch.cat([between, common], 2)], 1) - flat.mT @ flat
+        sizes = self._of(rows, "common")[:, None, None].repeat(1, 1, within.shape[1])
+        sizes[:, :, : len(beside)] = 1.0
+        shared = torch.eye(within.shape[1]).to(within) + sizes.mT * within[kind] * sizes
+        return _Factor(kind, groups, across, sizes, torch.linalg.cholesky(shared))
 
-    def _with_common(self, known: Tensor, common: Tensor) -> Tensor:
-        """(r, g, j, s) of the known errors (r, g, j, c) and of each part's own (r, f, j, j)."""
-        floors, count, blocks = common.shape[1], common.shape[2], []
-        for part in range(self._parts):
-            wide = common.new_zeros(len(common), floors, count, self._parts * count)
-            wide[..., part * count : (part + 1) * count] = common
-            blocks.append(wide)
-        return torch.cat([known, torch.cat(blocks, 1)], 3)
-
-    def _shared_precision(self, rows: tuple[int, ...], scaled: Tensor, known: Tensor) -> Tensor:
-        """(r, s, s) of what all floors share, were there nothing of a floor's own."""
-        noise, commons = self._of(rows, "noise"), self._of(rows, "common")
-        beside = self._known[self._errs(rows[0])]
-        within = beside @ beside.T / noise[:, None, None] ** 2
-        of_part = known.unflatten(1, (self._parts, -1)).sum(2).flatten(1, 2)  # (r, p j, c)
-        between = commons[:, None, None] * of_part
-        common = commons[:, None, None] ** 2 * scaled.sum(1)
-        count, c = common.shape[1], len(beside)
-        whole = torch.eye(c + self._parts * count).to(common).repeat(len(rows), 1, 1)
-        whole[:, :c, :c] += within
-        whole[:, c:, :c] += between
-        whole[:, :c, c:] += between.mT
-        for part in range(self._parts):
-            at = slice(c + part * count, c + (part + 1) * count)
-            whole[:, at, at] += common
-        return whole
+    def _kind(self, row: int) -> tuple[float, ...]:
+        """All of a row but what is common to floors."""
+        level = self.levels[row]
+        return level.own, level.length_hz, level.noise
 
     def _standard(self, apart: Tensor, row: int) -> tuple[Tensor, Tensor]:
         """Likeliest coefficients (1, g, j, n) and (1, s, n), whose prior is of unit variance."""

@@ -25,7 +25,7 @@ from femupdate.inference.frf_data import (
 from femupdate.inference.importance import SamplerRun
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import Data, Likelihood, cost_of_scatter, likelihood_of
-from femupdate.inference.maxima import Settled, settled
+from femupdate.inference.maxima import FEW, Settled, settled
 from femupdate.inference.mode_data import ModeData, mode_data
 from femupdate.inference.model_error import COARSE_ERROR, MODEL_ERROR, WILD, ErrorTable
 from femupdate.inference.parameters import Parameters, damping_parameter, theta_prior
@@ -37,9 +37,6 @@ from femupdate.seeds import Seed, torch_generator
 from femupdate.units import percent
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.model import StudyModel
-
-FEW = 10
-"""Parameters up to which particles of the prior find all modes."""
 
 
 @dataclass(frozen=True)

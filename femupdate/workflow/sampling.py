@@ -18,7 +18,7 @@ from femupdate.errors import InferenceError
 from femupdate.inference.importance import Counted, SamplerRun, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Data, Likelihood
-from femupdate.inference.maxima import TRUSTED, best_of_prior, draws_about, found_from
+from femupdate.inference.maxima import FEW, TRUSTED, best_of_prior, draws_about, found_from
 from femupdate.inference.model_error import COARSE_ERROR
 from femupdate.inference.parameters import Parameters, effect_parameters
 from femupdate.inference.smc import Hamiltonian, LogLikelihood, SmcSettings, TemperedSmc
@@ -34,7 +34,6 @@ from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.effects import keep_basis
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
-    FEW,
     CalibrationSettings,
     Sampled,
     base_data,
@@ -198,8 +197,8 @@ def sampled_about_maxima(
     drawing, choosing = spawn(seed, 2)
     # A thousand at a time: all processors start and end together.
     counted = Counted(target.likelihood, show, rows=1024)
-    # Heavy tails cost a share of the draws with every dimension.
-    trusted = TRUSTED * min(1.0, FEW / target.prior.size)
+    # Of many parameters as many must count as trajectories carry particles.
+    trusted = TRUSTED if target.prior.size <= FEW else min(TRUSTED, _POPULATION / count)
     least = 0.0 if target.local else trusted
     found = draws_about(target.prior, counted, target.maxima, count, drawing, least)
     if found is None:
@@ -333,7 +332,7 @@ def sample_exact(
     target = _target(study, model, measured, settings, first, fitted)
     many = model.parameters.size > FEW
     sampled = None
-    if target.maxima is not None and (fitted is not None or not many):
+    if target.maxima is not None:
         sampled = sampled_about_maxima(target, settings.particles, second, show)
     if sampled is None:
         sample = sampled_by_trajectories if many else sampled_by_particles
