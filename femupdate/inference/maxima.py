@@ -108,9 +108,9 @@ def settled(likelihood: Likelihood, seed: Seed, starts: Tensor | None = None) ->
     Args:
         likelihood: by all rows of the tables of errors; smooth in the parameters.
         seed: of the points of the prior from which the search starts without `starts`.
-        starts: (s, p) parameters, one at least near every maximum. From those of the prior, fits
-            begin as if the model erred much, so that no few points decide.
+        starts: (s, p) parameters, one at least near every maximum.
     """
+    # Fits begin as if the model erred much, so that no few points decide.
     prior, tried, row = likelihood.prior, 0, likelihood.error.start
     wide = likelihood.at_row(row)
     if starts is None and prior.size > FEW:
@@ -120,7 +120,7 @@ def settled(likelihood: Likelihood, seed: Seed, starts: Tensor | None = None) ->
         starts = prior.from_normal(torch.zeros(1, prior.size, dtype=torch.float64))
         for share in torch.logspace(-1.0, 0.0, 25).tolist():
             part = likelihood.up_to(share * likelihood.top_hz).about(starts)
-            part, found = _held(part, found_from(prior, part.residuals, starts), 3)
+            part, found = _held(part, found_from(prior, part.residuals, starts), 1)
             starts = prior.from_normal(found.z[:1])
             likelihood = replace(likelihood, known=part.known, system=part.system)
         likelihood = likelihood.about(starts)
@@ -153,9 +153,9 @@ def _held(likelihood: Likelihood, found: Descent, rounds: int) -> tuple[Likeliho
 
 
 def settle(likelihood: Likelihood, starts: Tensor, row: Row) -> Settled:
-    """Find the maxima from starts (s, p), and the rows of the tables that count there.
+    """Find the maxima from starts (s, p), by a row at first, and the rows that count there.
 
-    Fits begin by a row; the likeliest error at their end is taken for the next, and at last none.
+    The likeliest error at the end of a fit is taken for the next, and at last none.
     """
     first = likelihood.error.first
     maxima = _fitted(likelihood, starts, row)

@@ -542,20 +542,18 @@ class LearnedError:
         spread = (self._spread(firsts)[:, None] / noise[:, 0])[..., None]  # (u, 1, j, 1)
         errs = self._errs(rows[0])
         scaled = spread * self._normal[errs] * spread.mT
-        identity = torch.eye(scaled.shape[3]).to(scaled)
-        groups = torch.linalg.cholesky(identity + owns**2 * scaled).repeat(1, self._parts, 1, 1)
+        alone = torch.eye(scaled.shape[3]).to(scaled) + owns**2 * scaled
+        groups = torch.linalg.cholesky(alone).repeat(1, self._parts, 1, 1)
         known = spread * self._across[errs].permute(1, 2, 0) / noise
-        # Every part has a common process of its own.
-        own = torch.eye(self._parts).to(scaled)
-        common = torch.einsum("pq,ufij->upfiqj", own, scaled).flatten(4).flatten(1, 2)
+        apart = torch.eye(self._parts).to(scaled)  # every part has a common process of its own
+        common = torch.einsum("pq,ufij->upfiqj", apart, scaled).flatten(4).flatten(1, 2)
         across = owns * torch.cat([known, common], 3)
         across = torch.linalg.solve_triangular(groups, across, upper=False).contiguous()
         # What all floors share, were there nothing of a floor's own, less what that explains.
-        beside = self._known[errs]
+        beside, flat = self._known[errs], across.flatten(1, 2)
         between = known.unflatten(1, (self._parts, -1)).sum(2).flatten(1, 2)
         common = common.unflatten(1, (self._parts, -1)).sum(2).flatten(1, 2)
         top = torch.cat([beside @ beside.T / noise[:, 0] ** 2, between.mT], 2)
-        flat = across.flatten(1, 2)
         within = torch.cat([top, torch.cat([between, common], 2)], 1) - flat.mT @ flat
         sizes = self._of(rows, "common")[:, None, None].repeat(1, 1, within.shape[1])
         sizes[:, :, : len(beside)] = 1.0

@@ -23,6 +23,17 @@ from femupdate.benchmarks.solver.meshes import (  # noqa: F401 (tests reach them
     zeros,
 )
 
+SECTION = {
+    "area": 0.12,
+    "shear_area_y": 0.1,
+    "shear_area_z": 0.1,
+    "inertia_y": 1.6e-3,
+    "inertia_z": 0.9e-3,
+    "torsion_constant": 1.9e-3,
+    "youngs_modulus": 25e9,
+    "density": 2400.0,
+}
+
 
 def random_rotation(seed):
     matrix, _ = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))
@@ -43,18 +54,8 @@ def frame_with_wall(fine=1):
     low, middle = index[-2:]
     both = shells(np.concatenate(quads), 0.2, 30e9, 0.2, 2500.0)
     group = np.repeat([0, -1], [len(quads[0]), len(quads[1])])
-    section = {
-        "area": 0.12,
-        "shear_area_y": 0.1,
-        "shear_area_z": 0.1,
-        "inertia_y": 1.6e-3,
-        "inertia_z": 0.9e-3,
-        "torsion_constant": 1.9e-3,
-        "youngs_modulus": 25e9,
-        "density": 2400.0,
-    }
     parts = {
         "shells": replace(both, group=group, thickness=np.where(group == 0, 0.2, 0.15)),
-        "beams": beams([[low, middle], [middle, top]], up=(1.0, 0.4, 0.0), group=1, **section),
+        "beams": beams([[low, middle], [middle, top]], up=(1.0, 0.4, 0.0), group=1, **SECTION),
     }
     return points, parts

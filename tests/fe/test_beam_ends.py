@@ -11,16 +11,7 @@ from femupdate.fe import Beams, assemble, static_displacement
 def cantilever(meshes, count=4, **changes):
     """A cantilever of 3 m along x with the parts in `changes` set on its beams."""
     points = np.column_stack([np.linspace(0, 3.0, count + 1), np.zeros((count + 1, 2))])
-    section = {
-        "area": 0.12,
-        "shear_area_y": 0.1,
-        "shear_area_z": 0.1,
-        "inertia_y": 1.6e-3,
-        "inertia_z": 0.9e-3,
-        "torsion_constant": 1.9e-3,
-        "youngs_modulus": 30e9,
-        "density": 2500.0,
-    }
+    section = meshes.SECTION | {"youngs_modulus": 30e9, "density": 2500.0}
     bars = meshes.beams(meshes.chain(count), up=(0.0, 0.0, 1.0), **section)
     fixed = meshes.hold(count + 1, (points[:, 0] == 0, range(6)))
     return meshes.model(points, fixed, beams=replace(bars, **changes))

@@ -9,26 +9,19 @@ import torch
 from femupdate.inference import SmcSettings, TemperedSmc
 from femupdate.inference.smc import Hamiltonian
 
-LINEAR = (
-    np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
-    np.array([1.3, -0.8, 2.1, 0.4]),
-    0.3,
-)
-
-
-def sampler(prior, target):
-    return TemperedSmc(prior, target, SmcSettings(unmoved=0.0), ((Hamiltonian(), 3),))
-
 
 def drawn(prior, target, draws, seed=0, particles=128, groups=4):
     """Draws (groups, n, p) of a population, and what each group's run says."""
-    runs = sampler(prior, target).draws(particles, draws, seed, groups)
+    sampler = TemperedSmc(prior, target, SmcSettings(unmoved=0.0), ((Hamiltonian(), 3),))
+    runs = sampler.draws(particles, draws, seed, groups)
     return torch.stack([run.theta for run in runs]), runs
 
 
 @pytest.fixture
 def linear(box, linear_gaussian):
-    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*LINEAR)
+    prior = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0])
+    slopes = np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]])
+    exact = linear_gaussian(slopes, np.array([1.3, -0.8, 2.1, 0.4]), 0.3)
     return prior, exact, exact.on(prior)
 
 
