@@ -422,7 +422,7 @@ def importance_sample(
         # What was taken for several solutions may be one, or bent; but none may be lost.
         return whole if solutions == 1 else whole.joined(first, 0.1)
 
-    for turn in range(max(8, prior.size)):
+    for turn in range(8):
         tried = drawn(proposal, size)
         proposal = refitted(tried, turn)
         # The last round by itself fits; or, after some, all together say more than was asked for.

@@ -183,23 +183,23 @@ def sampled_about_maxima(
 ) -> Sampled | None:
     """Equally weighted draws, by importance draws about the maxima; None where too few count.
 
-    Of a local model they are all that there is, however few of them count.
+    For a posterior with one mode this costs some thousand responses where tempering costs fifty
+    thousand. Of a local model they are all that there is, however few of them count.
 
     Raises:
         InferenceError: no draw about the fit of a local model is possible.
     """
     assert target.maxima is not None
-    # Two rounds of fitting are usual, of many parameters as many as these.
-    rounds = 2 if target.prior.size <= FEW else target.prior.size
-    total = count + 100 * target.prior.size * rounds
+    # Rounds of fitting take some hundred draws a parameter.
+    total = count + 200 * target.prior.size
     ahead = _ahead(target.prior, target.likelihood, 64, total)
     show.start(f"Importance sampling ({ahead}, {total:,} responses of the building)", total)
     drawing, choosing = spawn(seed, 2)
     # A thousand at a time: all processors start and end together.
     counted = Counted(target.likelihood, show, rows=1024)
-    # Of many parameters as many should count as trajectories carry particles, or a quarter.
-    trusted = TRUSTED if target.prior.size <= FEW else min(TRUSTED, _POPULATION / count)
-    least = 0.0 if target.local else trusted if trusted == TRUSTED else 0.25 * trusted
+    # Heavy tails cost a share of the draws with every dimension.
+    trusted = TRUSTED * min(1.0, FEW / target.prior.size)
+    least = 0.0 if target.local else trusted
     found = draws_about(target.prior, counted, target.maxima, count, drawing, least)
     if found is None:
         if target.local:
@@ -332,7 +332,7 @@ def sample_exact(
     target = _target(study, model, measured, settings, first, fitted)
     many = model.parameters.size > FEW
     sampled = None
-    if target.maxima is not None:
+    if target.maxima is not None and (fitted is not None or not many):
         sampled = sampled_about_maxima(target, settings.particles, second, show)
     if sampled is None:
         sample = sampled_by_trajectories if many else sampled_by_particles
