@@ -165,7 +165,7 @@ def driven_system(
         sprung, whole.mass, forces, structure.floor_rows, top_hz, watched=seen.watched
     )
     shapes = found.shapes
-    size, force, floors = shapes.shape[1], shapes.T @ whole.force, structure.floor_rows @ shapes
+    size, force = shapes.shape[1], shapes.T @ whole.force
     model = ReducedModel(  # without stiffness factors, diagonal
         stiffness_terms=np.zeros((0, size, size)),
         stiffness_constant=np.diag((2.0 * np.pi * found.frequency_hz) ** 2),
@@ -174,7 +174,7 @@ def driven_system(
         floors=seen.names,
         story_inertia=whole.story_inertia @ shapes,
         story_mass=whole.story_rigid[:, TRANSLATION],
-        story_drift=structure.over_foot(floors),
+        story_drift=structure.drift_rows @ shapes,
         rotation=BaseRotation(
             force=force[:, ROTATION],
             mass=whole.rigid_mass,

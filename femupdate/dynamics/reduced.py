@@ -362,7 +362,7 @@ def reduce_lumped(
 
 def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
     """A structure seen through a mass-orthonormal basis (n, r)."""
-    floors, force = structure.floor_rows @ basis, basis.T @ structure.rigid_force
+    force = basis.T @ structure.rigid_force
     rigid, nodes = structure.story_rigid, None
     if structure.operators is not None:
         full = structure.operators.expand(basis).reshape(-1, DOF_PER_NODE, basis.shape[1])
@@ -371,11 +371,11 @@ def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
         stiffness_terms=np.stack([projected(basis, term) for term in structure.stiffness_terms]),
         stiffness_constant=projected(basis, structure.stiffness_constant),
         excitation=force[:, TRANSLATION],
-        floor_shapes=floors,
+        floor_shapes=structure.floor_rows @ basis,
         floors=structure.floors,
         story_inertia=structure.story_inertia @ basis,
         story_mass=rigid[:, TRANSLATION],
-        story_drift=structure.over_foot(floors),
+        story_drift=structure.drift_rows @ basis,
         node_shapes=nodes,
         rotation=BaseRotation(
             force=force[:, ROTATION],

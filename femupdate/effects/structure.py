@@ -13,6 +13,7 @@ from typing import TypeVar, cast
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
+from scipy.spatial import cKDTree
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.building_mesh import BuildingMesh
@@ -93,6 +94,22 @@ class Structure:
         """Values of the floors (f, ...) less those of the floors on which their stories stand."""
         below = np.array(self.building.below)
         return values - np.concatenate([np.zeros_like(values[:1]), values])[below + 1]
+
+    @cached_property
+    def drift_rows(self) -> Floats:
+        """(s, n) motion of each floor's sensors less that of the floor below at their own places.
+
+        Sensors of two floors may stand apart in plan, where a building that turns moves unlike.
+        """
+        rows, along = self.over_foot(self.floor_rows), self.points.axis == self.direction
+        nodes = () if self.mesh is None else self.mesh.floor_nodes.values()
+        for story, (seen, foot) in enumerate(zip(nodes, self.building.below, strict=False)):
+            under = np.flatnonzero(along & (self.level_of == foot))
+            if foot >= 0 and len(under):
+                plan = self.points.position[:, :2]
+                _, near = cKDTree(plan[under]).query(plan[DOF_PER_NODE * np.asarray(seen)])
+                rows[story] = self.floor_rows[story] - self.points.motion[under[near]].mean(axis=0)
+        return rows
 
     def stiffness(self, theta: Floats) -> csc_matrix:
         """K (n, n) at theta (p,)."""

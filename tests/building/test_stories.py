@@ -100,6 +100,17 @@ def test_a_story_carries_what_stands_on_it():
     assert not any(place.startswith("A") and "B" in place for place in places)
 
 
+def test_what_turns_as_one_does_not_drift():
+    """Wherever the sensors of its floors stand in plan."""
+    made = document()
+    made["sensors"]["floors"] |= {"6F": ["C-1"], "5F": ["B-2"]}
+    structure = structure_of(from_document(made))
+    x, y, _ = structure.position.T
+    turned = np.choose(structure.axis, [-y, x, 0.0 * x, 0.0 * x, 0.0 * x, np.ones_like(x)])
+    # Only the podium's first story stands on what does not turn; its sensors are at y = 2.5 m.
+    np.testing.assert_allclose(structure.drift_rows @ turned, [-2.5, 0, 0, 0, 0, 0], atol=1e-12)
+
+
 def test_a_deck_has_the_stories_that_a_file_beside_it_gives(tmp_path):
     mesh = mesh_building(from_document(document(slabs=True)))
     (tmp_path / "towers.bdf").write_text(bulk_data(mesh.model))
