@@ -45,7 +45,7 @@ def write_stick(path, *effects):
     return path
 
 
-def write_shaken(path, chain, seed, rms=0.5):
+def write_shaken(path, chain, seed, rms=0.5, hum=0.0):
     """Two minutes of band-limited noise at the base (rms, m/s2) with the chain's exact response."""
     rng, count = np.random.default_rng(seed), 12_000
     frequency = np.fft.rfftfreq(count, STEP)
@@ -56,6 +56,7 @@ def write_shaken(path, chain, seed, rms=0.5):
     frf[1:, 1:] = chain.frf(frequency[1:])
     motion = np.fft.irfft(frf * np.fft.rfft(rms / base.std() * base), count, axis=1)
     motion += 0.002 * rng.standard_normal(motion.shape)
+    motion[1:] += hum * np.sin(2.0 * np.pi * 40.0 * STEP * np.arange(count))  # above all that fits
     rows = [f"{n * STEP:.2f}," + ",".join(f"{v:.7g}" for v in r) for n, r in enumerate(motion.T)]
     path.write_text("\n".join(["time_s,base,2F,3F,RF", "s,m/s2,m/s2,m/s2,m/s2", *rows]) + "\n")
     return path

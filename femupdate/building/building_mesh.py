@@ -220,6 +220,8 @@ def story_notes(building: Massive) -> Iterator[str]:
         listed = "; ".join(
             f"{' and '.join(names)} on {foot}" for foot, names in beside.items() if len(names) > 1
         )
+        tops = map("{} over {}".format, building.floors, building.story_names)
+        yield f"Floors: {', '.join(tops)}."
         yield (
             f"Stories stand beside each other: {listed or 'none'}. A story's shear is the inertia "
             "of what stands on it; what neighbours pass on to each other is in the forces of "

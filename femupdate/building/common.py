@@ -220,11 +220,6 @@ class EffectEntry(Entry):
 BASE = "base"
 
 
-def floor_names(stories: int) -> tuple[str, ...]:
-    """Return the floors above each story: "2F", "3F", ..., and "RF" for the roof."""
-    return (*(f"{number}F" for number in range(2, stories + 1)), "RF")
-
-
 class Building(Entry):
     """A building as its file says: stories, frequencies, priors, damping and listed effects.
 
@@ -276,7 +271,7 @@ class Building(Entry):
     @property
     def floors(self) -> tuple[str, ...]:
         """Names of the floors above each story, "2F" to "RF"."""
-        return floor_names(len(self.stories))
+        return (*(f"{number}F" for number in range(2, len(self.stories) + 1)), "RF")
 
     @property
     def below(self) -> tuple[int, ...]:

@@ -97,11 +97,7 @@ def tell_unread(tables: ModelTables, rows: Iterable[Row], harmless: re.Pattern[s
 
 
 def units_of(file: str, words: Iterable[str]) -> tuple[str, str]:
-    """Units of force and length from the words of a file.
-
-    Raises:
-        BuildingError: they are not known.
-    """
+    """Units of force and length from the words of a file; BuildingError for unknown ones."""
     force, length, *_ = [*(word.strip().lower() for word in words), "", ""]
     if force not in FORCES or length not in LENGTHS:
         raise BuildingError(
@@ -457,8 +453,8 @@ def add_area(
 
 def _corner_mass(tables: ModelTables, row: Row, corners: list[int], mass: float) -> None:
     """Put the mass of an area, kg/m2, at its corners."""
-    if len(corners) < 3:
-        raise row.error(f"it has {len(corners)} corners; give it three or more")
+    if (count := len(set(corners))) < max(3, len(corners)):
+        raise row.error(f"it has {count} corners; give it three or more, each once")
     points = np.array([tables.points[k] for k in corners])
     fan = np.array([[0, k, k + 1] for k in range(1, len(corners) - 1)])
     normals = area_vectors(points[fan])

@@ -69,16 +69,18 @@ class NastranModel(ModelFile[Card]):
         for card in self.of(*names):
             number = card.whole(0)
             if number in cards:
-                earlier = cards[number].line
-                raise card.error(f"line {earlier} has this number already; renumber or remove one")
+                line = cards[number].line
+                raise card.error(f"line {line} has this number already; renumber or remove one")
             cards[number] = card
         return cards
 
     @property
     def mass_factor(self) -> float:
         """PARAM WTMASS: what densities and masses are multiplied by."""
-        values = [c.real(1) for c in self.of("PARAM") if c.text(0).upper() == "WTMASS"]
-        return values[-1] if values else 1.0
+        cards = [card for card in self.of("PARAM") if card.text(0).upper() == "WTMASS"]
+        if cards and not cards[-1].real(1) > 0.0:
+            raise cards[-1].error("it must be positive; correct it")
+        return cards[-1].real(1) if cards else 1.0
 
     @cached_property
     def systems(self) -> dict[int, "DeckSystem"]:
@@ -222,12 +224,9 @@ class _DeckReading:
         """Material, thickness (m), factor on the bending stiffness, mass (kg/m2)."""
         thickness, bending = card.real(2), card.real(4, 1.0)
         if not card.whole(1, 0) or card.whole(3, 0) <= 0:
-            text = "a membrane or a plate alone is no shell here; give MID1 and MID2"
-            raise card.error(text)
+            raise card.error("a membrane or a plate alone is no shell here; give MID1 and MID2")
         if card.whole(18, 0):
-            raise card.error(
-                "MID4 couples membrane and bending, which no shell here does; empty it"
-            )
+            raise card.error("MID4 couples membrane and bending, which no shell does; empty it")
         if card.whole(5, 0) != card.whole(1) or abs(card.real(6, 5.0 / 6.0) - 5.0 / 6.0) > 1e-3:
             self.tables.changes["PSHELL of another shear stiffness: by 5/6 of the thickness"] += 1
         stuff, bent = (self.material(card.whole(k), card) for k in (1, 3))
@@ -372,7 +371,6 @@ class _DeckReading:
                 tables.changes["CONM2 with products of inertia, which are left out"] += 1
             inertia = np.diag(whole) * tables.mass * self.length**2
             tables.point_mass(card, node, [card.real(3) * tables.mass] * 3, inertia)
-
         for card in self.deck.of("CMASS2"):
             node = self.node(card, 2)
             way = self.directions(card, node, card.components(3))

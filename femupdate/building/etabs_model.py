@@ -141,17 +141,18 @@ class _EtabsReading:
         self.level: dict[str, float] = {}
         z = 0.0
         for name, row in zip(self.stories, file.of("STORY")[::-1], strict=True):
-            if (height := row.real("HEIGHT", usual=0.0)) < 0.0:
+            usual = (
+                None if self.level and not row.text("ELEV") else 0.0
+            )  # of the base there is none
+            if (height := row.real("HEIGHT", usual=usual)) < 0.0:
                 raise row.error(f"HEIGHT {height:g} is negative; write it from the floor below")
             z = row.real("ELEV", usual=z + height)
             self.level[name] = z
         tables.levels = {n: tables.length * z for n, z in list(self.level.items())[1:]}
         self.plan = once(file.of("POINT"), "1")
-        self.rigid = {
-            name
-            for name, row in once(file.of("DIAPHRAGM"), "1").items()
-            if row.text("TYPE").upper() in ("RIGID", "")
-        }
+        self.diaphragms = once(file.of("DIAPHRAGM"), "1")
+        kinds = {name: row.text("TYPE").upper() for name, row in self.diaphragms.items()}
+        self.rigid = {name for name, kind in kinds.items() if kind in ("RIGID", "")}
         self.bodies: dict[tuple[str, str], set[int]] = defaultdict(set)
         self.loose: set[int] = set()  # points that are in no diaphragm
         self.source = self._mass_source()
@@ -279,6 +280,8 @@ class _EtabsReading:
                 self.node(row, area.named(f"{4 + k}"), story, below[k]) for k in range(count)
             ]
             diaphragm = row.text("DIAPH")
+            if diaphragm.upper() not in ("", "NONE", "DISCONNECTED"):
+                known(row, self.diaphragms, diaphragm, "DIAPHRAGM")
             if diaphragm in self.rigid:
                 points = np.array(tables.points)
                 level = np.abs(points[:, 2] - points[corners[0], 2]) < 1e-3

@@ -59,11 +59,7 @@ def strut_width(
 
 
 def panels(building: FrameBuilding) -> Iterator[Panel]:
-    """Yield every infill of a building, bay by bay.
-
-    Raises:
-        Complaint: a bay has no column at one of its ends, or nothing is left between its members.
-    """
+    """Yield every infill of a building, bay by bay; Complaint for one that cannot stand."""
     for number, infill in enumerate(building.infills):
         key = f"infills[{number}]"
         run = wall_stretch(building.grid, infill, key)

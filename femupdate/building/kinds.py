@@ -256,10 +256,7 @@ def shear_operators(building: Building) -> ShearOperators:
     """Return the matrices of a building of kind "shear".
 
     The spring of story i acts on the difference between the floor above and the one below it
-    (Clough and Penzien, 1993, section 11-1).
-
-    Raises:
-        BuildingError: the building is a frame.
+    (Clough and Penzien, 1993, section 11-1). BuildingError for a frame.
     """
     if not isinstance(building, ShearBuilding):
         raise BuildingError(

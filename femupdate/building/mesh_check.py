@@ -47,11 +47,7 @@ def place(point: Floats) -> str:
 
 
 def nodes_at(model: FiniteElementModel, points: Sequence[Point], key: str) -> Integers:
-    """Return the nodes (n,) nearest to points, no further than the longest element is long.
-
-    Raises:
-        Complaint: there is none near a point.
-    """
+    """Return the nodes (n,) nearest to points; Complaint further than the longest element is."""
     sides = model.nodes[np.concatenate([model.lines, model.faces[:, :2]])]
     reach = np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1).max()
     away, nearest = cKDTree(model.nodes).query(np.array(points))

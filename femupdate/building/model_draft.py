@@ -27,10 +27,8 @@ _GRIDS = ((2.0, 0.005), (4.0, 0.01), (10.0, 0.02), (25.0, 0.05), (50.0, 0.1))
 def floor_levels(read: ReadModel) -> tuple[Floats, list[str]]:
     """Levels (stories,) of the floors above the base, m, and what is not one of them.
 
-    A floor is where slabs lie; without slabs where beams do, else where columns end.
-
-    Raises:
-        BuildingError: nothing of this lies above the base.
+    A floor is where slabs lie; without slabs where beams do, else where columns end. BuildingError
+    where nothing of this lies above the base.
     """
     model, base = read.model, float(read.model.nodes[read.held, 2].min())
     z, weight = np.zeros(0), np.zeros(0)

@@ -78,11 +78,7 @@ class ModelFile(ABC, Generic[R]):
 
     @abstractmethod
     def fill(self, tables: "ModelTables") -> None:
-        """Fill the tables.
-
-        Raises:
-            BuildingError: an entry is unknown, wrong or refers to what is not there.
-        """
+        """Fill the tables; BuildingError for an entry that cannot be."""
 
     @property
     def units(self) -> tuple[str, str] | None:
@@ -120,11 +116,7 @@ class ModelFile(ABC, Generic[R]):
 
 
 def known(user: Record, rows: Mapping[K, T], name: K, what: str) -> T:
-    """What an entry names.
-
-    Raises:
-        BuildingError: it is not there.
-    """
+    """What an entry names; BuildingError where it is not there."""
     if name not in rows:
         raise user.error(f"there is no {what} {name}; add it or correct the name")
     return rows[name]
@@ -155,11 +147,7 @@ class Stuff:
 
 
 def file_text(file: Path) -> str:
-    """The text of a model; comments may be in another code than UTF-8.
-
-    Raises:
-        BuildingError: there is no such file, it is too large or no plain text.
-    """
+    """The text of a model, in UTF-8 or latin-1; BuildingError for what is no plain text."""
     check_regular(file, BuildingError)
     if file.stat().st_size > LARGEST_BYTES:
         size = file.stat().st_size / 1e6

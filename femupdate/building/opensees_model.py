@@ -72,7 +72,7 @@ class _Object:
     def real(self, key: str, usual: float | None = None) -> float:
         value = self.values.get(key, usual)
         try:
-            number = float(value)
+            number = np.nan if isinstance(value, bool) else float(value)
         except (TypeError, ValueError):
             number = np.nan
         if not np.isfinite(number):
@@ -142,6 +142,8 @@ class OpenSeesModel(ModelFile[_Object]):
             )
         entries = {"node": objects["nodes"]}
         for element in objects["elements"]:
+            if "type" not in element.values:
+                raise element.error("it has no type; print the domain again")
             entries.setdefault(element.kind, []).append(element)
         return cls(file, entries)
 

@@ -262,9 +262,10 @@ class Held:
         name: of the file.
         compared: what of it, beside histories.
         figures: before and after: `error`, rms of the predicted less the measured floor
-            accelerations over the rms of the measured; `own_error`, the same with stiffness and
-            damping of the event itself, as no two have the same; both missing without histories of
-            base motion; and `chi2`, mean squared whitened residual of what is compared.
+            accelerations over the rms of the measured, up to the highest fitted frequency;
+            `own_error`, the same with stiffness and damping of the event itself, as no two have the
+            same; both missing without histories of base motion; and `chi2`, mean squared whitened
+            residual of what is compared.
         roof: its name; time (n,), s, and its measured motion and that before and after, m/s2, where
             there are histories.
     """
@@ -375,8 +376,11 @@ def hold(kept: KeptOut, problem: Likelihood, done: Repair) -> Held:
         theta, zeta = fitted.system.at_level(theta, zeta, sizes, kept.level)
         values = (theta, zeta, sizes)
         told.append(transformed_sensors(fitted.system, values, base, data.time_step)[rows])
-    size = np.sqrt((seen**2).mean())
-    errors = [float(np.sqrt(((floors - seen) ** 2).mean()) / size) for floors in told]
+    top_hz = max((kind.top_hz for kind in kept.data if isinstance(kind, FrfData)), default=np.inf)
+    fitted_to = np.fft.rfftfreq(seen.shape[1], data.time_step) <= top_hz
+    spectra = [np.fft.rfft(floors)[:, fitted_to] for floors in (seen, *told)]
+    norm = np.linalg.norm
+    errors = [float(norm(other - spectra[0]) / norm(spectra[0])) for other in spectra[1:]]
     time = data.time_step * np.arange(seen.shape[1], dtype=np.float64)
     figures = {"error": (errors[0], errors[1]), "own_error": (errors[2], errors[3]), "chi2": chi2}
     return replace(held, figures=figures, histories=(time, seen[-1], told[0][-1], told[1][-1]))

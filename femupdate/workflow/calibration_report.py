@@ -231,15 +231,16 @@ class CalibrationReport(Result):
         of = f"{building.name}, {', '.join(floors) or 'frequencies'} of {seen.source}"
         for floor, share in few.items():
             of += f"; {floor} has {percent(share)} of the points"
-        titles = parameter_titles(building, posterior.names)
-        columns = zip(posterior.names, posterior.samples.T, strict=True)
-        draws = {titles[name]: values for name, values in columns if not key_of(name)}
+        titles, factors = parameter_titles(building, posterior.names), factor_titles(building)
+        draws = dict(zip(posterior.names, posterior.samples.T, strict=True))
+        draws = {name: values for name, values in draws.items() if not key_of(name)}
         if posterior.zeta_samples is not None:
             draws["damping ratio"] = posterior.zeta_samples
-        told = f"factors of {len(draws)} parameters"
-        if len(draws) <= 9:
-            told = ", ".join(f"{name} {range_text(values)}" for name, values in draws.items())
-        return f"Verdict: {verdict} ({of}).", f"Intervals (90 %): {told}."
+        many = len(draws) > 9
+        told = [f"{len(factors)} stiffness factors in the table"] * many
+        shown = {n: v for n, v in draws.items() if not (many and n in factors)}
+        told += [f"{titles.get(name, name)} {range_text(v)}" for name, v in shown.items()]
+        return f"Verdict: {verdict} ({of}).", f"Intervals (90 %): {', '.join(told)}."
 
     @property
     def story_stiffness(self) -> DrawnQuantity | None:

@@ -269,6 +269,7 @@ def test_a_domain_has_its_own_frequencies(domain, tmp_path):
     assert ("Factors hold for a fine mesh" in told) == bool(len(mesh.model.faces))
     assert "node" in told
     assert "BeamColumn3d" in told or "ElasticBeam3d" in told
+    assert ("Nothing holds floors in their plane" in told) == ('"none"' in said)
 
 
 def test_what_is_not_printed_is_asked_for(tmp_path):

@@ -292,9 +292,7 @@ def test_floating_part_is_located(small_text, tmp_path):
         'from = "P"\nto = "Q"', 'from="A"\nto="B"'
     )
     alone = alone.replace('points = ["P-B", "Q-B"]', 'points = ["P-B"]')
-    with pytest.raises(
-        BuildingError, match=r"nothing connects what is at \(0, 5, 6\) m to the base"
-    ):
+    with pytest.raises(BuildingError, match=r"nothing connects what is at \(0, 5, 6\) m to"):
         load_building(write(tmp_path, alone))
 
 
@@ -303,18 +301,14 @@ def test_sensor_where_nothing_is_built(small_text, tmp_path):
     text = text.replace('section = "beam"\n', 'section = "beam"\nalong = ["A", "B"]\n', 1)
     text = text.replace('section = "column"\n', 'section = "column"\nat = ["A-P", "B-P"]\n', 1)
     text = text.replace('along = "C"', 'along = "A"').replace('"Q-B"]', '"Q-C"]')
-    with pytest.raises(
-        BuildingError, match=r"sensors\.points: nothing is built at Q-C on 2F; name"
-    ):
+    with pytest.raises(BuildingError, match=r"sensors\.points: nothing is built at Q-C on 2F;"):
         load_building(write(tmp_path, text))
 
 
 def test_wall_without_stiffness_that_nothing_carries(small_text, tmp_path):
     text = small_text.replace('x = ["A", "C"]', 'x = ["A", "B"]')
     text = text.replace('section = "beam"\n', 'section = "beam"\nalong = ["P", "Q"]\n', 1)
-    with pytest.raises(
-        BuildingError, match=r"walls\[1\]: nothing at .* above the wall, carries its weight"
-    ):
+    with pytest.raises(BuildingError, match=r"walls\[1\]: nothing at .* above the wall,"):
         load_building(write(tmp_path, text))
 
 

@@ -29,9 +29,7 @@ def test_each_type_of_cell_has_one_usual_kind(cell_type):
 
 
 def test_a_kind_of_other_cells_is_refused():
-    with pytest.raises(
-        StructureError, match=r"no element named 'beam' is made of quad cells.* shell"
-    ):
+    with pytest.raises(StructureError, match=r"no element named 'beam' is made of quad"):
         element_for("quad", "beam")
 
 

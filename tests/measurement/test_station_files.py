@@ -207,9 +207,7 @@ def test_archive_of_one_table_and_of_two(tmp_path):
     rows = "\n".join(f"{k * 0.01:.2f},{k % 7},{k % 5}" for k in range(80))
     table = "time_s,base,RF\ns,gal,gal\n" + rows
     assert read_observation_file(packed(tmp_path / "t.zip", {"o.csv": table})).floors == ("RF",)
-    with pytest.raises(
-        MeasurementError, match=r"v\.zip: o\.csv, line 5, column 'RF': '\?' is not a num"
-    ):
+    with pytest.raises(MeasurementError, match=r"v\.zip: o\.csv, line 5, column 'RF': '\?' is"):
         read_measured(packed(tmp_path / "v.zip", {"o.csv": table.replace("0.02,2,2", "0.02,2,?")}))
     with pytest.raises(MeasurementError, match=r"w\.zip, column 'base': the file does not say"):
         read_observation_file(packed(tmp_path / "w.zip", {"o.csv": table.replace("gal", "")}))

@@ -99,10 +99,7 @@ def test_without_a_name_a_study_keeps_its_building(tmp_path, tower_file):
 
 def test_a_posterior_keeps_its_building(tower, snapshot, tower_file):
     before = snapshot(tower.folder)
-    with pytest.raises(
-        StudyError,
-        match="holds a posterior of the building tower; choose another folder for shear_3",
-    ):
+    with pytest.raises(StudyError, match="holds a posterior of the building tower; choose"):
         build_study(tower, "shear_3dof")
     assert snapshot(tower.folder) == before
     assert build_study(tower, str(tower_file)).model.building.name == "tower"

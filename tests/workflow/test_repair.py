@@ -37,7 +37,7 @@ def home(tmp_path_factory):
     folder = tmp_path_factory.mktemp("repair")
     write_stick(folder / "three.toml")
     write_shaken(folder / "heavy.csv", HEAVY, 1)
-    write_shaken(folder / "kept.csv", HEAVY, 2)
+    write_shaken(folder / "kept.csv", HEAVY, 2, hum=0.3)
     write_shaken(folder / "plain.csv", CHAIN, 3)
     return folder
 
@@ -197,6 +197,7 @@ def test_the_report_has_the_promised_keys_and_its_file(repaired):
         "building",
         "verdict",
     } <= set(told)
+    assert told["holdout_error_after"] < 0.02 < 0.05 < told["holdout_error_before"]
     assert {"effect", "place", "chi2_before", "chi2_after"} <= set(told["rounds"][0])
     settled = CATALOGUE["added_mass"].settled_by
     assert told["rounds"][0]["settled_by"] == settled
