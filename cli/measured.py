@@ -17,7 +17,6 @@ from .common import (
     output_option,
     overwrite_option,
     plain_options,
-    unit_option,
 )
 from .group import Failure, GroupedCommand
 from .parameters import BAND, INPUT_FILE
@@ -25,7 +24,7 @@ from .parameters import BAND, INPUT_FILE
 
 @click.command("inspect", cls=GroupedCommand)
 @click.argument("files", type=INPUT_FILE, nargs=-1, required=True)
-@unit_option
+@option("--unit --units", "Unit of accelerations, or of a model: N,mm.")
 @option(
     "--picture",
     "Draw histories, spectra, response to the base and coherence of one file into a PNG.",
@@ -49,7 +48,7 @@ def inspect(
 
     Reads tables (CSV), MATLAB and numpy files, universal files, and the records of CESMD, USGS,
     COSMOS, ESM, K-NET, JMA and PEER, also in zip and tar archives. Says as well what a model of
-    Nastran, OpenSees, SAP2000 or ETABS holds; --unit N,mm gives its units. Changes nothing.
+    Nastran, OpenSees, SAP2000 or ETABS holds; --units N,mm gives its units. Changes nothing.
 
     \b
     Example:
