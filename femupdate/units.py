@@ -7,7 +7,7 @@ module is the only place that knows what those names mean.
 import math
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from femupdate.errors import UnitError
@@ -74,6 +74,12 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 # The number is atomic: without that "2.8" would be read as 2 of a unit named "8".
 _QUANTITY = re.compile(r"((?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))\s*(\S.*)")
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a row; of more than six the ends, and how many there are."""
+    few = len(names) <= 6
+    return ", ".join(names) if few else f"{names[0]} to {names[-1]} ({len(names)})"
 
 
 def percent(share: float, digits: int = 0) -> str:

@@ -383,7 +383,6 @@ def importance_sample(
     generator = torch_generator(seed, proposal.mean.device)
     first, solutions = proposal, len(proposal.mean) if apart else 1
     size = max(least_round, 100 * prior.size * min(4, solutions))
-    constant = 0.5 * prior.size * math.log(2.0 * math.pi)
     proposals: list[Mixture] = []
     rounds: list[tuple[Tensor, Tensor, Tensor]] = []
 
@@ -391,7 +390,7 @@ def importance_sample(
         """Parameters of points, and the log prior density there."""
         if in_logs:
             return prior.from_logs(points)
-        return prior.from_normal(points), prior.log_density_normal(points) - constant
+        return prior.from_normal(points), prior.log_density_normal(points)
 
     def drawn(proposal: Mixture, some: int) -> WeightedDraws:
         """Those of all rounds, one more included, as the proposals draw them."""

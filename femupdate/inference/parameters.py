@@ -207,8 +207,8 @@ class Parameters:
         return torch.special.ndtri(self.to_unit(values))
 
     def log_density_normal(self, xi: Tensor) -> Tensor:
-        """Log prior density (n,) of standard normal coordinates, up to a constant."""
-        return -0.5 * (xi**2).sum(-1)
+        """Log prior density (n,) of standard normal coordinates (n, d)."""
+        return -0.5 * (xi**2 + math.log(2.0 * math.pi)).sum(-1)
 
     def log_density(self, values: Tensor) -> Tensor:
         """Log prior density (n,) of the free ones among parameters (n, p), inside the bounds."""

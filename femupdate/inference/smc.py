@@ -1,7 +1,8 @@
-"""Tempered sequential Monte Carlo: particles from the prior to the posterior.
+"""Tempered sequential Monte Carlo: particles from the prior, or a start, to the posterior.
 
 A likelihood is raised to powers beta from 0 to 1 (Neal 2001, Statistics and Computing 11, 125; Del
-Moral, Doucet & Jasra 2006, J. R. Statist. Soc. B 68, 411). Every level: next beta by the effective
+Moral, Doucet & Jasra 2006, J. R. Statist. Soc. B 68, 411); from a start about the maxima, the ratio
+of the posterior to it. Every level: next beta by the effective
 sample size, systematic resampling, then Metropolis-Hastings moves of all particles in one batch.
 Particles in several groups share beta and moves, but are resampled apart: whether the groups agree
 tells how well the posterior is known.
@@ -62,10 +63,11 @@ class Points:
 
 
 class Tempered:
-    """Prior x likelihood^beta, a density of standard normal coordinates.
+    """From a start to prior x likelihood, start^(1 - beta) x (prior x likelihood)^beta.
 
     Args:
         rows: likelihoods whose derivatives are taken at a time.
+        start: density of standard normal coordinates; the prior where None.
 
     Attributes:
         beta: which rises.
@@ -73,8 +75,12 @@ class Tempered:
         invalid: how many of them gave no finite number; all count as impossible.
     """
 
-    def __init__(self, prior: Parameters, log_likelihood: LogLikelihood, rows: int) -> None:
+    def __init__(
+        self, prior: Parameters, log_likelihood: LogLikelihood, rows: int, start: Mixture | None
+    ) -> None:
         self.prior, self._log_likelihood, self._rows = prior, log_likelihood, rows
+        zero = prior.lower.new_zeros(1, prior.size)
+        self.start = start or Mixture(zero[:, 0], zero, torch.eye(prior.size).to(zero)[None])
         self.beta, self.evaluations, self.invalid = 0.0, 0, 0
 
     def parameters(self, xi: Tensor) -> Tensor:
@@ -102,14 +108,21 @@ class Tempered:
         self.invalid += int(torch.isneginf(points.log_likelihood).sum())
         return points
 
+    def gain(self, points: Points) -> Tensor:
+        """Log ratio (n,) of prior x likelihood to the start."""
+        prior = self.prior.log_density_normal(points.xi)
+        return points.log_likelihood + prior - self.start.log_density(points.xi)
+
     def log_density(self, points: Points) -> Tensor:
-        """(n,), up to a constant."""
-        return self.prior.log_density_normal(points.xi) + self.beta * points.log_likelihood
+        """(n,)."""
+        return self.start.log_density(points.xi) + self.beta * self.gain(points)
 
     def slope(self, points: Points) -> Tensor:
         """(n, d) of the log density, for points with slopes."""
         assert points.slope is not None
-        return self.beta * points.slope - points.xi
+        xi = points.xi.detach().requires_grad_()
+        (start,) = torch.autograd.grad(self.start.log_density(xi).sum(), xi)
+        return (1.0 - self.beta) * start + self.beta * (points.slope - points.xi)
 
 
 class Move(Protocol):
@@ -318,6 +331,7 @@ class TemperedSmc:
         prior: particles live in its standard normal coordinates.
         moves: kinds of moves in their order, and how many of each at a level at most; those of the
             settings where None.
+        start: whence the particles come, in standard normal coordinates; the prior where None.
     """
 
     def __init__(
@@ -326,8 +340,9 @@ class TemperedSmc:
         log_likelihood: LogLikelihood,
         settings: SmcSettings | None = None,
         moves: Sequence[tuple[Move, int]] | None = None,
+        start: Mixture | None = None,
     ) -> None:
-        self.prior, self.log_likelihood = prior, log_likelihood
+        self.prior, self.log_likelihood, self.start = prior, log_likelihood, start
         self.settings = chosen = settings or SmcSettings()
         first = max(0, min(chosen.independence_moves, chosen.moves))
         usual = (
@@ -335,6 +350,15 @@ class TemperedSmc:
             (RandomWalk(chosen.walk_scale), chosen.moves - first),
         )
         self.moves: Sequence[tuple[Move, int]] = usual if moves is None else moves
+
+    def _density(self) -> Tempered:
+        return Tempered(self.prior, self.log_likelihood, self.settings.rows, self.start)
+
+    def slopes(self, parameters: Tensor) -> Tensor:
+        """Of the log likelihood by the coordinates, (n, d), at parameters (n, p)."""
+        points = self._density().at(self.prior.to_normal(parameters), slopes=True)
+        assert points.slope is not None
+        return points.slope
 
     def run(
         self, particles: int, seed: Seed, progress: Callable[[float], None] | None = None
@@ -347,7 +371,7 @@ class TemperedSmc:
         Raises:
             InferenceError: no finite likelihood, or too many levels.
         """
-        density = Tempered(self.prior, self.log_likelihood, self.settings.rows)
+        density = self._density()
         generator = torch_generator(seed, self.prior.device)
         points, log_evidence, levels, _ = self._raised(density, generator, particles, 1, progress)
         return SamplerRun(
@@ -380,7 +404,7 @@ class TemperedSmc:
         Raises:
             InferenceError: no finite likelihood, or too many levels.
         """
-        density = Tempered(self.prior, self.log_likelihood, self.settings.rows)
+        density = self._density()
         generator = torch_generator(seed, self.prior.device)
         points, evidence, levels, moves = self._raised(
             density, generator, particles, groups, progress
@@ -426,8 +450,8 @@ class TemperedSmc:
             raise InferenceError(
                 f"the sampler cannot work with {particles} particles; use hundreds"
             )
-        like = self.prior.lower.new_empty(particles, self.prior.size)
-        points = density.at(normal_like(like, generator), any(move.slopes for move, _ in moves))
+        first = density.start.sample(particles, generator)
+        points = density.at(first, any(move.slopes for move, _ in moves))
         each = particles // groups
         possible = torch.isfinite(points.log_likelihood).unflatten(0, (groups, -1))
         if not bool(possible.any(dim=1).all()):
@@ -444,7 +468,7 @@ class TemperedSmc:
                     f"{settings.most_levels} levels; use more particles, and check that the "
                     "observation and the building belong together"
                 )
-            gain, left = points.log_likelihood.unflatten(0, (groups, -1)), 1.0 - density.beta
+            gain, left = density.gain(points).unflatten(0, (groups, -1)), 1.0 - density.beta
             beta = min(next_increment(chain, left, settings.ess_target) for chain in gain)
             log_weight = beta * gain
             rows = [

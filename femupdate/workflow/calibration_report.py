@@ -31,7 +31,7 @@ from femupdate.result import Item, Note, Notes, Picture, Result, first_lines, pl
 from femupdate.seeds import spawn
 from femupdate.study import SUMMARY, Study, as_written, on_files, typed, write_text
 from femupdate.tables import Column, Table
-from femupdate.units import percent
+from femupdate.units import listed, percent
 from femupdate.workflow.effects import open_system
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
@@ -228,7 +228,7 @@ class CalibrationReport(Result):
         }
         floors = [floor for floor in seen.floors if floor not in few] or seen.floors
         verdict = "to be used with care" if wrong else "the data are explained"
-        of = f"{building.name}, {', '.join(floors) or 'frequencies'} of {seen.source}"
+        of = f"{building.name}, {listed(floors) or 'frequencies'} of {seen.source}"
         for floor, share in few.items():
             of += f"; {floor} has {percent(share)} of the points"
         titles, factors = parameter_titles(building, posterior.names), factor_titles(building)
@@ -363,8 +363,7 @@ class CalibrationReport(Result):
         from femupdate.report.plot_posterior import posterior_pairs, theta_intervals
 
         posterior, factors = self.posterior, self.posterior.of("stiffness")
-        floors = ", ".join(posterior.observation.floors)
-        label = f"{floors} ({posterior.drawn.likelihood} likelihood)"
+        label = f"{listed(posterior.observation.floors)} ({posterior.drawn.likelihood} likelihood)"
         names = [short_name(name) for name in posterior.names]
         titles = factor_titles(self.model.building)
         yield Picture("frf_fit", lambda: frf_fit(self.curves))

@@ -18,13 +18,12 @@ from femupdate.inference.diagnostics import PredictiveCheck, predictive_check, r
 from femupdate.inference.error_draws import draw_errors
 from femupdate.inference.event_scatter import LearnedScatter, learned_scatter
 from femupdate.inference.frf_data import FrfData, base_logs
-from femupdate.inference.latent_likelihood import usual_misfit
 from femupdate.inference.latent_search import FoundLatent
 from femupdate.inference.likelihood import Likelihood, missed
 from femupdate.inference.model_error import WILD
 from femupdate.inference.parameters import Parameter, own_errors
 from femupdate.inference.posterior import Posterior
-from femupdate.measurement.observation import Observation, independent_share
+from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, spawn
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
 from femupdate.units import percent
@@ -216,32 +215,6 @@ def mesh_warnings(likelihood: Likelihood) -> tuple[str, ...]:
         "The data are met only if the mesh errs far more than it was seen to: the model lacks "
         "something that `diagnose` may find, or needs a smaller mesh.size. Do not trust these "
         "intervals.",
-    )
-
-
-def elsewhere_warnings(
-    model: StudyModel, observation: Observation, least: float, missed: float
-) -> tuple[str, ...]:
-    """Where even the likeliest draw of a population misses ln|H| by more than is known to be wrong.
-
-    Known are the noise of the file, what the reduced model misses, and the width of the posterior:
-    a draw of d parameters misses n points by d / n of the variance that is believed.
-
-    Args:
-        least: standard deviation of ln|H| that the likelihood believes at least.
-        missed: by the likeliest draw (rms).
-    """
-    valid = observation.valid
-    independent = independent_share(observation) * float(valid.sum())
-    width = least**2 * model.parameters.size / max(independent, 1.0)
-    noise = usual_misfit(observation) * float(np.square(observation.noise_sd[valid]).mean())
-    known = float(np.sqrt(noise + model.reduction_error**2 + width))
-    if missed <= known:
-        return ()
-    return (
-        f"The likeliest draw misses ln|H| by {missed:.2g} (rms), where noise and reduced model "
-        f"account for {known:.2g}: a better solution may have been missed, or the model lacks "
-        "something. Compare with another --seed before you trust this posterior.",
     )
 
 

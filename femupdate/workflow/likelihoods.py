@@ -88,6 +88,11 @@ class Sampled:
     least_noise: float = 0.0
     warnings: tuple[str, ...] = ()
 
+    @property
+    def theta(self) -> Tensor:
+        """Draws (n, p) of all runs."""
+        return torch.cat([run.theta for run in self.runs])
+
 
 def drawn_by(
     likelihood: str, way: str, runs: Sequence[SamplerRun], *, evidence: bool = True

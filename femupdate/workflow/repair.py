@@ -50,7 +50,7 @@ from femupdate.workflow.model import (
     open_study,
 )
 from femupdate.workflow.observed import ObservationSource, direction_of
-from femupdate.workflow.sampling import FROM_FIT, Target, sampled_about_maxima, with_fitted
+from femupdate.workflow.sampling import FROM_FIT, Target, sampled, with_fitted
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -281,13 +281,13 @@ def repair_study(
         kept = _kept(study, model, building, mended.reduced, finder.mesh)
         repaired = with_fitted(open_study(kept), mended, done.after, finder.mesh)
         # The posterior of the study, with all that was added as it was fitted.
-        drawing, count = spawn(settings.seed, 4), len(after.runs[0].theta)
+        drawing, count = spawn(settings.seed, 4), len(after.theta)
         how = CalibrationSettings(particles=count, exact=True, chains=1, anyway=True)
         told = concluded(
             repaired, given, how, after, drawing, kept.result("posterior.nc")
         ).with_settings(level_settings(repaired, repaired.system.placed, source, problem.levels))
         told.keep(kept, "repair", source, source.files_as_settings())
-    theta = [draws.parameters.split(draws.runs[0].theta).theta.numpy() for draws in (before, after)]
+    theta = [draws.parameters.split(draws.theta).theta.numpy() for draws in (before, after)]
     report = RepairReport(
         repair=done,
         problem=problem,
@@ -306,13 +306,11 @@ def repair_study(
 
 
 def _updated(fitted: Fit, seed: Seed, progress: Progress) -> Sampled:
-    """Draws of the posterior of a fitted model; however few of them count, there are no others."""
+    """Draws of the posterior of a fitted model."""
     likelihood = likelihood_about(fitted)
     maxima = found_from(likelihood.prior, likelihood.residuals, parameters_at(fitted))
     target = Target(likelihood, maxima, FROM_FIT, local=True)
-    sampled = sampled_about_maxima(target, 1000, seed, progress)
-    assert sampled is not None
-    return sampled
+    return sampled(target, CalibrationSettings(particles=1000), seed, progress)
 
 
 def _kept_out(

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -18,7 +17,13 @@ from femupdate.errors import InferenceError
 from femupdate.inference.importance import Counted, SamplerRun, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Data, Likelihood
-from femupdate.inference.maxima import FEW, TRUSTED, best_of_prior, draws_about, found_from
+from femupdate.inference.maxima import (
+    FEW,
+    best_of_prior,
+    draws_about,
+    found_from,
+    wide_start,
+)
 from femupdate.inference.model_error import COARSE_ERROR
 from femupdate.inference.parameters import Parameters, effect_parameters
 from femupdate.inference.smc import Hamiltonian, LogLikelihood, SmcSettings, TemperedSmc
@@ -29,7 +34,7 @@ from femupdate.study import Study
 from femupdate.surrogate.storage import find_surrogate, require_surrogate
 from femupdate.units import percent
 from femupdate.workflow.amplitude import changes_with_level, level_between
-from femupdate.workflow.conclusion import calibration_notes, elsewhere_warnings, noise_notes
+from femupdate.workflow.conclusion import calibration_notes, noise_notes
 from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.effects import keep_basis
 from femupdate.workflow.kinds import Measured
@@ -146,12 +151,13 @@ TEMPERED = (
     "Importance sampling did not reach this posterior: its draws are the tempered particles, "
     "and the spread of the runs is the only measure of their error."
 )
-_FEW_COUNT = "Few importance draws count: the posterior may be wider, or of several pieces."
 _LABEL = "Sampling (data-space likelihood)"
-# Particles of Hamiltonian moves in all groups, and in one at least.
-_POPULATION, _LEAST_GROUP = 128, 8
-# Responses of a building do not go faster by the hundred on a processor.
-_TRAJECTORIES = SmcSettings(unmoved=0.0, rows=8)
+# Particles of Hamiltonian moves for each of up to four maxima, in groups of eight at least.
+_POPULATION, _LEAST_GROUP, _MOST_MAXIMA = 128, 8, 4
+# Levels of tempering, twice as many as were seen, and steps of a trajectory: of a told time alone.
+_LEVELS, _STEPS = {False: 80, True: 36}, 4
+# Gradients of a building do not go faster by the hundred on a processor.
+_TRAJECTORIES = SmcSettings(unmoved=0.0, rows=32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,16 +184,28 @@ class Target:
         return self.likelihood.prior
 
 
+def sampled(target: Target, settings: CalibrationSettings, seed: Seed, show: Progress) -> Sampled:
+    """Equally weighted draws: by importance draws about the maxima where enough of them count.
+
+    Otherwise few parameters are tempered from the prior, from which no bend of the posterior is
+    missed. Many parameters, and a model that serves about its fit alone, take trajectories.
+    """
+    many = target.prior.size > FEW
+    if target.maxima is not None and not many:
+        drawn = sampled_about_maxima(target, settings.particles, seed, show)
+        if drawn is not None:
+            return drawn
+    by = sampled_by_trajectories if many or target.local else sampled_by_particles
+    return by(target, settings, seed, show)
+
+
 def sampled_about_maxima(
     target: Target, count: int, seed: Seed, show: Progress = SILENT
 ) -> Sampled | None:
     """Equally weighted draws, by importance draws about the maxima; None where too few count.
 
     For a posterior with one mode this costs some thousand responses where tempering costs fifty
-    thousand. Of a local model they are all that there is, however few of them count.
-
-    Raises:
-        InferenceError: no draw about the fit of a local model is possible.
+    thousand.
     """
     assert target.maxima is not None
     # Rounds of fitting take some hundred draws a parameter.
@@ -197,13 +215,8 @@ def sampled_about_maxima(
     drawing, choosing = spawn(seed, 2)
     # A thousand at a time: all processors start and end together.
     counted = Counted(target.likelihood, show, rows=1024)
-    # Heavy tails cost a share of the draws with every dimension.
-    trusted = TRUSTED * min(1.0, FEW / target.prior.size)
-    least = 0.0 if target.local else trusted
-    found = draws_about(target.prior, counted, target.maxima, count, drawing, least)
+    found = draws_about(target.prior, counted, target.maxima, count, drawing)
     if found is None:
-        if target.local:
-            raise InferenceError("no draw about the fit is possible; the data say too little")
         return None
     found = replace(found, evaluations=found.evaluations + target.tried)
     note = (
@@ -211,14 +224,8 @@ def sampled_about_maxima(
         f"{percent(found.effective_share)} of the importance draws are effective."
     )
     runs = [found.resampled(count, choosing)]
-    return Sampled(
-        runs,
-        target.prior,
-        drawn_by("exact", ABOUT_MAXIMA, runs),
-        (note,),
-        target.likelihood,
-        warnings=(_FEW_COUNT,) * (found.effective < trusted * count),
-    )
+    how = drawn_by("exact", ABOUT_MAXIMA, runs)
+    return Sampled(runs, target.prior, how, (note,), target.likelihood)
 
 
 def sampled_chains(
@@ -280,11 +287,15 @@ def sampled_by_particles(
 def sampled_by_trajectories(
     target: Target, settings: CalibrationSettings, seed: Seed, show: Progress
 ) -> Sampled:
-    """Many parameters: groups of particles from the prior, by Hamiltonian moves."""
-    groups = settings.chains
-    particles = groups * max(_POPULATION // groups, _LEAST_GROUP)
-    sampler = TemperedSmc(target.prior, target.likelihood, _TRAJECTORIES, ((Hamiltonian(), 3),))
-    show.start(f"{_LABEL} over {target.prior.size} parameters, minutes to an hour", 200)
+    """Groups of particles from about the maxima, or from the prior, by Hamiltonian moves."""
+    prior, found, groups = target.prior, target.maxima, settings.chains
+    maxima = 1 if found is None else min(len(found.z), _MOST_MAXIMA)
+    particles = groups * max(maxima * _POPULATION // groups, _LEAST_GROUP)
+    start = None if found is None else wide_start(found)
+    sampler = TemperedSmc(prior, target.likelihood, _TRAJECTORIES, ((Hamiltonian(), 3),), start)
+    moves = 3 * _LEVELS[found is not None] + 6 + settings.particles // particles
+    ahead = _ahead(prior, sampler.slopes, 32, _STEPS * moves * particles)
+    show.start(f"{_LABEL} by trajectories, {ahead}", 200)
     bar = Percent(show)
     runs = sampler.draws(
         particles,
@@ -295,13 +306,13 @@ def sampled_by_trajectories(
         lambda share: bar.reached(1.0 + share),
     )
     note = (
-        f"{particles} particles in {groups} groups, tempered over {runs[0].levels} powers of "
-        "the likelihood with Hamiltonian moves, drew the data-space posterior from the prior, with "
-        f"{sum(run.evaluations for run in runs):,} gradients of responses "
+        f"{particles} particles in {groups} groups, tempered in {runs[0].levels} levels with "
+        f"Hamiltonian moves, went from {FROM_PRIOR if found is None else 'the maxima'} to the "
+        f"data-space posterior by {sum(run.evaluations for run in runs):,} gradients of responses "
         f"({percent(runs[0].acceptance)} of the moves accepted)."
     )
-    drawn = drawn_by("exact", "Hamiltonian moves", runs)
-    return Sampled(runs, target.prior, drawn, (note,), target.likelihood)
+    how = drawn_by("exact", "Hamiltonian moves", runs)
+    return Sampled(runs, prior, how, (note,), target.likelihood)
 
 
 def _by_power(bar: Percent) -> Callable[[float], None]:
@@ -322,39 +333,15 @@ def sample_exact(
     show: Progress,
     fitted: FittedEffects | None = None,
 ) -> Sampled:
-    """Draw the data-space posterior by the way that suits it, which the result tells.
-
-    Importance draws about the maxima come first; particles from the prior where these are not
-    enough. Many parameters take Hamiltonian moves.
-    """
+    """Find the maxima of the data-space posterior, and draw it as `sampled` does."""
     first, second = spawn(seed, 2)
     show.start("Looking for the maxima of the likelihood", 1)
     target = _target(study, model, measured, settings, first, fitted)
-    many = model.parameters.size > FEW
-    sampled = None
-    if target.maxima is not None and (fitted is not None or not many):
-        sampled = sampled_about_maxima(target, settings.particles, second, show)
-    if sampled is None:
-        sample = sampled_by_trajectories if many else sampled_by_particles
-        sampled = sample(target, settings, seed, show)
+    drawn = sampled(target, settings, second, show)
     if fitted is not None or measured.beyond_surrogates:
-        return sampled
-    notes = (*noise_notes(model, measured.base, model.least_noise), *sampled.notes)
-    warnings: tuple[str, ...] = ()
-    if many:
-        # Root mean square by which the likeliest draw misses the measured ln|H|.
-        base = sampled.likelihood.base
-        assert base is not None
-        density = np.concatenate([run.log_likelihood.numpy() for run in sampled.runs])
-        best = torch.cat([run.theta for run in sampled.runs])[int(density.argmax())]
-        values = target.prior.split(best[None])
-        answer = base.predicted(sampled.likelihood.system, values.theta, values.zeta, values.sizes)
-        left = (base.log_frf - answer[0])[base.valid]
-        missed = float(left.square().mean().sqrt())
-        warnings = elsewhere_warnings(model, measured.base, model.least_noise, missed)
-    return replace(
-        sampled, notes=notes, warnings=(*sampled.warnings, *warnings), least_noise=model.least_noise
-    )
+        return drawn
+    notes = (*noise_notes(model, measured.base, model.least_noise), *drawn.notes)
+    return replace(drawn, notes=notes, least_noise=model.least_noise)
 
 
 def _target(
@@ -383,9 +370,7 @@ def _target(
         model, measured, settings, starts, settings.seed if measured.has_base else seed
     )
     local = fitted is not None and fitted.local
-    return Target(
-        on_fewer_modes(found.likelihood), found.found, origin, local=local, tried=found.tried
-    )
+    return Target(on_fewer_modes(found.likelihood), found.found, origin, local, found.tried)
 
 
 def sample_latent(

@@ -187,9 +187,9 @@ def test_an_error_of_the_model_is_learned_under_forces(system):
         data.append(forced_data(told, system.floors))
     zeta = Parameters((Parameter(name="zeta", kind="damping", lower=0.002, upper=0.1),))
     found = settled(likelihood_of(data[::2], system, FACTORS + zeta), 0)
-    drawn = draws_about(
-        found.likelihood.prior, found.likelihood, found.found, 1000, 0, least=0.0
-    ).resampled(1000, 1)
+    drawn = draws_about(found.likelihood.prior, found.likelihood, found.found, 1000, 0).resampled(
+        1000, 1
+    )
     frequency = system.modes(drawn.theta[:, :4], drawn.theta[:, :0]).omega.numpy()
     away = (frequency.mean(0) - own) / frequency.std(0)
     assert np.abs(away).max() < 3.0
@@ -223,7 +223,7 @@ def test_damping_is_found_beside_wrong_antiresonances(system):
     zeta = Parameters((Parameter(name="zeta", kind="damping", lower=0.001, upper=0.05),))
     likelihood = likelihood_of((forced_data(told, system.floors),), system, FACTORS + zeta)
     found = settled(likelihood, 0)
-    drawn = draws_about(likelihood.prior, found.likelihood, found.found, 500, 0, least=0.0)
+    drawn = draws_about(likelihood.prior, found.likelihood, found.found, 500, 0)
     drawn = drawn.resampled(500, 1).theta
     frequency = system.modes(drawn[:, :4], drawn[:, :0]).omega.numpy()
     # Counted whole, the anti-resonances make damping 15 % too high.

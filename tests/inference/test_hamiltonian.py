@@ -7,12 +7,13 @@ import pytest
 import torch
 
 from femupdate.inference import SmcSettings, TemperedSmc
+from femupdate.inference.importance import students
 from femupdate.inference.smc import Hamiltonian
 
 
-def drawn(prior, target, draws, seed=0, particles=128, groups=4):
+def drawn(prior, target, draws, seed=0, particles=128, groups=4, start=None):
     """Draws (groups, n, p) of a population, and what each group's run says."""
-    sampler = TemperedSmc(prior, target, SmcSettings(unmoved=0.0), ((Hamiltonian(), 3),))
+    sampler = TemperedSmc(prior, target, SmcSettings(unmoved=0.0), ((Hamiltonian(), 3),), start)
     runs = sampler.draws(particles, draws, seed, groups)
     return torch.stack([run.theta for run in runs]), runs
 
@@ -33,16 +34,20 @@ def assert_moments(prior, exact, theta):
     np.testing.assert_allclose(xi.std(0) / sd, 1.0, atol=0.12)
 
 
-def test_a_linear_problem_with_its_evidence(linear):
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_linear_problem_with_its_evidence(linear, beside):
+    """From the prior, and from two standard deviations off, thrice as wide as the posterior."""
     prior, exact, target = linear
-    theta, runs = drawn(prior, target, 2000)
+    off = torch.from_numpy(exact.mean + 2.0 * np.sqrt(np.diag(exact.covariance)))
+    start = students(off[None], torch.from_numpy(9.0 * exact.covariance)[None], torch.zeros(1))
+    theta, runs = drawn(prior, target, 2000, start=start if beside else None)
     assert theta.shape == (4, 512, 3)
     torch.testing.assert_close(runs[3].log_likelihood, target(theta[3]))
     assert_moments(prior, exact, theta)
     assert 0.5 < runs[0].acceptance < 0.95
-    # Groups of 32 err by some .5 each.
+    # Groups of 32 err by some .5 each from the prior, by .15 from there.
     evidence = np.array([run.log_evidence for run in runs])
-    assert evidence.mean() == pytest.approx(exact.log_evidence, abs=0.6)
+    assert evidence.mean() == pytest.approx(exact.log_evidence, abs=0.3 if beside else 0.6)
     assert 0.01 < evidence.std(ddof=1) < 1.5
 
 

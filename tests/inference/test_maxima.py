@@ -78,7 +78,7 @@ def test_maxima_have_their_masses_whatever_their_heights(box):
     assert float(left.double().mean()) == pytest.approx(0.5, abs=0.03)
 
 
-def test_few_draws_count_where_a_model_serves_nowhere_else(box):
+def test_draws_of_which_few_count_are_none(box):
     """Weights that scatter by a factor of e^4 from place to place, whatever the proposal."""
     prior = box([0.0] * 2, [1.0] * 2)
     found = found_from(
@@ -89,5 +89,3 @@ def test_few_draws_count_where_a_model_serves_nowhere_else(box):
         return 20.0 * torch.sin(1e6 * theta[:, 0]) - 50.0 * (theta - 0.5).square().sum(1)
 
     assert draws_about(prior, rough, found, 1000, 0) is None
-    drawn = draws_about(prior, rough, found, 1000, 0, least=0.0)
-    assert 0.0 < drawn.effective < 500.0

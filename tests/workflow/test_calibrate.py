@@ -23,7 +23,6 @@ from femupdate.workflow import (
     train_study,
 )
 from femupdate.workflow.calibration_report import predictive_log_frf
-from femupdate.workflow.conclusion import elsewhere_warnings
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 QUICK = CalibrationSettings(
@@ -274,16 +273,3 @@ def test_an_observation_unlike_the_training_is_told(learned, tmp_path, frf_table
         calibrated(study, model, far, settings)
     report = calibrated(study, model, far, replace(settings, anyway=True))
     assert any("unlike anything that this building can do" in n for n in report.notes)
-
-
-def test_a_solution_that_may_have_been_missed_is_told_of(tower_model, frf_table):
-    observation = measured_of(tower_model.building, ObservationSource(frf_table[0])).base
-    model = replace(tower_model, reduction_error=0.02)
-    typical = float(np.median(observation.noise_sd))
-    assert elsewhere_warnings(model, observation, 0.2, typical) == ()
-    (note,) = elsewhere_warnings(model, observation, 0.2, 2.0 * typical)
-    assert f"misses ln|H| by {2.0 * typical:.2g} (rms)" in note
-    assert "a better solution may have been missed" in note
-    # What the reduced model misses is no sign of another solution.
-    coarse = replace(model, reduction_error=2.0 * typical)
-    assert elsewhere_warnings(coarse, observation, 0.2, 2.0 * typical) == ()
