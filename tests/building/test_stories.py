@@ -127,6 +127,7 @@ def test_a_deck_has_the_stories_that_a_file_beside_it_gives(tmp_path):
         np.testing.assert_array_equal(*counts)
     ours, theirs = (lowest_modes(assemble(m.model), THETA, 6).frequency_hz for m in (mesh, read))
     np.testing.assert_allclose(theirs, ours, rtol=1e-6)
+    assert "Floors: 2F over P1, 3F over P2, 4F over A1, 5F over A2, 6F over B1" in str(read.notes)
     assert read.model.nodes[read.floor_nodes["4F"]][:, 0].max() == 6.0
     assert read.model.nodes[read.floor_nodes["6F"]][:, 0].min() == 12.0
     assert any("A1 and B1 on 3F" in note for note in read.notes)

@@ -1,5 +1,7 @@
 """Buildings that no surrogate serves: calibrated by the likelihood of the data, never trained."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,6 +9,7 @@ import torch
 from femupdate.building import load_building
 from femupdate.dynamics import floor_histories
 from femupdate.errors import SurrogateError
+from femupdate.inference import Parameters
 from femupdate.measurement import GroundMotion
 from femupdate.report import draw
 from femupdate.study import Study
@@ -56,6 +59,13 @@ def test_a_building_with_effects_is_calibrated_by_its_data(calibrated):
     mean, sd = posterior.samples.mean(axis=0), posterior.samples.std(axis=0)
     assert (np.abs(mean - np.array([*THETA, *SIZES])) < 4.0 * sd).all()
     assert report.misfit == pytest.approx(1.0, abs=0.2)
+    more = Parameters.uniform(
+        [f"{effect}2" for effect in posterior.names[3:]], [-1.0] * 3, [1.0] * 3
+    )
+    values = np.concatenate([posterior.values, posterior.values[..., 3:6]], axis=2)  # 9 and damping
+    posterior = replace(posterior, parameters=posterior.parameters + more, values=values)
+    told = replace(report, posterior=posterior).first[1]
+    assert told.startswith("Intervals (90 %): 3 stiffness factors in the table, Added mass at 3F")
     pictures = draw(report, study.result("pictures"))
     assert {path.name for path in pictures} >= {"frf_fit.png", "posterior.png"}
 
