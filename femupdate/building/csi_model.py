@@ -164,8 +164,7 @@ class MassSource:
 
 def modifiers(row: Row, names: Sequence[str]) -> tuple[float, ...]:
     """Modifiers of an assignment or a section, in any of their spellings."""
-    several = row.text("PROPMODIFIERS").split()
-    if several:
+    if several := row.text("PROPMODIFIERS").split():
         row = replace(row, values=dict(zip(names, several, strict=False)))
     found = []
     for name in names:

@@ -163,8 +163,7 @@ class _EtabsReading:
         for row in self.file.of("LOADCASE", "LOADPATTERN"):  # the first in version 9
             weights[row.text("1")] = row.real("SELFWEIGHT", usual=0.0)
         for row in self.file.of("MASSOPTIONS"):
-            name = row.text("LOAD")
-            if name:
+            if name := row.text("LOAD"):
                 source.add(row, name, row.real("FACTOR"), weights)
             elif row.text("SOURCE").upper() == "LOADS":
                 source.elements = False

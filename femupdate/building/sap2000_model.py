@@ -184,8 +184,7 @@ class _SapReading:
         for row in rows[:1]:
             source.elements, source.added = row.flag("Elements", True), row.flag("Masses", True)
         for row in old:
-            said = row.text("MassFrom").lower()
-            if said:
+            if said := row.text("MassFrom").lower():
                 source.elements = source.added = "element" in said
         weights = {
             r.text(*_PATTERN): r.real("SelfWtMult", usual=0.0)

@@ -13,7 +13,7 @@ from femupdate.building.mesh import BuildingMesh, mesh_building
 from femupdate.dynamics.reduction import CONFIDENCE
 from femupdate.dynamics.tracking import FullModes, mesh_modes
 from femupdate.effects.structure import structure_of
-from femupdate.errors import StudyError
+from femupdate.errors import StructureError, StudyError
 from femupdate.fe.export_nastran import bulk_data
 from femupdate.fe.export_opensees import opensees_script
 from femupdate.progress import SILENT, Progress
@@ -168,7 +168,14 @@ def build_study(
             checks=("Lumped masses: the reduced model is the model itself.",),
         )
     modes = mesh_modes(structure)
-    reduction = reduce_building(chosen, structure, progress)
+    try:
+        reduction = reduce_building(chosen, structure, progress)
+    except StructureError as error:
+        below = modes.frequency_hz[modes.frequency_hz < chosen.frequency_grid.stop]
+        first = ", ".join(f"{hz:.3g}" for hz in below[:3])
+        raise StructureError(
+            f"{error}, below which are {len(below)} modes ({first} Hz, ...)"
+        ) from None
     model = keep_reduction(study, chosen, reduction)
     keep_modes(study, model, modes)
     write_mesh(mesh, study.path("mesh.vtu"), modes)

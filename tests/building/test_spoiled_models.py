@@ -69,8 +69,7 @@ WHOLE = {
 SPOILED = {
     "bdf: unknown element": ("CROD    15", "CTETRA  15", r"line 34: CTETRA 15: .*mesh\.ignore"),
     "bdf: missing property": ("CBAR    4       1 ", "CBAR    4       6 ", "no property 6; add"),
-    "bdf: another property": ("CBAR    4       1 ", "CBAR    4       3 ",
-        "property 3 is a PSHELL; name"),
+    "bdf: of a plate": ("CBAR    4       1 ", "CBAR    4       3 ", "property 3 is a PSHELL; name"),
     "bdf: missing material": ("200.    1       1.", "200.    4       1.", "no MAT1 4; add it"),
     "bdf: missing node": ("14,3,1,2,6,5", "14,3,1,2,6,55", "no GRID 55; add it"),
     "bdf: negative spring": ("GRID,99", "CELAS2,77,-5.,12,1\nGRID,99", "77: its stiffness is neg"),

@@ -8,7 +8,7 @@ from matplotlib.text import Text
 
 from femupdate.building import load_building, save_building
 from femupdate.dynamics import reduced_modes
-from femupdate.errors import StudyError
+from femupdate.errors import StructureError, StudyError
 from femupdate.study import Study
 from femupdate.workflow import REDUCED, CertifiedModel, build_study, open_study
 
@@ -89,6 +89,13 @@ def test_a_picture_says_what_the_table_says(cabin):
     number, said, share = re.search(r"Mode (\d+) .*: (.*) Hz, (.*) % of the", texts).groups()
     _, hertz, _, expected, *_ = table[number]
     assert (said, share) == (f"{float(hertz):.2f}", expected)
+
+
+def test_what_cannot_be_reduced_is_told_with_its_modes(tmp_path, cabin_file):
+    path = tmp_path / "cabin.toml"
+    path.write_text(cabin_file.read_text().replace("tolerance = 0.1", "tolerance = 1e-12"))
+    with pytest.raises(StructureError, match=r"or lower .*, below which are \d+ modes \([\d.]+, "):
+        build_study(Study(tmp_path / "study"), str(path))
 
 
 def test_without_a_name_a_study_keeps_its_building(tmp_path, tower_file):
