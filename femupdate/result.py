@@ -172,10 +172,15 @@ class Result:
         return tuple(table for table in tables if any(column.csv for column in table.columns))
 
 
+def wrapped(line: str) -> str:
+    """A line as wide as a terminal."""
+    return textwrap.fill(line, 98, subsequent_indent="  ")
+
+
 def first_lines(verdict: str, figures: str, then: str) -> Iterable[Note]:
     """What is said first: the verdict, the main figures and what to do, which pages say apart."""
     for line in (verdict, figures):
-        yield Note(textwrap.fill(line, 98, subsequent_indent="  "), page=False)
+        yield Note(wrapped(line), page=False)
     yield Note(f"Next: {then}; -v tells more.", page=False)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from femupdate.building.document import Building, mechanics_hash, without_effects
 from femupdate.building.files import load_building
-from femupdate.result import Item, Note, Notes, Result
+from femupdate.result import Item, Note, Notes, Result, wrapped
 from femupdate.study import (
     BESIDE,
     BUILDING_FILE,
@@ -100,7 +100,7 @@ class StatusReport(Result):
                 "next": [{"command": command, "because": reason} for command, reason in self.next],
             },
         )
-        yield from map(Note, (*self.stale, *self.first))
+        yield from map(Note, map(wrapped, (*self.stale, *self.first)))
         if self.holds:
             states = [
                 f"{thing.state}{': ' if thing.reason else ''}{thing.reason}" for thing in self.holds
