@@ -146,7 +146,6 @@ def with_levels(model: StudyModel, source: ObservationSource, measured: Measured
 
 
 FROM_FIT, FROM_LATENT, FROM_PRIOR = "the fit", "the latent", "the prior"
-ABOUT_MAXIMA = "importance sampling about the maxima"
 TEMPERED = (
     "Importance sampling did not reach this posterior: its draws are the tempered particles, "
     "and the spread of the runs is the only measure of their error."
@@ -202,11 +201,7 @@ def sampled(target: Target, settings: CalibrationSettings, seed: Seed, show: Pro
 def sampled_about_maxima(
     target: Target, count: int, seed: Seed, show: Progress = SILENT
 ) -> Sampled | None:
-    """Equally weighted draws, by importance draws about the maxima; None where too few count.
-
-    For a posterior with one mode this costs some thousand responses where tempering costs fifty
-    thousand.
-    """
+    """Equally weighted draws, by importance draws about the maxima; None where too few count."""
     assert target.maxima is not None
     # Rounds of fitting take some hundred draws a parameter.
     total = count + 200 * target.prior.size
@@ -224,7 +219,7 @@ def sampled_about_maxima(
         f"{percent(found.effective_share)} of the importance draws are effective."
     )
     runs = [found.resampled(count, choosing)]
-    how = drawn_by("exact", ABOUT_MAXIMA, runs)
+    how = drawn_by("exact", "importance sampling about the maxima", runs)
     return Sampled(runs, target.prior, how, (note,), target.likelihood)
 
 
