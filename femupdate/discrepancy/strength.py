@@ -23,7 +23,7 @@ from femupdate.discrepancy.findings import NAMED, NONE, NONLINEAR, UNKNOWN, Diag
 from femupdate.discrepancy.fit import Fit, about, fit, settle, with_more
 from femupdate.discrepancy.score import score
 from femupdate.discrepancy.thresholds import DiagnosisSettings
-from femupdate.dynamics.history import transformed_sensors
+from femupdate.dynamics.history import transformed_outputs, transformed_sensors
 from femupdate.dynamics.level import PERIODS, strongest_hz
 from femupdate.dynamics.spectra import response_spectrum
 from femupdate.dynamics.system import System
@@ -163,19 +163,20 @@ def peaks_with(base: Fit, fitted: Fit, run: Observation, direction: str) -> str:
     assert histories is not None
     _, _, inputs, step = _of_measured(histories, direction, base.system)
     band = np.array([run.frequency_hz[0], base.likelihood.top_hz])
+    stories = base.likelihood.building.story_names
     frequency = np.geomspace(band[0], band[1], 60)
     told = []
     for each in (base, fitted):
-        floors = _within(transformed_sensors(each.system, each.split, inputs, step), step, band)
-        moved = np.vstack([_within(inputs[:1], step, band), floors])
-        drift = np.diff(_within(moved, step, band, 2), axis=0)
+        sample = each.system, each.split, inputs, step
+        floors = _within(transformed_sensors(*sample), step, band)
+        drift = _within(transformed_outputs(*sample)[-len(stories) :], step, band)
         spectra = response_spectrum(floors, step, frequency)
         told.append((np.abs(floors).max(axis=1), np.abs(drift).max(axis=1), spectra))
     floors, drifts, spectra = (
         np.abs(after / before - 1.0) for before, after in zip(*told, strict=True)
     )
     row, column = np.unravel_index(spectra.argmax(), spectra.shape)
-    names, stories = base.system.floors, base.likelihood.building.story_names
+    names = base.system.floors
     return (
         f"In this run it changes peaks by up to {percent(floors.max())} ({names[floors.argmax()]}),"
         f" drifts by up to {percent(drifts.max())} ({stories[drifts.argmax()]}) and floor spectra"
