@@ -98,9 +98,9 @@ def _along(problem: Likelihood, z: Tensor, placed: tuple[Placed, ...]) -> Fit:
     walked = [start]
     for side in (-1.0, 1.0):
         before, now = start.z, start
-        for number in range(1, 17):
+        for number in range(1, 19):
             ahead = 2.0 * now.z - before
-            ahead[-count] = 0.125 * side * number
+            ahead[-count] = side * number / 6.0
             inside = steps.inside(ahead)
             if inside[-count] != ahead[-count]:
                 break
