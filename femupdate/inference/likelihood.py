@@ -119,7 +119,7 @@ class ModelError:
         )
 
     def no_larger(self, row: Row) -> Rows:
-        """Rows none of whose errors, and whose noise, is larger than a row's."""
+        """Rows by which residuals are no larger, in the mean square, than by a row."""
         return tuple(tuple(part.no_larger(at)) for part, at in zip(self.parts, row, strict=True))
 
     def forget(self) -> None:

@@ -383,13 +383,16 @@ class LearnedError:
         return changed
 
     def no_larger(self, row: int) -> list[int]:
-        """Rows none of whose errors, and whose noise, is larger than a row's."""
-        most = self.levels[row]
-        return [
-            number
-            for number, level in enumerate(self.levels)
-            if level.common <= most.common and level.own <= most.own and level.noise <= most.noise
+        """Rows by which residuals are no larger, in the mean square, than by a row.
+
+        Errors, of all floors or of one alone, and noise may take each other's place.
+        """
+        seen = self._weight[self._weight > 0]
+        weight = float(seen.mean()) if len(seen) else 1.0
+        squares = [
+            (level.common**2 + level.own**2) * weight + level.noise**2 for level in self.levels
         ]
+        return [number for number, square in enumerate(squares) if square <= squares[row]]
 
     def counting(self, densities: Tensor) -> list[int]:
         """Rows that count at one at least of some points, from their log densities (n, g)."""
