@@ -387,8 +387,7 @@ class LearnedError:
 
         Errors, of all floors or of one alone, and noise may take each other's place.
         """
-        seen = self._weight[self._weight > 0]
-        weight = float(seen.mean()) if len(seen) else 1.0
+        weight = float(self._weight.sum() / (self._weight > 0).sum().clamp_min(1))
         squares = [
             (level.common**2 + level.own**2) * weight + level.noise**2 for level in self.levels
         ]

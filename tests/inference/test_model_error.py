@@ -1,5 +1,7 @@
 """The learned error of a model against dense covariance matrices and simulated errors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -33,6 +35,12 @@ def covariance(error, row, known=None, cancelled=1.0, everywhere=False):
     if known is not None:
         whole = whole + torch.einsum("ci,cj->ij", known.flatten(1), known.flatten(1))
     return whole[seen][:, seen].numpy(), seen.numpy()
+
+
+def known_beforehand(wanted, seed):
+    """Three errors (3, f, k), and their steps whitened by the noise; None and None if unwanted."""
+    known = torch.from_numpy(np.random.default_rng(seed).normal(0.0, 0.1, (3, *SHAPE)))
+    return (known, (known * weight().sqrt()).flatten(1)) if wanted else (None, None)
 
 
 def residuals(count=3, seed=1):
@@ -72,8 +80,7 @@ def test_where_parts_cancel_or_leak_rows_with_an_error_have_more_noise(names, wi
     rng = np.random.default_rng(11)
     cancelled = torch.from_numpy(rng.uniform(1.0, 8.0, SHAPE))
     of_each = dict.fromkeys(names, cancelled ** (1.0 / len(names)))
-    known = torch.from_numpy(rng.normal(0.0, 0.1, (3, *SHAPE))) if with_known else None
-    steps = None if known is None else (known * weight().sqrt()).flatten(1)
+    known, steps = known_beforehand(with_known, 12)
     error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW, **of_each)
     plain, whitened = residuals()
     seen = (weight() > 0).flatten()
@@ -96,8 +103,7 @@ def test_noise_that_floors_share_ties_them_and_counts_whole_beside_an_error(with
     rng = np.random.default_rng(13)
     seen = (weight() > 0).flatten().numpy()
     shared = torch.from_numpy(rng.uniform(0.2, 0.95, SHAPE)) * (weight() > 0)
-    known = torch.from_numpy(rng.normal(0.0, 0.1, (3, *SHAPE))) if with_known else None
-    steps = None if known is None else (known * weight().sqrt()).flatten(1)
+    known, steps = known_beforehand(with_known, 14)
     error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW, shared=shared)
     plain, whitened = residuals()
     wider = (1.0 - shared**2 + shared * shared.sum(0)).sqrt().flatten()
@@ -123,20 +129,14 @@ def test_noise_that_floors_share_ties_them_and_counts_whole_beside_an_error(with
 
 @pytest.mark.parametrize("with_known", [False, True])
 def test_densities_are_those_of_dense_normal_distributions(with_known):
-    known = torch.from_numpy(np.random.default_rng(2).normal(0.0, 0.1, (3, *SHAPE)))
-    known = known if with_known else None
-    steps = None if known is None else (known * weight().sqrt()).flatten(1)
+    known, steps = known_beforehand(with_known, 2)
     error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW)
     plain, whitened = residuals()
     found = error.log_densities(whitened)
-    stated = 0.5 * float(torch.log(weight()[weight() > 0]).sum()) - 0.5 * int(
-        (weight() > 0).sum()
-    ) * np.log(2.0 * np.pi)
+    stated = 0.5 * float((weight()[weight() > 0].log() - np.log(2.0 * np.pi)).sum())
     for row in range(0, len(error.levels), 7):
         dense, seen = covariance(error, row, known)
-        expected = multivariate_normal(cov=dense, allow_singular=False).logpdf(
-            plain.flatten(1).numpy()[:, seen]
-        )
+        expected = multivariate_normal(cov=dense).logpdf(plain.flatten(1).numpy()[:, seen])
         np.testing.assert_allclose(
             found[:, row].numpy() + stated - error.levels[row].log_weight, expected, rtol=1e-8
         )
@@ -176,14 +176,21 @@ def test_whitened_residuals_have_the_square_of_the_dense_covariance():
 
 
 def test_what_errors_known_beforehand_make_up_for_is_no_misfit():
-    known = torch.from_numpy(np.random.default_rng(2).normal(0.0, 0.1, (3, *SHAPE)))
-    steps = (known * weight().sqrt()).flatten(1)
+    steps = known_beforehand(True, 2)[1]
     error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW)
     kept, along = error.kept([5, 7]), 2.0 * steps[:1]
     met = kept.by_noise_alone(along).square().sum()
     assert float(met) == pytest.approx(4.0, rel=0.05)  # two standard deviations of one of them
     white = error.whiten(along, 0).square().sum()
     assert float(met) == pytest.approx(float(white), rel=1e-9)
+
+
+def test_what_all_floors_share_is_no_larger_than_as_much_of_one_alone():
+    """What explains more may leave the one in place of the other."""
+    error = LearnedError(weight(), FREQUENCY, table=FEW)
+    for row, level in enumerate(error.levels):
+        other = replace(level, common=level.own, own=level.common)
+        assert error.levels.index(other) in error.no_larger(row)
 
 
 def test_residuals_that_are_cut_change_the_density_of_no_others():
