@@ -262,10 +262,9 @@ def in_order(
 
     What says less than the first goes before it, where that is not clearly better: the same effect
     in all places says not where, and in one place needs no range; one that the first contains has a
-    parameter less. Then comes an
-    instrument's effect that is missing beside the first and close to it, for an instrument is
-    mended before the structure is judged by it. One that the other half of the data holds far
-    likelier than the first need not be close.
+    parameter less. Then comes an instrument's effect that is missing beside the first and close to
+    it, for an instrument is mended before the structure is judged by it. One that the other half of
+    the data holds far likelier than the first need not be close.
     """
 
     def least(first: Finding) -> float:

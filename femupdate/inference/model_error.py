@@ -383,14 +383,9 @@ class LearnedError:
         return changed
 
     def no_larger(self, row: int) -> list[int]:
-        """Rows by which residuals are no larger, in the mean square, than by a row.
-
-        Errors, of all floors or of one alone, and noise may take each other's place.
-        """
+        """Rows of no larger squares of residuals in the mean, whichever error makes them up."""
         weight = float(self._weight.sum() / (self._weight > 0).sum().clamp_min(1))
-        squares = [
-            (level.common**2 + level.own**2) * weight + level.noise**2 for level in self.levels
-        ]
+        squares = [(at.common**2 + at.own**2) * weight + at.noise**2 for at in self.levels]
         return [number for number, square in enumerate(squares) if square <= squares[row]]
 
     def counting(self, densities: Tensor) -> list[int]:

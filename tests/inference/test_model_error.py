@@ -38,7 +38,6 @@ def covariance(error, row, known=None, cancelled=1.0, everywhere=False):
 
 
 def known_beforehand(wanted, seed):
-    """Three errors (3, f, k), and their steps whitened by the noise; None and None if unwanted."""
     known = torch.from_numpy(np.random.default_rng(seed).normal(0.0, 0.1, (3, *SHAPE)))
     return (known, (known * weight().sqrt()).flatten(1)) if wanted else (None, None)
 
@@ -57,20 +56,19 @@ def test_a_phase_is_a_second_part_that_only_known_errors_tie_to_the_first():
     both = torch.cat([residuals(seed=1)[1], residuals(seed=2)[1]], 1)
     root = weight().sqrt().flatten().repeat(2)
     for row in range(0, len(error.levels), 7):
-        one = torch.zeros(len(root), len(root)).double()
-        seen = (root > 0).numpy()
+        one, seen = torch.zeros(len(root), len(root)).double(), (root > 0).numpy()
         dense = torch.from_numpy(covariance(error, row)[0])
         one[np.ix_(seen, seen)] = torch.block_diag(dense, dense)
         cover = root[:, None] * one * root + steps.T @ steps
         cover = cover[seen][:, seen].numpy()
         expected = multivariate_normal(cov=cover).logpdf(both.numpy()[:, seen])
         stated = 0.5 * seen.sum() * np.log(2.0 * np.pi)
-        found = error.log_densities(both)[:, row] - error.levels[row].log_weight
-        np.testing.assert_allclose(found.numpy() - stated, expected, rtol=1e-8)
+        found = error.log_densities(both)[:, row] - error.levels[row].log_weight - stated
+        np.testing.assert_allclose(found, expected, rtol=1e-8)
         white = error.whiten(both, row).square().sum(1)
         flat = both.numpy()[:, seen]
         squares = np.einsum("ni,ij,nj->n", flat, np.linalg.inv(cover), flat)
-        np.testing.assert_allclose(white.numpy(), squares, rtol=1e-7)
+        np.testing.assert_allclose(white, squares, rtol=1e-7)
 
 
 @pytest.mark.parametrize("with_known", [False, True])
@@ -146,8 +144,8 @@ def test_errors_known_beforehand_that_are_lost_in_the_noise_are_left_out():
     """Of sixty errors most are like the first few: densities are those of all of them."""
     there = (weight() > 0).flatten()
     few = np.random.default_rng(3).normal(0.0, 1.0, (60, 8)) * 0.3 ** np.arange(8)
-    steps = torch.from_numpy(few @ np.random.default_rng(4).normal(0.0, 1.0, (8, len(there))))
-    steps = steps * there
+    many = few @ np.random.default_rng(4).normal(0.0, 1.0, (8, len(there)))
+    steps = torch.from_numpy(many) * there
     error = LearnedError(weight(), FREQUENCY, known=steps, table=FEW)
     white = residuals()[1]
     none = LearnedError(weight(), FREQUENCY, table=FEW)
@@ -162,8 +160,7 @@ def test_errors_known_beforehand_that_are_lost_in_the_noise_are_left_out():
 
 
 def test_whitened_residuals_have_the_square_of_the_dense_covariance():
-    error = LearnedError(weight(), FREQUENCY, table=FEW)
-    plain, whitened = residuals()
+    error, (plain, whitened) = LearnedError(weight(), FREQUENCY, table=FEW), residuals()
     for row in (0, 5, len(error.levels) - 1):
         dense, seen = covariance(error, row)
         flat = plain.flatten(1).numpy()[:, seen]
@@ -186,7 +183,6 @@ def test_what_errors_known_beforehand_make_up_for_is_no_misfit():
 
 
 def test_what_all_floors_share_is_no_larger_than_as_much_of_one_alone():
-    """What explains more may leave the one in place of the other."""
     error = LearnedError(weight(), FREQUENCY, table=FEW)
     for row, level in enumerate(error.levels):
         other = replace(level, common=level.own, own=level.common)
@@ -210,16 +206,13 @@ def test_residuals_that_are_cut_change_the_density_of_no_others():
 
 def test_the_likeliest_error_is_the_conditional_mean():
     error = LearnedError(weight(), FREQUENCY, table=FEW)
-    plain, whitened = residuals()
-    row = len(error.levels) - 1
-    level, dense = error.levels[row], covariance(error, row)
+    (plain, whitened), row = residuals(), len(error.levels) - 1
+    dense, seen = covariance(error, row)
+    noise = error.levels[row].noise ** 2 / weight().flatten().numpy()[seen]
+    expected = plain.flatten(1).numpy()[:, seen] @ np.linalg.solve(dense, dense - np.diag(noise))
     values = error.harmonics.at(FREQUENCY)
-    one = values @ torch.diag(error.harmonics.spread(level.length_hz) ** 2) @ values.T
-    floors = level.own**2 * torch.eye(2).double() + level.common**2
-    prior = torch.kron(floors, one).numpy()[:, dense[1]]
-    expected = plain.flatten(1).numpy()[:, dense[1]] @ np.linalg.solve(dense[0], prior.T)
     found = torch.einsum("nfj,kj->nfk", error.likeliest(whitened, row), values).flatten(1)
-    np.testing.assert_allclose(found.numpy(), expected, atol=1e-9)
+    np.testing.assert_allclose(found[:, seen], expected, atol=1e-9)
 
 
 @pytest.mark.parametrize(("common", "own"), [(0.5, 0.0), (0.0, 0.5), (0.18, 0.18)])

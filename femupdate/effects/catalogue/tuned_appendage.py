@@ -26,8 +26,7 @@ class TunedAppendage(Effect):
     )
     clause = "Something of {size} of the mass of {place} vibrates by itself"
     sits = "every floor"
-    # Eight on sticks by OpenSees, which damps the modes with it and not those without, were off by
-    # 1.8 % rms, 2.7 standard deviations.
+    # Eight by OpenSees, which damps the modes with it, were off by 1.8 % rms.
     own_error = 0.02
     settled_by = "a sensor on the thing itself (tank, mast, machine)"
     parameters = (
