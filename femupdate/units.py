@@ -78,8 +78,7 @@ _QUANTITY = re.compile(r"((?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))\s*(\S.*
 
 def listed(names: Sequence[str]) -> str:
     """Names in a row; of more than six the ends, and how many there are."""
-    few = len(names) <= 6
-    return ", ".join(names) if few else f"{names[0]} to {names[-1]} ({len(names)})"
+    return ", ".join(names) if len(names) <= 6 else f"{names[0]} to {names[-1]} ({len(names)})"
 
 
 def percent(share: float, digits: int = 0) -> str:

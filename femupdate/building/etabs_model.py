@@ -141,10 +141,8 @@ class _EtabsReading:
         self.level: dict[str, float] = {}
         z = 0.0
         for name, row in zip(self.stories, file.of("STORY")[::-1], strict=True):
-            usual = (
-                None if self.level and not row.text("ELEV") else 0.0
-            )  # of the base there is none
-            if (height := row.real("HEIGHT", usual=usual)) < 0.0:
+            optional = not self.level or row.text("ELEV")  # for a base, or with a level
+            if (height := row.real("HEIGHT", usual=0.0 if optional else None)) < 0.0:
                 raise row.error(f"HEIGHT {height:g} is negative; write it from the floor below")
             z = row.real("ELEV", usual=z + height)
             self.level[name] = z

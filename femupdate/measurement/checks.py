@@ -88,7 +88,7 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
             f" {fastest:g} Hz: is the time's unit wrong? Times in ms are called time_s (ms)."
         )
     if channel.quantity != "force":
-        return (*findings, *_of_shape(values, channel))
+        return (*findings, *shape_findings(channel))
     # A hammer hits in some samples and rests between them: its force may only be clipped.
     run = _longest_run(np.abs(values) == np.abs(values).max())
     if run >= 4:  # equal samples; smooth signals have two
@@ -96,10 +96,13 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
     return tuple(findings)
 
 
-def _of_shape(values: Floats, channel: RecordedChannel) -> Iterator[str]:
+def shape_findings(channel: RecordedChannel) -> Iterator[str]:
+    """Yield sentences on what a building does not do: clip, jump for a sample, or stand still."""
     from scipy.ndimage import median_filter, uniform_filter1d
 
-    time_step = channel.time_step
+    if np.ptp(channel.values) == 0.0:
+        return
+    values, time_step = channel.values / np.abs(channel.values).max(), channel.time_step
     moving = values - values.mean()
     # The smallest difference between two values is the step of their digits.
     steps = np.diff(np.unique(values))
@@ -134,8 +137,7 @@ def _of_shape(values: Floats, channel: RecordedChannel) -> Iterator[str]:
     longest = int(lengths.max(initial=0)) * time_step
     if longest >= 1.0:
         first = int(starts[lengths.argmax()]) * time_step
-        last = first + longest
-        yield f"it stands still from {first:.4g} to {last:.4g} s: a gap that was filled?"
+        yield f"it stands still from {first:.4g} to {first + longest:.4g} s: was a gap filled?"
 
 
 def _longest_run(flags: Flags) -> int:

@@ -16,7 +16,7 @@ from femupdate.effects.structure import structure_of
 from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import FrfData, base_logs, forced_data, log_responses
 from femupdate.inference.mode_data import ModalErrors
-from femupdate.measurement.checks import pair_findings
+from femupdate.measurement.checks import pair_findings, shape_findings
 from femupdate.measurement.frf import observation_for, with_halves
 from femupdate.measurement.frf_table import in_band
 from femupdate.measurement.modes import IdentifiedModes
@@ -47,7 +47,7 @@ class Measured:
         forced: responses to forces, one entry a file and floor at which a force acts.
         rest: static displacement under forces that the reduced model lacks; None of a stick.
         runs: under base motion, an observation each at its level; `base` is all of them together.
-        doubts: sentences on channels of a run that do not fit together.
+        doubts: sentences on channels of a run that look wrong.
         base_paths: files of the FRFs under base motion.
         notes_of_others: sentences on how all that is no FRF under base motion was read.
         left_out: sentences on identified modes that fit none of the model's.
@@ -213,6 +213,20 @@ def with_rest(study: Study, model: StudyModel, measured: Measured, progress: Pro
     return replace(measured, rest=rest, notes_of_others=(*measured.notes_of_others, lacks))
 
 
+def _wrong_channels(
+    read: Histories, direction: str, asked: Sequence[str], chain: bool
+) -> Iterator[str]:
+    """Yield sentences on what looks wrong in channels of a run that are used, and between them."""
+    rows = zip(read.channels, read.acceleration, strict=True)
+    along = [(to, row) for to, row in rows if to.direction == direction]
+    how: dict[str, Any] = {"time_step": read.time_step, "unit": "m/s2"}
+    heard = [RecordedChannel(name=to.name, values=row, **how) for to, row in along]
+    places = [to.floor if to.floor in (BASE, *asked) else None for to, _ in along]
+    for channel, place in zip(heard, places, strict=True):
+        yield from (f"{channel.name}: {words}" for words in shape_findings(channel) if place)
+    yield from pair_findings(heard, places, beside=not chain)
+
+
 def measured_of(building: Building, source: ObservationSource, halves: bool = False) -> Measured:
     """Like `read_measured_of`, for a building that has no model yet.
 
@@ -258,13 +272,7 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
         else:
             base.append((path, found[0]))
             if isinstance(read, Histories):
-                rows = zip(read.channels, read.acceleration, strict=True)
-                along = [(to, row) for to, row in rows if to.direction == direction]
-                used = (BASE, *(asked or read.floors))
-                how: dict[str, Any] = {"time_step": read.time_step, "unit": "m/s2"}
-                heard = [RecordedChannel(name=to.name, values=row, **how) for to, row in along]
-                places = [to.floor if to.floor in used else None for to, _ in along]
-                said = pair_findings(heard, places, beside=not building.is_chain)
+                said = _wrong_channels(read, direction, asked or read.floors, building.is_chain)
                 doubts += [f"{path.name}: {words}" for words in said]
     stated = source.mode_error
     errors = ModalErrors() if stated is None else ModalErrors(model_frequency=stated)

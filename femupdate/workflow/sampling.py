@@ -146,10 +146,7 @@ def with_levels(model: StudyModel, source: ObservationSource, measured: Measured
 
 
 FROM_FIT, FROM_LATENT, FROM_PRIOR = "the fit", "the latent", "the prior"
-TEMPERED = (
-    "Importance sampling did not reach this posterior: its draws are the tempered particles, "
-    "and the spread of the runs is the only measure of their error."
-)
+TEMPERED = "Importance sampling did not reach this posterior; the runs' spread is its error."
 _LABEL = "Sampling (data-space likelihood)"
 # Particles of Hamiltonian moves for each of up to four maxima, in groups of eight at least.
 _POPULATION, _LEAST_GROUP, _MOST_MAXIMA = 128, 8, 4
@@ -177,11 +174,6 @@ class Target:
     local: bool = False
     tried: int = 0
 
-    @property
-    def prior(self) -> Parameters:
-        """Of all parameters."""
-        return self.likelihood.prior
-
 
 def sampled(target: Target, settings: CalibrationSettings, seed: Seed, show: Progress) -> Sampled:
     """Equally weighted draws: by importance draws about the maxima where enough of them count.
@@ -189,7 +181,7 @@ def sampled(target: Target, settings: CalibrationSettings, seed: Seed, show: Pro
     Otherwise few parameters are tempered from the prior, from which no bend of the posterior is
     missed. Many parameters, and a model that serves about its fit alone, take trajectories.
     """
-    many = target.prior.size > FEW
+    many = target.likelihood.prior.size > FEW
     if target.maxima is not None and not many:
         drawn = sampled_about_maxima(target, settings.particles, seed, show)
         if drawn is not None:
@@ -203,14 +195,15 @@ def sampled_about_maxima(
 ) -> Sampled | None:
     """Equally weighted draws, by importance draws about the maxima; None where too few count."""
     assert target.maxima is not None
+    prior = target.likelihood.prior
     # Rounds of fitting take some hundred draws a parameter.
-    total = count + 200 * target.prior.size
-    ahead = _ahead(target.prior, target.likelihood, 64, total)
+    total = count + 200 * prior.size
+    ahead = _ahead(prior, target.likelihood, 64, total)
     show.start(f"Importance sampling ({ahead}, {total:,} responses of the building)", total)
     drawing, choosing = spawn(seed, 2)
     # A thousand at a time: all processors start and end together.
     counted = Counted(target.likelihood, show, rows=1024)
-    found = draws_about(target.prior, counted, target.maxima, count, drawing)
+    found = draws_about(prior, counted, target.maxima, count, drawing)
     if found is None:
         return None
     found = replace(found, evaluations=found.evaluations + target.tried)
@@ -220,7 +213,7 @@ def sampled_about_maxima(
     )
     runs = [found.resampled(count, choosing)]
     how = drawn_by("exact", "importance sampling about the maxima", runs)
-    return Sampled(runs, target.prior, how, (note,), target.likelihood)
+    return Sampled(runs, prior, how, (note,), target.likelihood)
 
 
 def sampled_chains(
@@ -249,7 +242,7 @@ def sampled_by_particles(
     target: Target, settings: CalibrationSettings, seed: Seed, show: Progress
 ) -> Sampled:
     """By particles from the prior, refined by importance draws where enough of these count."""
-    prior, (first, second) = target.prior, spawn(seed, 2)
+    prior, (first, second) = target.likelihood.prior, spawn(seed, 2)
     sampler = TemperedSmc(prior, target.likelihood, settings.smc)
     started = sampled_chains(sampler, _LABEL, settings, first, show)
     # Fitting the proposal usually takes three rounds of as many draws as there are particles.
@@ -283,7 +276,7 @@ def sampled_by_trajectories(
     target: Target, settings: CalibrationSettings, seed: Seed, show: Progress
 ) -> Sampled:
     """Groups of particles from about the maxima, or from the prior, by Hamiltonian moves."""
-    prior, found, groups = target.prior, target.maxima, settings.chains
+    prior, found, groups = target.likelihood.prior, target.maxima, settings.chains
     maxima = 1 if found is None else min(len(found.z), _MOST_MAXIMA)
     particles = groups * max(maxima * _POPULATION // groups, _LEAST_GROUP)
     start = None if found is None else wide_start(found)

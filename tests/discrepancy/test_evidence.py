@@ -15,13 +15,7 @@ from femupdate.discrepancy.fit import fit
 from femupdate.inference import found_from
 from femupdate.inference.likelihood import joint_error
 from femupdate.progress import SILENT
-from femupdate.workflow import CalibrationSettings
-from femupdate.workflow.sampling import (
-    FROM_FIT,
-    Target,
-    sampled_about_maxima,
-    sampled_by_trajectories,
-)
+from femupdate.workflow import CalibrationSettings, sampling
 
 MASS, SPRING, ZETA = 2.0, 3000.0, 0.05
 GRID = np.linspace(0.5, 12.0, 40)
@@ -141,7 +135,7 @@ def target_of(fitted):
     """What is drawn about the maximum that a fit leads to."""
     likelihood = likelihood_about(fitted)
     maxima = found_from(likelihood.prior, likelihood.residuals, parameters_at(fitted))
-    return Target(likelihood, maxima, FROM_FIT)
+    return sampling.Target(likelihood, maxima, sampling.FROM_FIT)
 
 
 @pytest.mark.parametrize("by_trajectories", [False, True])
@@ -150,8 +144,8 @@ def test_draws_have_the_moments_of_the_posterior(case, by_trajectories):
 
     def draw():
         if by_trajectories:
-            return sampled_by_trajectories(target_of(fitted), settings, 4, SILENT)
-        return sampled_about_maxima(target_of(fitted), 2000, 4)
+            return sampling.sampled_by_trajectories(target_of(fitted), settings, 4, SILENT)
+        return sampling.sampled_about_maxima(target_of(fitted), 2000, 4)
 
     draws = draw()
     assert by_trajectories or draws.drawn.effective_sample_size > 500

@@ -187,9 +187,8 @@ def test_an_error_of_the_model_is_learned_under_forces(system):
         data.append(forced_data(told, system.floors))
     zeta = Parameters((Parameter(name="zeta", kind="damping", lower=0.002, upper=0.1),))
     found = settled(likelihood_of(data[::2], system, FACTORS + zeta), 0)
-    drawn = draws_about(found.likelihood.prior, found.likelihood, found.found, 1000, 0).resampled(
-        1000, 1
-    )
+    prior = found.likelihood.prior
+    drawn = draws_about(prior, found.likelihood, found.found, 1000, 0).resampled(1000, 1)
     frequency = system.modes(drawn.theta[:, :4], drawn.theta[:, :0]).omega.numpy()
     away = (frequency.mean(0) - own) / frequency.std(0)
     assert np.abs(away).max() < 3.0

@@ -41,6 +41,14 @@ def test_a_file_that_changes_on_the_way_changes_nothing(path, tower_model):
         measured_of(building, ObservationSource(path))
 
 
+def test_a_gap_that_was_filled_is_told_wherever_a_record_is_used(path, tower_model):
+    lines = path.read_text(encoding="utf-8").splitlines()
+    held = [f"{a.rpartition(',')[0]},{lines[-1000].rpartition(',')[2]}" for a in lines[-1000:-500]]
+    path.write_text("\n".join([*lines[:-1000], *held, *lines[-500:]]), encoding="utf-8")
+    (told,) = measured_of(tower_model.building, ObservationSource(path)).doubts
+    assert "RF: it stands still from" in told
+
+
 def test_a_posterior_of_a_file_that_has_changed_meanwhile_is_stale(path, tower_file, tmp_path):
     """Its hash is of what was read, not of what lay there at the end."""
     study, source = Study(tmp_path / "study"), readable(Study(tmp_path), {}, path)
@@ -52,10 +60,8 @@ def test_a_posterior_of_a_file_that_has_changed_meanwhile_is_stale(path, tower_f
 
 
 def test_unit_and_columns_are_kept_with_a_file(path, tmp_path):
-    study, how = (
-        Study(tmp_path / "study"),
-        {"unit": "m/s2", "columns": {"base": "RF", "RF": "base"}},
-    )
+    study = Study(tmp_path / "study")
+    how = {"unit": "m/s2", "columns": {"base": "RF", "RF": "base"}}
     source = ObservationSource(path, **how)
     study.folder.mkdir()
     study.path("p.nc").touch()
