@@ -285,8 +285,10 @@ def _mirrored(base: Fit, fits: list[Fit]) -> list[Fit]:
     last = best.placed[-1] if best is not base else None
     if last is None or last.effect.name != "added_mass" or len(floors) != 2:
         return []
-    placed = (*base.placed, Placed(last.effect, floors[1 - floors.index(last.place)]))
-    times = 1.0 / (1.0 + float(best.known[-1]))
+    other = Placed(last.effect, floors[1 - floors.index(last.place)])
+    if other.label in {effect.label for effect in base.placed}:  # it has one already
+        return []
+    placed, times = (*base.placed, other), 1.0 / (1.0 + float(best.known[-1]))
     z = extended(problem, best, placed, [*base.known, times - 1.0])
     z[: best.steps.stories] += math.log(times)
     return [settle(problem, fit(problem, placed, z))]

@@ -59,7 +59,7 @@ def found_from(prior: Parameters, residuals: Callable[[Tensor], Tensor], starts:
 def wide_start(found: Descent) -> Mixture:
     """Students about maxima, as wide as if a hundredth of the likelihood were known.
 
-    Narrower ones miss tails of a bent posterior: of 20 stories one factor's sd was a third less.
+    Narrower ones miss tails of a bent posterior: of 20 stories one factor's sd was a quarter less.
 
     Raises:
         InferenceError: a curvature has no inverse.

@@ -2,10 +2,9 @@
 
 A likelihood is raised to powers beta from 0 to 1 (Neal 2001, Statistics and Computing 11, 125; Del
 Moral, Doucet & Jasra 2006, J. R. Statist. Soc. B 68, 411); from a start about the maxima, the ratio
-of the posterior to it. Every level: next beta by the effective
-sample size, systematic resampling, then Metropolis-Hastings moves of all particles in one batch.
-Particles in several groups share beta and moves, but are resampled apart: whether the groups agree
-tells how well the posterior is known.
+of the posterior to it. Every level: next beta by the effective sample size, systematic resampling,
+then Metropolis-Hastings moves of all particles in one batch. Particles in several groups share beta
+and moves, but are resampled apart: whether the groups agree tells how well the posterior is known.
 """
 
 import copy

@@ -63,6 +63,8 @@ def test_of_two_floors_either_mass_is_told(chains, building_of, observe, pose):
     """Without a force only ratios of masses show; a search alone ends at one of the two."""
     masses, springs = np.array([2.0, 1.5]), np.array([3e3, 2e3])
     frf = chains.Chain(masses * [1.0, 1.6], springs * [0.8, 1.5], zeta=0.006).frf(GRID)
-    seen = observe(("2F", "RF"), GRID, frf, 0.01, 2)
-    found = diagnose(pose(building_of(masses, springs, zeta=(0.003, 0.06)), seen))
-    assert {found.leading.placed.label, *found.twins} == {"added_mass@2F", "added_mass@RF"}
+    building = building_of(masses, springs, zeta=(0.003, 0.06))
+    problem = pose(building, observe(("2F", "RF"), GRID, frf, 0.01, 2))
+    found, both = diagnose(problem), frozenset({"added_mass@2F", "added_mass@RF"})
+    assert {found.leading.placed.label, *found.twins} == both
+    assert diagnose(problem, base=found.leading.fitted, among=both).verdict != NAMED
