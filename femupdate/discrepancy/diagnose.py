@@ -164,10 +164,9 @@ def _diagnosed(
     others = [twin.fitted for twin in twins[: VERDICT.compared]]
     worth = measurement_values(problem, findings[0].fitted, others) if twins else ()
     seen = unseen(unobservable, verdict, findings, labels)
-    diagnosis = Diagnosis(
-        base, verdict, findings, tuple(scores), seen, labels, left, worth, sentence
+    return Diagnosis(
+        base, verdict, findings, tuple(scores), seen, labels, left, worth, sentence, allowed=allowed
     )
-    return replace(diagnosis, allowed=allowed)
 
 
 def _beyond_tolerances(

@@ -21,15 +21,7 @@ import torch
 from scipy.special import log_ndtr
 from torch import Tensor
 
-from femupdate.discrepancy.fit import (
-    FIRST_STEPS,
-    Fit,
-    about,
-    densities,
-    fit,
-    log_posterior,
-    settle,
-)
+from femupdate.discrepancy.fit import FIRST_STEPS, Fit, about, densities, fit, log_posterior, settle
 from femupdate.inference.event_scatter import DEFAULT
 from femupdate.inference.likelihood import Likelihood, summed
 

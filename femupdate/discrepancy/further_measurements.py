@@ -66,10 +66,7 @@ def measurement_values(
 
 
 def _expected(
-    data: Sequence[Data],
-    first: Fit,
-    other: Fit,
-    options: Mapping[str, Flags],
+    data: Sequence[Data], first: Fit, other: Fit, options: Mapping[str, Flags]
 ) -> list[float]:
     """Log evidence (o,) with each further measurement, as if the first model were the truth.
 

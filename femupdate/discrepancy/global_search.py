@@ -15,14 +15,7 @@ from itertools import chain
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.fit import (
-    FAR_STEPS,
-    Fit,
-    coarse,
-    fit,
-    misfits,
-    prior_draws,
-)
+from femupdate.discrepancy.fit import FAR_STEPS, Fit, coarse, fit, misfits, prior_draws
 from femupdate.discrepancy.score import Score
 from femupdate.discrepancy.thresholds import VERDICT
 from femupdate.effects.effect import Placed

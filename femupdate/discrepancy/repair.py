@@ -3,7 +3,7 @@
 Data kept out of a repair say how well they are predicted before and after.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -172,8 +172,8 @@ def next_effect(
 ) -> tuple[Finding | None, tuple[Finding, ...]]:
     """What is added, and what leads but predicts data kept out worse.
 
-    Data kept out certify by themselves, also what the data alone would give no name. What all data
-    together hold clearly likelier than the first goes before it.
+    Data kept out certify by themselves, also what the data alone would give no name, if it is clear
+    of nothing. What all data together hold clearly likelier than the first goes before it.
     """
     if elsewhere is None:
         # The log density of the halves is certified already. Two at once are judged together.
@@ -192,7 +192,7 @@ def next_effect(
         totals = np.add(evidence, gains)
         second, best = np.argsort(totals)[-2:]
         clear = totals[best] - totals[second] > settings.margin(totals[best])
-        if clear and gains[best] > 0.0:
+        if clear and gains[best] > 0.0 and _clear(found.findings[best].fitted, -1):
             return found.findings[best], ()
     accepted: list[tuple[float, Finding]] = []
     refused: list[Finding] = []
@@ -200,7 +200,7 @@ def next_effect(
         value = finding.log_evidence
         if value < VERDICT.positive or not finding.matters(settings):
             continue
-        if denied(found, finding, settings):
+        if not _clear(finding.fitted, -1) or denied(found, finding, settings):
             continue
         gain = elsewhere(problem, base, finding.fitted)
         certain = value >= settings.over_none
@@ -248,10 +248,14 @@ def mend(
         return refined(model, now, fitted, progress)
 
     done = repair(problem, found.base, settings, progress, renewed, found, elsewhere)
-    if not done.rounds or done.rounds[-1].finding.placed.exchange:
-        return done.problem, as_fitted(done)
-    mended, last = refined(model, done.problem, done.after, progress, alone=True)
-    return mended, as_fitted(replace(done, after=last, left=last.remains()))
+    mended, clear = done.problem, False
+    while not clear and done.rounds and not done.rounds[-1].finding.placed.exchange:
+        mended, last = refined(model, done.problem, done.after, progress, alone=True)
+        # On a basis of its own a size may come closer to nothing.
+        after, rounds = without_needless(done.before, last, list(done.rounds))
+        clear, ended = after is last, done.last if rounds else found
+        done = replace(done, after=after, rounds=tuple(rounds), left=after.remains(), last=ended)
+    return mended, as_fitted(done)
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,6 +330,12 @@ class KeptOut:
         """Mean squared whitened residual at the parameters of a fit."""
         return mean_square(self._seen_by(problem, fitted), fitted)
 
+    def explained(self, problem: Likelihood, fits: Sequence[Fit]) -> float | None:
+        """Share of their variation that the best of fits has as another event; None if unknown."""
+        events = [self.fitted(problem, fitted) for fitted in fits]
+        shares = [event.likelihood.explained(event.parameters) for event in events]
+        return max((share for share in shares if share is not None), default=None)
+
     def fitted(self, problem: Likelihood, fitted: Fit) -> Fit:
         """The model as of the event that the data show."""
         event = about(self._seen_by(problem, fitted), fitted)
@@ -372,9 +382,7 @@ def hold(kept: KeptOut, problem: Likelihood, done: Repair) -> Held:
     fits += [kept.fitted(problem, fitted) for fitted in fits]
     told = []
     for fitted in fits:
-        theta, zeta, sizes = fitted.split
-        theta, zeta = fitted.system.at_level(theta, zeta, sizes, kept.level)
-        values = (theta, zeta, sizes)
+        values = (*fitted.system.at_level(*fitted.split, kept.level), fitted.split[2])
         told.append(transformed_sensors(fitted.system, values, base, data.time_step)[rows])
     top_hz = max((kind.top_hz for kind in kept.data if isinstance(kind, FrfData)), default=np.inf)
     fitted_to = np.fft.rfftfreq(seen.shape[1], data.time_step) <= top_hz

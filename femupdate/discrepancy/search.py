@@ -12,14 +12,7 @@ from femupdate.arrays import Floats
 from femupdate.building.document import Building, without_effects
 from femupdate.building.kinds import FrameBuilding
 from femupdate.discrepancy.diagnose import diagnose, too_few
-from femupdate.discrepancy.findings import (
-    AMBIGUOUS,
-    NAMED,
-    PARTLY,
-    UNKNOWN,
-    Diagnosis,
-    removed,
-)
+from femupdate.discrepancy.findings import AMBIGUOUS, NAMED, PARTLY, UNKNOWN, Diagnosis, removed
 from femupdate.discrepancy.fit import (
     FAR_STEPS,
     RIGHT,

@@ -16,12 +16,7 @@ from scipy.sparse import csr_matrix, diags, eye_array
 
 from femupdate.arrays import Floats, Singles
 from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, reduced_on
-from femupdate.dynamics.snapshots import (
-    STATIC_WEIGHT,
-    FeltModes,
-    ReductionTarget,
-    compressed,
-)
+from femupdate.dynamics.snapshots import STATIC_WEIGHT, FeltModes, ReductionTarget, compressed
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.factorization import factorize
 from femupdate.fe.model import DOF_PER_NODE

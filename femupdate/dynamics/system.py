@@ -19,14 +19,7 @@ from femupdate.dynamics.damping import ConstantDamping, DampingLaw
 from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.dynamics.force_response import RestFlexibility
 from femupdate.dynamics.level import RUN_LEVELS
-from femupdate.dynamics.modes import (
-    ModalData,
-    Modes,
-    joined,
-    keep_modes,
-    normal_modes,
-    response,
-)
+from femupdate.dynamics.modes import ModalData, Modes, joined, keep_modes, normal_modes, response
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.effect import (
     ALL_STORIES,

@@ -121,7 +121,7 @@ class DiagnosisReport(Result):
         yield Note(told, {"cannot_be_seen": found.unobservable}, detail=True)
         yield Notes(self.notes, f"{self.path.name} in the study")
         high = [cell for cell in found.residuals if cell.p_value < 1e-3]
-        keys = ("floor", "band_hz", "excess", "data")
+        keys = "floor", "band_hz", "excess", "data"
         yield Note(
             f"  {self.path}",
             page=False,
@@ -139,16 +139,10 @@ class DiagnosisReport(Result):
             },
             detail=True,
         )
-        cells = found.residuals
-        columns = (
-            Column([cell.floor for cell in cells], csv="floor"),
-            Column([cell.band_hz[0] for cell in cells], csv="from_hz"),
-            Column([cell.band_hz[1] for cell in cells], csv="to_hz"),
-            Column([cell.excess for cell in cells], csv="excess"),
-            Column([cell.p_value for cell in cells], csv="p_value"),
-            Column([cell.data for cell in cells], csv="data"),
-        )
-        yield Table(name="residual_map", columns=columns)
+        titles = ("floor", "from_hz", "to_hz", "excess", "p_value", "data")
+        rows = [(c.floor, *c.band_hz, c.excess, c.p_value, c.data) for c in found.residuals]
+        columns = [Column([row[k] for row in rows], csv=name) for k, name in enumerate(titles)]
+        yield Table(name="residual_map", columns=tuple(columns))
 
     def figures(self) -> Iterator[Picture]:
         """The maps of residuals and, where anything was fitted, the ranking."""
@@ -187,8 +181,10 @@ def _effects(findings: Sequence[Finding]) -> Table:
     evidence, mass = each(lambda finding: finding.log_evidence), each(lambda finding: finding.mass)
     other = each(lambda finding: finding.tested and finding.tested.log_e_value)
     absorbed = each(lambda finding: finding.score.absorbed)
-    key = "log_evidence_over_none"
-    elsewhere = "log_evidence_on_other_data"
+    certified = each(lambda finding: finding.tested and finding.tested.certified)
+    frequency = each(lambda finding: finding.changes.frequency)
+    response = each(lambda finding: finding.changes.response)
+    key, elsewhere = "log_evidence_over_none", "log_evidence_on_other_data"
     columns = (
         Column(each(lambda finding: finding.placed.label), "effect"),
         Column(each(lambda finding: finding.placed.effect.name), key="name"),
@@ -197,20 +193,10 @@ def _effects(findings: Sequence[Finding]) -> Table:
         Column(each(lambda finding: finding.in_words), csv="in_words"),
         Column(evidence, "log evidence", [f"{value:.1f}" for value in evidence], key, key),
         Column(other, "on other data", each(other_data), elsewhere, elsewhere),
-        Column(
-            each(lambda finding: finding.tested and finding.tested.certified),
-            csv="certified",
-            key="certified",
-        ),
-        Column(
-            each(lambda finding: finding.changes.frequency),
-            csv="change_of_frequency",
-            key="changes_of_frequency",
-        ),
-        Column(
-            each(lambda finding: finding.changes.response),
-            csv="change_of_response",
-            key="changes_of_response",
+        Column(certified, csv="certified", key="certified"),
+        *(
+            Column(values, csv=f"change_of_{what}", key=f"changes_of_{what}")
+            for what, values in (("frequency", frequency), ("response", response))
         ),
         Column(each(shown_size), "size"),
         Column(each(size_in_words), key="size_in_words"),

@@ -13,7 +13,7 @@ from femupdate.building.document import Building, without_effects
 from femupdate.building.files import save_building
 from femupdate.building.parameters import factor_titles
 from femupdate.discrepancy.evidence import missed_in_turn
-from femupdate.discrepancy.findings import STANDS_IN
+from femupdate.discrepancy.findings import STANDS_IN, Diagnosis
 from femupdate.discrepancy.fit import Fit, likelihood_about, parameters_at
 from femupdate.discrepancy.mesh_error import MeshError
 from femupdate.discrepancy.repair import Held, KeptOut, Repair, hold, mend
@@ -23,6 +23,7 @@ from femupdate.dynamics.reduced import ReducedStructure
 from femupdate.effects.effect import DrawnBuilding
 from femupdate.effects.registry import with_effect
 from femupdate.effects.tolerances import tolerances_of
+from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Likelihood
 from femupdate.inference.maxima import found_from
@@ -34,12 +35,13 @@ from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
 from femupdate.seeds import Seed, spawn
 from femupdate.study import BUILDING_FILE, REPAIRED, Study, typed
 from femupdate.tables import Column, Table
+from femupdate.units import percent
 from femupdate.workflow.amplitude import level_between, level_settings
 from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.diagnose import finder_model, keep_found, search
 from femupdate.workflow.effects import MESH_ERROR_PART, finder_origin, keep_basis
 from femupdate.workflow.kinds import Measured, measured_of, read_both, with_rest
-from femupdate.workflow.likelihoods import CalibrationSettings, Sampled, data_of
+from femupdate.workflow.likelihoods import LEAST_EXPLAINED, CalibrationSettings, Sampled, data_of
 from femupdate.workflow.model import (
     FINER_PART,
     CertifiedModel,
@@ -260,10 +262,11 @@ def repair_study(
     finder, model = finder_model(study, model, progress), on_kept_finer(study, model)
     data = data_of(given, model.system, use_phase)
     problem, found = search(finder, data, settings, progress, given.run)
-    kept_out, elsewhere = None, None
+    kept_out = None
     if holdout is not None and other is not None:
         kept_out = _kept_out(model, finder, holdout, other, use_phase, source if second else None)
-        elsewhere = kept_out.gain
+        _check_explained(kept_out, problem, found, source)
+    elsewhere = None if kept_out is None else kept_out.gain
     mended, done = mend(finder, problem, found, settings, progress, elsewhere)
     before = _updated(done.before, settings.seed, progress)
     after = _updated(done.after, settings.seed, progress) if done.rounds else before
@@ -334,6 +337,24 @@ def _kept_out(
         histories=read if isinstance(read, Histories) else None,
         direction=direction_of(model.building),
     )
+
+
+def _check_explained(
+    kept_out: KeptOut, problem: Likelihood, found: Diagnosis, source: ObservationSource
+) -> None:
+    """Make sure that data kept out may be another event of what was diagnosed.
+
+    Raises:
+        MeasurementError: no candidate explains them as one.
+    """
+    fits = [found.base, *(finding.fitted for finding in found.findings)]
+    best = kept_out.explained(problem, fits)
+    if best is not None and not best >= LEAST_EXPLAINED:  # which no number is not
+        raise MeasurementError(
+            f"{kept_out.name}, kept out, is unlike another event of {problem.building.name} as "
+            f"{source.path.name} shows it: the best response has {percent(max(best, 0.0))} of its "
+            "variation over frequency; keep out a file of the same building in the same state"
+        )
 
 
 def repaired_building(building: Building, done: Repair) -> Building:

@@ -2,12 +2,15 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from femupdate.discrepancy import DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import with_pair
 from femupdate.discrepancy.evidence import Tested as Outcome
 from femupdate.discrepancy.findings import Diagnosis, in_order
+from femupdate.discrepancy.fit import fit_baseline
+from femupdate.discrepancy.repair import repair
 from femupdate.effects import CATALOGUE, Placed
 
 SETTINGS = DiagnosisSettings()
@@ -82,3 +85,20 @@ def test_what_removes_less_than_three_quarters_is_a_candidate(chi2, left, verdic
 def test_a_sensor_leads_that_the_other_half_holds_far_likelier(late, beside, first):
     order = in_order((finding(MASS, 12.0, 8.7), late), SETTINGS, lambda *_: beside)
     assert order[0].placed is first
+
+
+def test_data_kept_out_add_nothing_that_is_not_clear_of_nothing(chains, building_of, observe, pose):
+    """A mass of 2.7 of its standard deviations beside a certain gain."""
+    masses, springs, grid = np.ones(3), np.full(3, 600.0), 0.2 * np.arange(1, 61)
+    heavy = chains.Chain(masses * [1, 1.05, 1], springs * [0.8, 1.3, 1.1], zeta=0.04).frf(grid)
+    seen = observe(("2F", "3F", "RF"), grid, heavy * [[1.0], [1.0], [1.25]], 0.2, 7)
+    problem = pose(building_of(masses, springs), seen)
+
+    def kept_out(_, before, after):
+        return 1e3 if after.placed[-1].label == "added_mass@3F" else 0.0
+
+    done = repair(problem, fit_baseline(problem)[0], elsewhere=kept_out)
+    mass = next(one for one in done.last.findings if one.placed.label == "added_mass@3F")
+    assert mass.carried(DiagnosisSettings(over_none=1.0))
+    assert mass.size < 3.0 * mass.size_sd
+    assert done.rounds == ()

@@ -238,6 +238,10 @@ def test_data_of_another_building_leave_nothing_behind(home, tmp_path):
         repair_study(study, model, ObservationSource(other))
     with pytest.raises(MeasurementError, match="another building"):
         repair_study(study, model, ObservationSource(home / "heavy.csv"), ObservationSource(other))
+    # Floors of the same names, but other stories: of its variation nothing is explained.
+    write_shaken(other, HEAVY.but(springs=SPRINGS * THETA * [0.3, 1.0, 3.0]), 4)
+    with pytest.raises(MeasurementError, match="kept out, is unlike another event of three"):
+        repair_study(study, model, ObservationSource(home / "heavy.csv"), ObservationSource(other))
     assert sorted(p.name for p in study.folder.rglob("*")) == files
 
 

@@ -187,11 +187,10 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     others = settings.truth == OPENSEES
     effects = possible(effects) if others else effects
     measured = MeasuredBuilding(building, settings, theta, zeta, effects, shaking, duration)
-    truth = (
-        opensees_truth(models.fine, measured, shell_of(trial.number))
-        if others
-        else measured.truth(models.fine)
-    )
+    if others:
+        truth = opensees_truth(models.fine, measured, shell_of(trial.number))
+    else:
+        truth = measured.truth(models.fine)
     found = _find(trial, models, models.measure(measured, truth, streams[2]))
     diagnosis, leading = found.diagnosis, found.diagnosis.leading
     hidden = tuple(placed.label for placed, _ in effects)
@@ -322,9 +321,7 @@ def _held_out_errors(
     size = float(np.sqrt((floors**2).mean()))
     errors = []
     for fitted in (found.before, found.after):
-        sample = fitted.split
-        predicted = transformed_sensors(
-            fitted.system, sample, histories.acceleration[0], histories.time_step
-        )
+        sample = fitted.system, fitted.split, histories.acceleration[0], histories.time_step
+        predicted = transformed_sensors(*sample)
         errors.append(float(np.sqrt(((predicted - floors) ** 2).mean())) / size)
     return errors[0], errors[1], measured.settings.sensor_noise_m_s2 / size

@@ -49,56 +49,42 @@ STICKS = {  # masses in t, stiffness in MN/m, heights in m
     "soft4": ([210, 190, 185, 150], [190, 400, 330, 260], [4.5, 3.0, 3.0, 3.0]),
     "steel5": ([420, 400, 395, 390, 300], [900, 820, 700, 560, 380], [5.0, 4, 4, 4, 4]),
 }
-_FRAME = """kind = "frame"
+_STORIES = """
 [[stories]]
 name = "S1"
 height = "3.6 m"
 [[stories]]
 name = "S2"
 height = "3 m"
+[sensors]
+direction = "x"
+"""
+_FRAME = f"""kind = "frame"
+columns = [{{section = "column"}}]
+beams = [{{section = "beam"}}]
+mesh.size = "1 m"
+reduction.tolerance = 0.01
+{_STORIES}points = {{points}}
 [materials.concrete]
 youngs_modulus = "27 GPa"
 poisson_ratio = 0.2
 density = "2400 kg/m3"
-[sections.column]
-shape = "rectangle"
-width = "350 mm"
-depth = "350 mm"
-[sections.beam]
-shape = "rectangle"
-width = "250 mm"
-depth = "450 mm"
-[[columns]]
-section = "column"
-[[beams]]
-section = "beam"
-[mesh]
-size = "1 m"
-[reduction]
-tolerance = 0.01
+[sections]
+column = {{shape = "rectangle", width = "350 mm", depth = "350 mm"}}
+beam = {{shape = "rectangle", width = "250 mm", depth = "450 mm"}}
 """
 FRAMES = {
-    "open2": _FRAME + """[grid.x]
-A = "0 m"
-B = "5 m"
-[grid.y]
-P = "0 m"
-Q = "4 m"
+    "open2": _FRAME.replace("{points}", '["A-P", "B-Q"]') + """[grid]
+x = {A = "0 m", B = "5 m"}
+y = {P = "0 m", Q = "4 m"}
 [[slabs]]
 x = ["A", "B"]
 y = ["P", "Q"]
 thickness = "160 mm"
-[sensors]
-direction = "x"
-points = ["A-P", "B-Q"]
 """,
-    "wall2": _FRAME + """[grid.x]
-A = "0 m"
-B = "4 m"
-C = "9 m"
-[grid.y]
-P = "0 m"
-Q = "5 m"
+    "wall2": _FRAME.replace("{points}", '["A-P", "C-Q"]') + """[grid]
+x = {A = "0 m", B = "4 m", C = "9 m"}
+y = {P = "0 m", Q = "5 m"}
 [[walls]]
 along = "Q"
 from = "A"
@@ -108,39 +94,20 @@ thickness = "100 mm"
 x = ["A", "C"]
 y = ["P", "Q"]
 thickness = "150 mm"
-[sensors]
-direction = "x"
-points = ["A-P", "C-Q"]
 """,
 }  # fmt: skip
-_DECK = """kind = "mesh"
-mesh = {file = "deck2.bdf", unit = "m", force = "N", base = "0 m"}
-[[stories]]
-name = "S1"
-height = "3.6 m"
-[[stories]]
-name = "S2"
-height = "3 m"
-[sensors]
-direction = "x"
-points = [["0 m", "0 m"], ["5 m", "4 m"]]
+_DECK = f"""kind = "mesh"
+mesh = {{file = "deck2.bdf", unit = "m", force = "N", base = "0 m"}}
+{_STORIES}points = [["0 m", "0 m"], ["5 m", "4 m"]]
 """
 
+_ON_STICKS = {
+    "clean": 16, "nonlinear": 8, "mass": 3, "damper": 2, "brace": 2, "appendage": 2, "delay": 2,
+    "gain": 2, "exchanged": 1, "reversed": 1, "outside": 5, "pair": 4, "several": 2,
+}  # fmt: skip
 # Kind of case, buildings, and how many of each.
 PLAN = (
-    ("clean", ("soft4", "steel5"), 16),
-    ("nonlinear", ("soft4", "steel5"), 8),
-    ("mass", ("soft4", "steel5"), 3),
-    ("damper", ("soft4", "steel5"), 2),
-    ("brace", ("soft4", "steel5"), 2),
-    ("appendage", ("soft4", "steel5"), 2),
-    ("delay", ("soft4", "steel5"), 2),
-    ("gain", ("soft4", "steel5"), 2),
-    ("exchanged", ("soft4", "steel5"), 1),
-    ("reversed", ("soft4", "steel5"), 1),
-    ("outside", ("soft4", "steel5"), 5),
-    ("pair", ("soft4", "steel5"), 4),
-    ("several", ("soft4", "steel5"), 2),
+    *((kind, tuple(STICKS), count) for kind, count in _ON_STICKS.items()),
     ("clean", ("open2", "wall2"), 2),
     ("clean", ("deck2",), 4),
     ("mass", ("open2", "wall2"), 2),
@@ -148,7 +115,7 @@ PLAN = (
     ("columns", ("open2", "wall2"), 1),
     ("walls", ("wall2",), 2),
     ("several", ("open2", "wall2"), 1),
-)  # fmt: skip
+)
 _NONLINEAR, _OUTSIDE, _SEVERAL = "nonlinear", "outside", ("pair", "several")
 
 
@@ -258,12 +225,8 @@ def _hidden(
     if kind == "mass":
         size = float(rng.uniform(0.07, 0.2))
         change[level - 1] += size
-        return (
-            replace(stick, mass=stick.mass * change),
-            None,
-            [effect("mass", floor, size=size)],
-            "",
-        )
+        heavy = [effect("mass", floor, size=size)]
+        return replace(stick, mass=stick.mass * change), None, heavy, ""
     if kind == "several":
         first, size = int(rng.integers(0, count - 1)), float(rng.uniform(0.1, 0.2))
         last = int(rng.integers(first + 2, count + 1))
@@ -344,18 +307,15 @@ def answer(case: Mapping[str, Any], name: str, kind: str, folder: Path) -> dict[
     study, measured = folder / "studies" / Path(file).stem, folder / f"{name}.csv"
     if kind == "pair":
         report: Any = femupdate.repair(study, measured, building=file)
-        found, points = report.repair.last, report.problem.effective
+        found, base = report.repair.last, report.repair.before
         named = [added.finding for added in report.repair.rounds]
         verdict = "partly" if named else found.verdict
     else:
         report = femupdate.diagnose(study, measured, building=file)
-        found, points, verdict = (
-            report.diagnosis,
-            report.problem.effective,
-            report.diagnosis.verdict,
-        )
+        found, base = report.diagnosis, report.diagnosis.base
+        verdict = found.verdict
         named = [] if verdict in ("none", "unknown") else list(found.pair or found.findings[:1])
-    base = report.repair.before if kind == "pair" else found.base
+    points = report.problem.effective
     effects = [
         {
             "kind": "nonlinear"
