@@ -63,10 +63,10 @@ class Residuals:
 
     Args:
         residuals: z (s, z) to residuals (s, m).
-        step: of finite differences in z.
+        step: of finite differences in z, or (z,) of each.
     """
 
-    def __init__(self, residuals: Callable[[Tensor], Tensor], step: float) -> None:
+    def __init__(self, residuals: Callable[[Tensor], Tensor], step: float | Tensor) -> None:
         self._residuals, self._step = residuals, step
         self.responses = 0
 
@@ -82,7 +82,7 @@ class Residuals:
         range nothing may change.
         """
         size = z.shape[1]
-        step = torch.where(z > 0.0, -self._step, self._step)
+        step = torch.where(z > 0.0, -1.0, 1.0) * self._step
         moved = self((z[:, None] + torch.diag_embed(step)).flatten(0, 1)).view(len(z), size, -1)
         return (residual[:, None] - moved).transpose(1, 2) / step[:, None]
 

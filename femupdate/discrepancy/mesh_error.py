@@ -16,7 +16,7 @@ The finer mesh has an error of its own, a third of the one seen (errors fall as 
 mesh size). Where the finer mesh itself is the model, that is what is corrected and left open.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -331,6 +331,13 @@ class OpenMesh:
         moved = replace(system, model=replace(model, stiffness_terms=stiffness))
         return replace(self, of_members=tuple(likeliest.tolist())), moved
 
+    def freed(self, system: System) -> tuple[System, Callable[[Tensor], Tensor]]:
+        """The system with effects that stand for the errors, and their sizes by errors (n, m)."""
+        placed, terms = (*system.placed, *self.mesh.placed), (*system.terms, *self.terms)
+        steps = torch.from_numpy(self.mesh.steps)
+        free = replace(system, placed=placed, terms=terms)
+        return free, lambda errors: (errors - self.likeliest) @ steps
+
     def __call__(self, data: Sequence[Data], system: System, values: Values) -> Tensor:
         """One standard deviation of every error (c, n) about one set of parameters.
 
@@ -347,11 +354,10 @@ class OpenMesh:
 
         Along tangents: a whole step bends at peaks, and data would tell it from stiffness factors.
         """
-        part = 0.02  # of a step, along which responses are differentiated
-        steps = torch.from_numpy(part * self.mesh.steps)
-        steps, count = torch.cat([torch.zeros_like(steps[:1]), steps]), len(steps) + 1
-        placed = (*system.placed, *self.mesh.placed)
-        wide = replace(system, placed=placed, terms=(*system.terms, *self.terms))
+        part = 0.02  # of an error, along which responses are differentiated
+        wide, sizes = self.freed(system)
+        moved = torch.cat([0.0 * self.likeliest[None], part * torch.eye(len(self.likeliest))])
+        steps, count = sizes(self.likeliest + moved), len(moved)
         both = Values(
             values.theta.expand(count, -1),
             values.zeta.expand(count),

@@ -24,7 +24,7 @@ from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.level import PERIODS, SPAN, level_of_moment, motion_level
 from femupdate.dynamics.modes import Modes, response
 from femupdate.dynamics.recurrence import ModalOutputs, Steps, record_points
-from femupdate.dynamics.system import Rows, System
+from femupdate.dynamics.system import Rows, Sample, System
 from femupdate.effects.effect import split_sizes
 from femupdate.errors import MeasurementError, StructureError
 from femupdate.progress import SILENT, Progress
@@ -339,7 +339,7 @@ def story_rows(system: System, sizes: Tensor) -> Rows:
 
 def transformed_outputs(
     system: System,
-    sample: tuple[Tensor, Tensor, Tensor],
+    sample: Sample,
     record: Floats,
     time_step: float,
     number: int = 0,
@@ -375,7 +375,7 @@ def transformed_outputs(
 
 def transformed_sensors(
     system: System,
-    sample: tuple[Tensor, Tensor, Tensor],
+    sample: Sample,
     record: Floats,
     time_step: float,
     share: float = REST,

@@ -116,7 +116,11 @@ def response(
         loads, rigid = modes.participation[:, :columns], modes.direct[:, :, :columns, None]
     else:
         loads, rigid = -modes.rows[:, forced : forced + 1], modes.direct.new_zeros(1, 1, 1, 1)
-    flexible = _receptance(modes, ratio, omega, torch.cat([loads, modes.rows[:, rows:]], dim=1))
+    # Displacements (N, o, c, k) of all rows under loads of these modal forces.
+    acting, (count, outputs, size) = torch.cat([loads, modes.rows[:, rows:]], 1), modes.rows.shape
+    pairs = (modes.rows[:, :, None, :] * acting[:, None, :, :]).reshape(count, -1, size)
+    total = torch.complex(*_summed(modes.inverse, ratio, pairs, omega))
+    flexible = total.reshape(count, outputs, acting.shape[1], len(omega))
     # Absolute displacements times -omega^2.
     free = rigid + omega**2 * flexible[:, :, : loads.shape[1]]
     if not port_stiffness:
@@ -134,14 +138,6 @@ def _with_ports(between: Tensor, stiffness: Tensor, free: Tensor) -> Tensor:
     eye = torch.eye(free.shape[1], dtype=free.dtype)
     system = eye + (between * stiffness[:, None]).permute(0, 3, 1, 2)
     return torch.linalg.solve(system, free.permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
-
-
-def _receptance(modes: Modes, ratio: Tensor, omega: Tensor, columns: Tensor) -> Tensor:
-    """Displacement (N, o, c, k) of all rows under loads whose modal forces are (N, c, m)."""
-    count, outputs, size = modes.rows.shape
-    pairs = (modes.rows[:, :, None, :] * columns[:, None, :, :]).reshape(count, -1, size)
-    total = torch.complex(*_summed(modes.inverse, ratio, pairs, omega))
-    return total.reshape(count, outputs, columns.shape[1], len(omega))
 
 
 def _summed(inverse: Tensor, ratio: Tensor, pairs: Tensor, omega: Tensor) -> tuple[Tensor, Tensor]:

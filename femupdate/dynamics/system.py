@@ -34,6 +34,8 @@ from femupdate.effects.effect import (
 )
 from femupdate.errors import brief
 
+Sample = tuple[Tensor, Tensor, Tensor]
+"""theta (N, p), zeta (N,) and sizes (N, q)."""
 _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay in the cache
 
 
@@ -152,9 +154,9 @@ class System:
         """
         omega = 2.0 * torch.pi * frequency_hz.to(torch.float64)
         if len(theta) <= _BATCH:
-            return self._respond(excitation, theta, zeta, sizes, omega, rest)
+            return self._respond(excitation, (theta, zeta, sizes), omega, rest)
         parts = zip(theta.split(_BATCH), zeta.split(_BATCH), sizes.split(_BATCH), strict=True)
-        return torch.cat([self._respond(excitation, *rows, omega, rest) for rows in parts])
+        return torch.cat([self._respond(excitation, rows, omega, rest) for rows in parts])
 
     def frf(self, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor) -> Tensor:
         """The same (N, f, k) under a base that translates."""
@@ -354,20 +356,14 @@ class System:
         return torch.cat([-free, low]), torch.cat([free, high])
 
     def _respond(
-        self,
-        excitation: Excitation,
-        theta: Tensor,
-        zeta: Tensor,
-        sizes: Tensor,
-        omega: Tensor,
-        rest: RestFlexibility | None,
+        self, excitation: Excitation, sample: Sample, omega: Tensor, rest: RestFlexibility | None
     ) -> Tensor:
+        theta, zeta, sizes = sample
         # Instruments leave the motion alone, and what is no stiffness or mass the modes: rows that
         # differ in these only share the others.
         inside = self._sizes_of(sizes, [not listed.effect.instrument for listed in self.placed])
         rows, same = _different(torch.cat([theta, zeta[:, None], inside], dim=1))
-        known = theta[rows], zeta[rows], sizes[rows], omega
-        moved = self._motion(excitation, *known, rest)[same]
+        moved = self._motion(excitation, (theta[rows], zeta[rows], sizes[rows]), omega, rest)[same]
         if not any(listed.effect.instrument for listed in self.placed):
             return moved
         read = []
@@ -384,15 +380,10 @@ class System:
         return torch.cat([sizes[:, :0], *(values for values, wanted in parts if wanted)], dim=1)
 
     def _motion(
-        self,
-        excitation: Excitation,
-        theta: Tensor,
-        zeta: Tensor,
-        sizes: Tensor,
-        omega: Tensor,
-        rest: RestFlexibility | None,
+        self, excitation: Excitation, sample: Sample, omega: Tensor, rest: RestFlexibility | None
     ) -> Tensor:
         """Complex accelerations (N, f, e, k) of the floors themselves."""
+        theta, zeta, sizes = sample
         shaping = self._sizes_of(sizes, [not terms.shapeless for terms in self.terms])
         rows, same = _different(torch.cat([theta, shaping], dim=1))
         ports = self.port_stiffness(omega, sizes)

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from femupdate.building.document import Building
 from femupdate.dynamics.reduced import ReducedStructure
-from femupdate.dynamics.system import System
+from femupdate.dynamics.system import Sample, System
 from femupdate.effects.effect import Effect, Placed
 from femupdate.errors import brief
 from femupdate.inference.frf_data import FrfData
@@ -159,6 +159,10 @@ class KnownErrors(Protocol):
         """The same, and the system, with others (m,) of the first errors in it."""
         ...
 
+    def freed(self, system: System) -> tuple[System, Callable[[Tensor], Tensor]]:
+        """The system with effects that stand for these errors, and their sizes by errors (n, m)."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
@@ -299,24 +303,38 @@ class Likelihood:
         if self.known is None:
             return self
         found = self.known(self.data, self.system, self.prior.split(parameters))
-        parts = found.split([kind.residuals for kind in self.data], dim=1)
-        error = joint_error(self.data, parts).with_rows_of(self.error)
-        return replace(self, error=error, changes=found)
+        return replace(self, error=self._beside(found), changes=found)
 
     def holding_likeliest(self, parameters: Tensor) -> "Likelihood":
-        """The same of the system with the likeliest of the known errors, and about it.
-
-        Large errors lie on no straight line from none; what is left of them does.
-
-        Args:
-            parameters: (1, p), about which the errors are known.
-        """
+        """The same of the system with known errors as if residuals were straight in them."""
         if self.known is None or self.changes is None:
             return self
-        held = self.changes[: len(self.known.likeliest)]
-        likeliest = self.error.whiten(held, self.row) @ self.residuals(parameters)[0]
-        known, system = self.known.held(likeliest, self.system)
+        held = self.error.whiten(self.changes[: len(self.known.likeliest)], self.row)
+        return self.holding(held @ self.residuals(parameters)[0], parameters)
+
+    def holding(self, errors: Tensor, parameters: Tensor) -> "Likelihood":
+        """The same of the system with known errors (m,), and about parameters (1, p) with them."""
+        assert self.known is not None
+        known, system = self.known.held(errors, self.system)
         return replace(self, known=known, system=system).about(parameters)
+
+    def with_errors(self) -> Callable[[Tensor], Tensor]:
+        """Residuals (n, r) of normal coordinates (n, d) and the m errors that the system may hold.
+
+        Of unit covariance by the row beside the errors that it does not hold.
+        """
+        assert self.known is not None
+        assert self.changes is not None
+        beside = self._beside(self.changes[len(self.known.likeliest) :])
+        (system, sizes), size = self.known.freed(self.system), self.prior.size
+
+        def residuals(z: Tensor) -> Tensor:
+            values = self.prior.split(self.prior.from_normal(z[:, :size]))
+            both = torch.cat([values.sizes, sizes(z[:, size:])], dim=1)
+            raw = missed(self.data, system, (values.theta, values.zeta, both))
+            return beside.whiten(beside.tame(raw, self.row), self.row)
+
+        return residuals
 
     @property
     def divisible(self) -> bool:
@@ -424,6 +442,11 @@ class Likelihood:
             found += data.checked(*error.floor_squares(left, rows))
         return found
 
+    def _beside(self, known: Tensor) -> ModelError:
+        """What the model may err by beside errors (c, n) that are known."""
+        parts = known.split([kind.residuals for kind in self.data], dim=1)
+        return joint_error(self.data, parts).with_rows_of(self.error)
+
     def _raw(self, parameters: Tensor) -> Tensor:
         values = self.prior.split(parameters)
         left = missed(self.data, self.system, (values.theta, values.zeta, values.sizes))
@@ -442,7 +465,7 @@ class Likelihood:
         return torch.cat(in_threads(task, parts))
 
 
-def missed(data: Sequence[Data], system: System, known: tuple[Tensor, Tensor, Tensor]) -> Tensor:
+def missed(data: Sequence[Data], system: System, known: Sample) -> Tensor:
     """Residuals (n, m) in the unit of the noise, of theta (n, p), zeta (n,) and sizes (n, q)."""
     parts = [kind.compared(kind.predicted(system, *known)) for kind in data]
     return torch.cat(parts, dim=1)

@@ -134,8 +134,10 @@ def settled(likelihood: Likelihood, seed: Seed, starts: Tensor | None = None) ->
         starts = prior.from_normal(torch.zeros(1, prior.size, dtype=torch.float64))
         for share in torch.logspace(-1.0, 0.0, 25).tolist():
             part = likelihood.up_to(share * likelihood.top_hz).about(starts)
-            part, found = _held(part, found_from(prior, part.residuals, starts), 1)
-            starts = prior.from_normal(found.z[:1])
+            starts = prior.from_normal(found_from(prior, part.residuals, starts).z[:1])
+            # On a short way lines tell errors well enough; sought with factors they go astray.
+            part = part.holding_likeliest(starts)
+            starts = prior.from_normal(found_from(prior, part.residuals, starts).z[:1])
             likelihood = replace(likelihood, known=part.known, system=part.system)
         likelihood = likelihood.about(starts)
         row = _likeliest(_log_posterior(likelihood, starts))
@@ -145,24 +147,35 @@ def settled(likelihood: Likelihood, seed: Seed, starts: Tensor | None = None) ->
         starts = prior.from_normal(found_from(prior, wide.residuals, starts).z)
         likelihood = likelihood.about(starts[:1])
     ended = settle(likelihood, starts, row)
-    likelihood, found = _held(ended.likelihood, ended.found, 12)
+    likelihood, found = _held(ended.likelihood, ended.found)
     return Settled(likelihood, found, tried)
 
 
-def _held(likelihood: Likelihood, found: Descent, rounds: int) -> tuple[Likelihood, Descent]:
+def _held(likelihood: Likelihood, found: Descent) -> tuple[Likelihood, Descent]:
     """With the likeliest known errors in the system, and the maxima with them.
 
-    Lines from beside the maximum would tell errors from factors that do the same. Lines about the
-    last maximum may lead to and fro about the right one; those from halfway do not.
+    Factors and errors are sought at once: in turns they go to and fro, for each does what the other
+    does. So it is with errors that the system does not hold, whose lines are drawn from halfway.
     """
-    prior, middle = likelihood.prior, found.z[:1]
-    for _ in range(rounds if likelihood.known else 0):
-        likelihood = likelihood.holding_likeliest(prior.from_normal(middle))
-        found = found_from(prior, likelihood.residuals, prior.from_normal(found.z))
+    prior, size = likelihood.prior, likelihood.prior.size
+    if likelihood.known is None:
+        return likelihood, found
+    errors = likelihood.known.likeliest
+    # A step along errors changes members by hundredths of what one along factors does.
+    step = torch.cat([torch.full((size,), 1e-5), torch.full((len(errors),), 1e-3)]).to(errors)
+    middle = found.z[:1]
+    for share in (1.0, *[0.5] * 11):
+        misfit = Residuals(likelihood.with_errors(), step)
+        both = torch.cat([found.z[:1], errors[None]], dim=1)
+        ended = descend(misfit, both, Search(small_nats=0.02, mended=True))
+        z, errors = ended.z[:, :size], ended.z[0, size:]
+        middle = middle + share * (z - middle)
+        likelihood = likelihood.holding(errors, prior.from_normal(middle))
+        starts = prior.from_normal(torch.cat([z, found.z[1:]]))
+        found = found_from(prior, likelihood.residuals, starts)
         moved = (found.z - middle)[0]
         if float(moved @ found.precision[0] @ moved) < 0.1**2:
             break
-        middle = middle + 0.5 * moved
     return likelihood, found
 
 

@@ -87,10 +87,10 @@ def compute_dataset(
             shards[k] = there
             progress.advance(len(factors))
     missing = [k for k in range(len(rows)) if k not in shards]
-    solve = partial(_solve_shard, system, modes=kept, top_hz=top_hz)
+    solve = partial(system.modal_data, modes=kept, top_frequency_hz=top_hz)
     for number, modal in completed(solve, [rows[k] for k in missing]):
         k = missing[number]
-        _write_shard(paths[k], rows[k], modal)
+        _write_shard(paths[k], rows[k], modal.to("cpu", torch.float32))
         shards[k] = _read_shard(paths[k])
         progress.advance(len(rows[k]))
     parts = [shards[k] for k in range(len(rows))]
@@ -114,11 +114,6 @@ def kept_shard(path: Path, theta: Tensor, modes: int) -> ModalDataset | None:
 def modes_kept(system: System, most: int) -> int:
     """Modes kept a sample: `most`, or as many as the structure on a rigid base has."""
     return min(most, system.model.size)
-
-
-def _solve_shard(system: System, theta: Tensor, modes: int, top_hz: float) -> ModalData:
-    solved = system.modal_data(theta, modes=modes, top_frequency_hz=top_hz)
-    return solved.to("cpu", torch.float32)
 
 
 def _write_shard(path: Path, theta: Tensor, modal: ModalData) -> None:

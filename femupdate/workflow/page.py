@@ -297,7 +297,7 @@ def _stiffness(page: PageStudy, calibration: CalibrationReport) -> Table:
     if known is None and page.prediction is not None:
         known = page.prediction.quantities.get("stiffness")
     rows: list[tuple[str, ...]] = [
-        (titles[name], _interval(draws))
+        (titles[name], interval_text(draws.mean(), draws.std(), *np.quantile(draws, [0.05, 0.95])))
         for name, draws in zip(factors.names, factors.samples.T, strict=True)
     ]
     head = ["factor of", "times the building file"]
@@ -326,11 +326,6 @@ def _found(page: PageStudy) -> Iterator[str]:
             f"{which}. Added to it: {names}. Residuals fell from {kept['chi2_before']:.0f} to "
             f"{kept['chi2_after']:.0f} over {kept['independent_points']:.0f} independent points."
         )
-
-
-def _interval(draws: np.ndarray) -> str:
-    low, high = np.quantile(draws, [0.05, 0.95])
-    return interval_text(float(draws.mean()), float(draws.std()), float(low), float(high))
 
 
 def _scene(page: PageStudy) -> Scene:

@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -225,7 +224,7 @@ def sampled_chains(
     ahead = _ahead(sampler.prior, sampler.log_likelihood, settings.each, total)
     show.start(f"{label}, {ahead}", 100 * settings.chains)
     return [
-        sampler.run(settings.each, stream, _by_power(Percent(show)))
+        sampler.run(settings.each, stream, partial(_by_power, Percent(show)))
         for stream in spawn(seed, settings.chains)
     ]
 
@@ -290,7 +289,7 @@ def sampled_by_trajectories(
         settings.particles,
         seed,
         groups,
-        _by_power(bar),
+        partial(_by_power, bar),
         lambda share: bar.reached(1.0 + share),
     )
     note = (
@@ -303,13 +302,9 @@ def sampled_by_trajectories(
     return Sampled(runs, prior, how, (note,), target.likelihood)
 
 
-def _by_power(bar: Percent) -> Callable[[float], None]:
-    """Moves a bar evenly in the logarithm of beta, which runs from about 1e-5 to 1."""
-
-    def tell(beta: float) -> None:
-        bar.reached(1.0 + max(math.log10(beta) / 5.0, -1.0), f"power {beta:.2g}")
-
-    return tell
+def _by_power(bar: Percent, beta: float) -> None:
+    """Move a bar evenly in the logarithm of beta, which runs from about 1e-5 to 1."""
+    bar.reached(1.0 + max(math.log10(beta) / 5.0, -1.0), f"power {beta:.2g}")
 
 
 def sample_exact(

@@ -33,6 +33,9 @@ class Alike:
     def held(self, likeliest, system):
         return self, system
 
+    def freed(self, system):
+        return system, lambda errors: errors
+
 
 @pytest.fixture
 def posed(chains, building_of, observe, reduced_of):

@@ -201,3 +201,6 @@ def test_errors_of_members_far_beyond_the_noise_leave_factors_right(coarse, lear
     # The errors are twice as large as stated.
     assert (away < 4.0).all()
     assert (sd < 0.1).all()
+    # Sought once more with factors, errors stay where they are.
+    again = found.likelihood.holding_likeliest(middle).known.likeliest
+    torch.testing.assert_close(again, found.likelihood.known.likeliest, rtol=0.0, atol=0.02)

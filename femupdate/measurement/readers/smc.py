@@ -51,8 +51,10 @@ def read(path: Path) -> Recording:
     start = _TEXT_LINES + _INTEGER_LINES + _REAL_LINES + comments
     values = fixed_columns(file, start - 1, int(count), (8, 10), "")
     head = "\n".join(file.lines[:start])
-    tilt, azimuth = finite(integers[_TILT]), _azimuth(integers[_AZIMUTH])
+    tilt, azimuth = finite(integers[_TILT]), finite(integers[_AZIMUTH])
     vertical = tilt is not None and tilt in (0.0, 180.0)
+    if azimuth is not None and not 0.0 <= azimuth <= 360.0:  # unknown ones are -32768
+        azimuth = None
     direction = "Up" if vertical else f"{azimuth:.0f} Deg" if azimuth is not None else ""
     location = _found(r"<loclbl=>\s*(.*?)\s*(?:<end>|$)", head)
     location = location or _found(r"^station =\s*(.*?)\s*(?:component=|$)", head)
@@ -83,12 +85,6 @@ def _numbers(file: TextFile, start: int, lines: int, width: int) -> list[str]:
             start + 1,
         )
     return fields
-
-
-def _azimuth(text: str) -> float | None:
-    """Degrees from north; unknown ones are written as -32768."""
-    value = finite(text)
-    return value if value is not None and 0.0 <= value <= 360.0 else None
 
 
 def _found(pattern: str, text: str) -> str:
