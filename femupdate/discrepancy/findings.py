@@ -141,7 +141,8 @@ class Finding:
         in_file = effect.unit(Sway(structure.roof, *structure.fundamental), place)
         told = torch.from_numpy(in_file / units) * sizes[:, -count]
         slopes = (told[1:] - told[0]) / DIFFERENCE
-        return float(told[0]), float((slopes @ fitted.covariance() @ slopes).sqrt())
+        sd = float((slopes @ fitted.covariance() @ slopes).sqrt())
+        return float(told[0]), float(np.hypot(sd, effect.own_error * float(told[0])))
 
     def within(self, fitted: Fit, number: int) -> "Finding":
         """With the size that it has as one of the effects of another fit."""

@@ -321,8 +321,7 @@ def refined(
     if problem.reduced.structure.operators is None:
         return problem, fitted
     for _ in range(4):
-        middle = fitted
-        start = (fitted.placed, fitted.z)
+        middle, start = fitted, (fitted.placed, fitted.z)
         sets = [_sized(middle)] if alone else None
         problem, fitted = _around(model, problem, middle, start, progress, sets)
         if np.abs(np.log(fitted.theta()[0] / middle.theta()[0])).max() < SPREAD:

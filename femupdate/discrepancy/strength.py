@@ -74,8 +74,7 @@ def judged_by_strength(
     base = found.base
     theta, _, sizes = base.split
     stories, top_hz = base.likelihood.building.story_names, base.likelihood.top_hz
-    known = run, direction, base.system, stories, theta, sizes, top_hz
-    text, story, size, sd = what_yields(*known)
+    text, story, size, sd = what_yields(run, direction, base.system, stories, theta, sizes, top_hz)
     if text:
         changes = _changes(base, thirds, settings, story) if story and thirds is not None else ()
         changes = tuple(replace(change, size=size, size_sd=sd) for change in changes)

@@ -81,8 +81,10 @@ def test_what_is_not_there_gains_nothing_on_the_other_half(posed, place):
     assert np.mean([one.gains for one in found]) < 0.0
 
 
-def test_data_that_cannot_be_parted_certify_nothing(posed, place):
-    assert weighed(in_parts(posed(0.25, 1), ()), place("added_mass@RF"))[2] is None
+def test_data_that_cannot_be_parted_certify_nothing_and_are_not_kept_out_in_turn(posed, place):
+    base, _, tested = weighed(in_parts(posed(0.25, 1), ()), place("added_mass@RF"))
+    assert tested is None
+    assert np.isnan(missed_in_turn(base))
 
 
 def test_other_data_weigh_an_effect_with_their_own_stiffness(
@@ -113,8 +115,3 @@ def test_each_half_is_missed_by_no_less_than_a_fit_to_all_data_leaves(posed, pla
     fits = [weighed(posed(0.0, seed), place("added_mass@RF"))[1] for seed in range(3)]
     left = [one.chi2 / one.likelihood.effective for one in fits]
     assert np.mean([missed_in_turn(one) for one in fits]) > np.mean(left)
-
-
-def test_data_without_halves_are_not_kept_out_in_turn(posed, place):
-    base = weighed(in_parts(posed(0.25, 1), ()), place("added_mass@RF"))[0]
-    assert np.isnan(missed_in_turn(base))

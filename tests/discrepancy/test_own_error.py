@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from femupdate.discrepancy import Finding
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.effects import CATALOGUE, Placed
 
@@ -17,16 +18,31 @@ class RoughMass(type(CATALOGUE["added_mass"])):
     own_error = 0.12
 
 
-@pytest.mark.parametrize(("share", "effect"), [(0.0, None), (0.12, RoughMass())])
+class RoughBrace(type(CATALOGUE["brace"])):
+    """A brace that stands for something else, told as a share of the building's stiffness."""
+
+    own_error = 0.12
+
+
+MASS = CATALOGUE["added_mass"]
+
+
+@pytest.mark.parametrize(
+    ("share", "effect", "at"),
+    [(0.0, MASS, "3F"), (0.12, RoughMass(), "3F"), (0.12, RoughBrace(), "2F-RF")],
+)
 def test_the_error_of_an_effect_s_own_model_is_part_of_its_size(
-    chains, building_of, observe, pose, share, effect
+    chains, building_of, observe, pose, share, effect, at
 ):
-    heavy = (Placed(effect or CATALOGUE["added_mass"], "3F"),)
+    heavy = (Placed(effect, at),)
     frf = chains.Chain(MASSES + np.array([0.0, SHARE, 0.0]), SPRINGS * THETA, zeta=0.03).frf(GRID)
     building, seen = building_of(MASSES, SPRINGS), observe(FLOORS, GRID, frf, SD, 5)
     problem = pose(building, seen)
     base = fit_baseline(problem)[0]
     fitted = fit(problem, heavy, extended(problem, base, heavy, [0.1]), 25)
     (size,), (sd,) = fitted.sizes()
-    noise = float(fitted.covariance().diagonal()[-1]) ** 0.5 * 0.1  # the prior's scale
+    scale = effect.parameters[0].scale
+    noise = float(fitted.covariance().diagonal()[-1]) ** 0.5 * scale
     assert sd == pytest.approx(np.hypot(noise, share * size), rel=1e-6)
+    told = Finding(None, fitted, 0.0, None, None, size, sd).told
+    assert told[1] >= share * abs(told[0])

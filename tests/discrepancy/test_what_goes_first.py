@@ -8,7 +8,7 @@ import pytest
 from femupdate.discrepancy import DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import with_pair
 from femupdate.discrepancy.evidence import Tested as Outcome
-from femupdate.discrepancy.findings import Diagnosis, in_order
+from femupdate.discrepancy.findings import Diagnosis, in_order, rivals
 from femupdate.discrepancy.fit import fit_baseline
 from femupdate.discrepancy.repair import repair
 from femupdate.effects import CATALOGUE, Placed
@@ -85,6 +85,20 @@ def test_what_removes_less_than_three_quarters_is_a_candidate(chi2, left, verdic
 def test_a_sensor_leads_that_the_other_half_holds_far_likelier(late, beside, first):
     order = in_order((finding(MASS, 12.0, 8.7), late), SETTINGS, lambda *_: beside)
     assert order[0].placed is first
+
+
+@pytest.mark.parametrize(
+    ("place", "log_evidence", "rival"),
+    [("S1", 12.5, True), ("S1", 11.5, False), ("S1 to S2", 12.5, False)],
+)
+def test_one_place_that_is_likelier_than_all_is_a_rival_of_all(place, log_evidence, rival):
+    walls = CATALOGUE["wall_stiffness"]
+    everywhere = finding(Placed(walls, "all"), 12.0, 24.0)
+    other = finding(Placed(walls, place), log_evidence, 24.0)
+    order = sorted([everywhere, other], key=lambda one: -one.log_evidence)
+    order = in_order(order, SETTINGS, lambda *_: False)
+    assert order[0] is everywhere
+    assert rivals(order, SETTINGS, lambda *_: False) == [other] * rival
 
 
 def test_data_kept_out_add_nothing_that_is_not_clear_of_nothing(chains, building_of, observe, pose):

@@ -5,13 +5,7 @@ import pytest
 import torch
 
 from femupdate.building import load_building, shear_operators
-from femupdate.dynamics import (
-    RayleighDamping,
-    System,
-    lumped,
-    reduce_structure,
-    rest_flexibility,
-)
+from femupdate.dynamics import RayleighDamping, System, lumped, reduce_structure, rest_flexibility
 from femupdate.effects import structure_of
 from femupdate.fe import factorize
 from femupdate.inference import reduction_target

@@ -33,6 +33,8 @@ class StoryDamper(Effect):
     )
     clause = "The story {where} adds {size} to the first damping ratio"
     sits = "every story, named after the floor above it"
+    # Seven of sticks by OpenSees were off by .41 % rms, by .34 % beyond their standard deviations.
+    own_error = 0.003
     settled_by = "what may rub or slip in the story, or the decay of free vibration in each mode"
     parameters = change("damping ratio in the first mode", 0.02, 0.0, 0.5)
 

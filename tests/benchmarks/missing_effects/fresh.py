@@ -168,7 +168,10 @@ def make_case(
         answered = stick.respond(base)
     else:
         members = _of_frame(kind, floors, stories, rng)
-        missing = [effect(KINDS[what], *_all(at, stories), size=size) for what, at, size in members]
+        missing = [
+            effect(KINDS[what], *(stories if at == "all" else [at]), size=size)
+            for what, at, size in members
+        ]
         drawn = load_building(folder / f"{'open2' if building == 'deck2' else building}.toml")
         modes = frame_modes(drawn, factors, members, mesh_size=0.35, shell="ASDShellQ4")
         answered, words = modes.respond(zeta, base), kind
@@ -185,10 +188,6 @@ def make_case(
         writer.writerows([k / RATE_HZ, *map("{:.6f}".format, row)] for k, row in enumerate(kept.T))
     truth = {"words": words, "missing": missing, "factors": factors.tolist(), "zeta": zeta}
     return {"building": file.name, **truth}
-
-
-def _all(place: str, stories: Sequence[str]) -> Sequence[str]:
-    return stories if place == "all" else [place]
 
 
 def _of_frame(
@@ -251,9 +250,8 @@ def _hidden(
         hung = (level, kg, kg * turning**2, 0.04 * kg * turning)
         return replace(stick, appendage=hung), None, [effect("appendage", floor, size=size)], ""
     if kind == "delay":
-        late = round(float(rng.uniform(0.0025, 0.008)) / STEP_S) * STEP_S
-        told = [effect("delay", floor, size=late)]
-        shift = round(late / STEP_S)
+        shift = round(float(rng.uniform(0.0025, 0.008)) / STEP_S)
+        told = [effect("delay", floor, size=shift * STEP_S)]
         return stick, lambda a: np.where(row[:, None], np.roll(a, shift, axis=1), a), told, ""
     if kind == "gain":
         size = float(rng.uniform(0.03, 0.08) * rng.choice([-1.0, 1.0]))
@@ -351,10 +349,8 @@ def judged(case: Mapping[str, Any], kind: str) -> dict[str, Any]:
     right = told.keys() == hidden.keys() and (sure or not told)
     if kind == _OUTSIDE:
         right = not false
-    if kind == "clean":
-        right = case["verdict"] == "none"
-    if kind == _NONLINEAR:
-        right = case["verdict"] == _NONLINEAR
+    if kind in ("clean", _NONLINEAR):
+        right = case["verdict"] == ("none" if kind == "clean" else _NONLINEAR)
     sizes = [
         abs(told[key]["size"] - hidden[key]["size"]) <= 2.0 * told[key]["size_sd"]
         for key in told.keys() & hidden.keys()
