@@ -278,6 +278,12 @@ class Building(Entry):
         """Index of the floor on which every story stands, -1 for the base."""
         return tuple(range(-1, len(self.stories) - 1))
 
+    def over_foot(self, values: Floats) -> Floats:
+        """Values of the floors (f, ...) less those of the floors on which their stories stand."""
+        return (
+            values - np.concatenate([np.zeros_like(values[:1]), values])[np.array(self.below) + 1]
+        )
+
     @property
     def is_chain(self) -> bool:
         """Whether every story stands on the one listed before."""

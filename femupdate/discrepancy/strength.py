@@ -9,7 +9,6 @@ noise of the run, as strong in its weak parts as in its strong ones.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial, reduce
-from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -17,6 +16,7 @@ from scipy.signal import resample_poly
 from torch import Tensor
 
 from femupdate.arrays import Flags, Floats
+from femupdate.building.document import Building
 from femupdate.discrepancy.diagnose import as_finding
 from femupdate.discrepancy.evidence import laplace
 from femupdate.discrepancy.findings import NAMED, NONE, NONLINEAR, UNKNOWN, Diagnosis, Finding
@@ -72,15 +72,14 @@ def judged_by_strength(
     ]
     thirds = reduce(together, parts) if parts else None
     base = found.base
-    theta, _, sizes = base.split
-    stories, top_hz = base.likelihood.building.story_names, base.likelihood.top_hz
-    text, story, size, sd = what_yields(run, direction, base.system, stories, theta, sizes, top_hz)
+    building, top_hz = base.likelihood.building, base.likelihood.top_hz
+    text, story, size, sd = what_yields(run, direction, building, base.system, base.split, top_hz)
     if text:
         changes = _changes(base, thirds, settings, story) if story and thirds is not None else ()
         changes = tuple(replace(change, size=size, size_sd=sd) for change in changes)
         return _nonlinear(found, changes, f"{text} {_SERVES}")
     # Thirds differ by leakage, too: what a linear filter follows alike, strong or weak, is linear.
-    linear = beyond_linear(run.histories, direction, base.system, top_hz)[0] == 0.0
+    linear = beyond_linear(run.histories, direction, building, base.system, top_hz)[0] == 0.0
     changed = found if thirds is None or linear else _told_by_thirds(found, thirds, settings)
     if changed.verdict not in (NAMED, NONE, UNKNOWN):
         return changed
@@ -109,8 +108,7 @@ def missed_in_run(fitted: Fit, run: Observation, direction: str) -> float:
     """
     histories, system = run.histories, fitted.system
     assert histories is not None
-    _, seen, inputs, step = _of_measured(histories, direction, system)
-    rows = [system.floors.index(name) for name in histories.means(direction)[2]]
+    rows, seen, inputs, step = _of_measured(histories, direction, system.floors)
     predicted = transformed_sensors(system, fitted.split, inputs, step)[rows]
     band = np.array([run.frequency_hz[0], fitted.likelihood.top_hz])
     seen, left = (_within(motion, step, band) for motion in (seen, seen - predicted))
@@ -137,19 +135,31 @@ def _thirds(floors: Floats, step: float) -> tuple[Flags, Flags]:
 
 
 def _of_measured(
-    histories: Histories, direction: str, system: System
-) -> tuple[Floats, Floats, Floats, float]:
-    """Masses (f,) and motions (f, n) of measured floors, motions (1 or 2, n) of the base, step.
+    histories: Histories, direction: str, floors: Sequence[str]
+) -> tuple[list[int], Floats, Floats, float]:
+    """Numbers and motions (f, n) of measured floors, motions (1 or 2, n) of the base, the step."""
+    base, seen, names = histories.means(direction)
+    inputs = np.stack([base] if histories.rotation is None else [base, histories.rotation])
+    return [floors.index(name) for name in names], seen, inputs, histories.time_step
+
+
+def _standing(building: Building, system: System, rows: list[int]) -> tuple[Floats, Floats, Floats]:
+    """Masses (f,) of measured floors, which of them each one carries, and what is below each.
 
     A floor without a sensor moves as its neighbours do, in line.
+
+    Returns:
+        mass: (f,) kg.
+        carried: (f, f) one where a floor, a column, is another, a row, or stands on it.
+        between: (f, s) one for each story between a floor and the next measured one below.
     """
-    base, floors, names = histories.means(direction)
-    inputs = np.stack([base] if histories.rotation is None else [base, histories.rotation])
-    at = [0, *(1 + system.floors.index(name) for name in names)]
-    numbers = np.arange(1, 1 + len(system.floors))
-    mass = -np.diff(system.model.story_mass, append=0)
-    lever = [np.interp(numbers, at, np.arange(len(at)) == row) for row in range(1, len(at))]
-    return np.array(lever) @ mass, floors, inputs, histories.time_step
+    drift = building.over_foot(np.eye(len(building.below)))
+    line, on = drift.T @ drift, np.linalg.inv(drift)[rows]
+    free = np.setdiff1d(np.arange(len(line)), rows)
+    mass = drift.T @ system.model.story_mass  # of each floor
+    moved = np.linalg.solve(line[free][:, free], line[free][:, rows])
+    carried = np.asarray(on[:, rows].T, dtype=np.float64)
+    return mass[rows] - mass[free] @ moved, carried, np.asarray(np.linalg.solve(carried.T, on))
 
 
 def peaks_with(base: Fit, fitted: Fit, run: Observation, direction: str) -> str:
@@ -160,7 +170,7 @@ def peaks_with(base: Fit, fitted: Fit, run: Observation, direction: str) -> str:
     """
     histories = run.histories
     assert histories is not None
-    _, _, inputs, step = _of_measured(histories, direction, base.system)
+    _, _, inputs, step = _of_measured(histories, direction, base.system.floors)
     band = np.array([run.frequency_hz[0], base.likelihood.top_hz])
     stories = base.likelihood.building.story_names
     frequency = np.geomspace(band[0], band[1], 60)
@@ -184,7 +194,7 @@ def peaks_with(base: Fit, fitted: Fit, run: Observation, direction: str) -> str:
 
 
 def beyond_linear(
-    histories: Histories, direction: str, system: System, top_hz: float
+    histories: Histories, direction: str, building: Building, system: System, top_hz: float
 ) -> tuple[float, Floats]:
     """What of a run no linear structure driven by its base does: its share, and in which stories.
 
@@ -195,17 +205,18 @@ def beyond_linear(
 
     Returns:
         share: rms left of the strong third beyond that left of the weak third, over the motion;
-            NaN where the run is too short to say, or fewer than two floors are measured.
+            NaN where the run is too short to say, fewer than two floors are measured, or two of
+            them stand on one that is not, so that they share a story.
         grown: (f, f) covariances by which shears below the f measured floors grow, of norm 1.
     """
-    mass, floors, inputs, step = _of_measured(histories, direction, system)
+    rows, floors, inputs, step = _of_measured(histories, direction, system.floors)
+    mass, carried, between = _standing(building, system, rows)
     every = max(1, int(1.0 / (2.5 * top_hz * step)))
     inputs, floors = (resample_poly(motion, 1, every, axis=1) for motion in (inputs, floors))
     count = floors.shape[1]
     # Samples of the past from which the next follows, at 2.5 times the limit of the band.
     order = min(12, count // (10 * (len(inputs) + len(floors))) - 1)
-    # Stories that stand beside each other are no chain: masses would come out negative.
-    if order < 4 or len(floors) < 2 or (mass <= 0.0).any():
+    if order < 4 or len(floors) < 2 or between.sum(axis=0).max() > 1.5:
         return np.nan, np.zeros((len(floors), len(floors)))
     scale, drive = (
         np.maximum(motion.std(axis=1, keepdims=True), 1e-300) for motion in (floors, inputs)
@@ -218,7 +229,7 @@ def beyond_linear(
     weak, strong = _thirds(scale * seen, every * step)
     more = np.square(left[:, strong]).mean() - np.square(left[:, weak]).mean()
     share = np.sqrt(max(more, 0.0) / np.square(scale * seen[:, strong]).mean())
-    shear = np.cumsum((mass[:, None] * left)[::-1], axis=0)[::-1]
+    shear = carried @ (mass[:, None] * left)
     grown = np.cov(shear[:, strong]) - np.cov(shear[:, weak])
     return float(share), grown / np.linalg.norm(grown)
 
@@ -226,17 +237,15 @@ def beyond_linear(
 def what_yields(
     run: Observation,
     direction: str,
+    building: Building,
     system: System,
-    stories: Sequence[str],
-    theta: Tensor,
-    sizes: Tensor,
+    sample: tuple[Tensor, Tensor, Tensor],
     top_hz: float,
 ) -> tuple[str, str, float, float]:
     """What no linear structure does, where it has one place, whatever the model errs by.
 
     Args:
-        stories: names of all.
-        theta: (1, p) and sizes (1, q), about which the first frequency is found.
+        sample: theta (1, p), zeta (1,) and sizes (1, q) of the linear model.
         top_hz: up to which the run says something.
 
     Returns:
@@ -246,7 +255,7 @@ def what_yields(
     nothing = "", "", 0.0, 0.0
     if (histories := run.histories) is None:
         return nothing
-    share, grown = beyond_linear(histories, direction, system, top_hz)
+    share, grown = beyond_linear(histories, direction, building, system, top_hz)
     # What no linear structure does, over the strong motion: 82 linear sticks and walls, most with
     # an effect, had .0027 at most, 16 of 17 that yield .008 to .12; ten runs of two real structures
     # .011 to .093. It is no number where nothing moves.
@@ -254,17 +263,17 @@ def what_yields(
         return nothing
     # Noise that grows with the motion shows on every floor by itself. Of 23 sticks that are told to
     # yield in one story none is taken for it, of 16 that yield in several eight are.
-    sums = np.triu(np.ones(grown.shape))
+    rows = _of_measured(histories, direction, system.floors)[0]
+    names = [system.floors[row] for row in rows]
+    mass, sums, between = _standing(building, system, rows)
     parts = np.linalg.inv(sums)
     alone = np.diag(parts @ grown @ parts.T).clip(0.0)
     alike = sums @ np.diag(alone) @ sums.T
-    mass = _of_measured(histories, direction, system)[0]
     less, most = np.sort(alone / mass**2)[-2:]
     if (alike * grown).sum() > _STRUCK * np.linalg.norm(alike) and less > 0.1 * most:
         return nothing
-    names = histories.means(direction)[2]
     inside = np.diag(grown) * np.abs(np.diag(grown))
-    below = [grown[: level + 1, : level + 1].sum() / (level + 1) for level in range(len(grown))]
+    below = [under @ grown @ under / under.sum() for under in sums.T]
     story, floor = int(inside.argmax()), int(np.argmax(below))
     share_of = f"{percent(share, 1)} of the strong motion no linear structure does, and that is a"
     if inside.sum() < _WITHIN:
@@ -275,49 +284,62 @@ def what_yields(
             f"that it strikes, or its sensor fails. {share_of} force on {names[floor]} alone."
         )
         return text, "", 0.0, 0.0
-    levels = [0, *(system.floors.index(name) + 1 for name in names)]
-    between = [
-        " to ".join(dict.fromkeys((stories[low], stories[high - 1])))
-        for low, high in pairwise(levels)
-    ]
-    others = [between[k] for k in range(len(inside)) if k != story and inside[k] >= 0.05]
-    where = between[story]
-    band = np.array([0.5 * system.first_hz(theta, sizes), top_hz])
-    kept, sd, doublings = secant_when_strong(histories, direction, system, story, band)
-    softer, text = 1.0 - kept > 2.0 * sd, f"{where} changes while it shakes."
+    stories = np.array(building.story_names)
+    groups = [" to ".join(dict.fromkeys(stories[row > 0.5][[0, -1]])) for row in between]
+    others = [groups[k] for k in range(len(inside)) if k != story and inside[k] >= 0.05]
+    where, text = groups[story], f"{groups[story]} changes while it shakes"
+    band = np.array([0.5 * system.first_hz(sample[0], sample[2]), top_hz])
+    kept, sd, doublings = secant_when_strong(
+        histories, direction, building, system, sample, story, band
+    )
+    softer = 1.0 - kept > 2.0 * sd
     if softer:
         text = (
-            f"{where} changes while it shakes: in its strongest cycle it is about "
-            f"{percent(1.0 - kept)} softer than in its weak ones, by shears and drifts of the "
-            "measured floors."
+            f"{text}: in its strongest cycle it is about {percent(1.0 - kept)} softer than in its "
+            "weak ones, by shears and drifts of the measured floors"
         )
+    text = f"{text}."
     if others:
         text = f"{text} {' and '.join(others)} {'does' if len(others) == 1 else 'do'} so, too."
-    elif not story and not softer:
-        text = f"{text} Or something acts on {names[0]} from outside, or its sensor fails."
+    elif sums[:, story].sum() < 1.5 and not softer:
+        text = f"{text} Or something acts on {names[story]} from outside, or its sensor fails."
     size = min(kept, 1.0) ** (1.0 / doublings) - 1.0
     text = f"{text} {share_of} force within {' and '.join((where, *others))} alone."
     return text, where if where in stories else "", size, sd / doublings
 
 
 def secant_when_strong(
-    histories: Histories, direction: str, system: System, story: int, band: Floats
+    histories: Histories,
+    direction: str,
+    building: Building,
+    system: System,
+    sample: tuple[Tensor, Tensor, Tensor],
+    story: int,
+    band: Floats,
 ) -> tuple[float, float, float]:
     """The secant stiffness below a measured floor in its strongest cycle, over that in weak ones.
 
     The shear is that of masses and accelerations above, the drift that of both floors, both within
-    the band, Hz; cycles are weak in the third of the run in which they drift least.
+    the band, Hz; cycles are weak in the third of the run in which they drift least. Where sensors
+    of both stand apart in plan, the linear model tells what the building turns between them.
 
     Args:
+        sample: of the linear model, theta (1, p), zeta (1,) and sizes (1, q).
         story: number of the measured floor.
 
     Returns:
         Ratio, its standard deviation by the scatter of weak cycles, whose noise is that of strong
         ones, and doublings of the drift.
     """
-    mass, floors, inputs, step = _of_measured(histories, direction, system)
-    force = _within((mass[:, None] * floors)[story:].sum(axis=0)[None], step, band)[0]
-    drift = np.diff(_within(np.vstack([inputs[:1], floors]), step, band, 2), axis=0)[story]
+    rows, floors, inputs, step = _of_measured(histories, direction, system.floors)
+    mass, carried, between = _standing(building, system, rows)
+    force = _within((carried[story] * mass @ floors)[None], step, band)[0]
+    beyond = np.linalg.inv(carried)[:, story] @ (
+        floors - transformed_sensors(system, sample, inputs, step)[rows]
+    )
+    drifts = transformed_outputs(system, sample, inputs, step)[-len(building.below) :]
+    drift = _within(beyond[None], step, band, 2)[0]
+    drift = drift + _within((between[story] @ drifts)[None], step, band)[0]
     cycle = max(3, round(1.0 / (strongest_hz(floors, step) * step)))
     forces, works, drifts = (
         uniform_filter1d(values, cycle)[cycle:-cycle]

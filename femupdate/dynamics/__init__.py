@@ -17,7 +17,7 @@ __all__, __getattr__ = public(
         "local_basis": "local_structure",
         "members": ("choose_members CutMember member_forces MemberForces write_member_forces"),
         "modes": "modal_sum ModalData Modes response",
-        "reduced": "BaseRotation lumped reduce_lumped reduced_on ReducedModel ReducedStructure",
+        "reduced": "BaseRotation lumped reduced_on ReducedModel ReducedStructure",
         "reduction": "reduce_structure",
         "snapshots": "ReductionTarget",
         "spectra": "response_spectrum",

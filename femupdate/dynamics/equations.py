@@ -180,7 +180,7 @@ def driven_system(
             mass=whole.rigid_mass,
             story_moment=whole.story_rigid[:, ROTATION],
             levels=seen.levels,
-            story_height=structure.over_foot(structure.levels),
+            story_height=structure.building.over_foot(structure.levels),
         ),
         dashpots=dashpots_on(structure, shapes),
     )

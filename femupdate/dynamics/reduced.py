@@ -320,44 +320,7 @@ def released_base(structure: Structure) -> ReleasedBase | None:
 
 def lumped(structure: Structure) -> ReducedStructure:
     """A stick as it is, in coordinates of unit mass."""
-    terms = np.stack([term.toarray() for term in structure.stiffness_terms])
-    mass = structure.mass.toarray()
-    model = reduce_lumped(terms, mass, structure.floors, structure.levels)
-    model = replace(model, released=released_base(structure))
-    return ReducedStructure(structure, model, np.diag(np.diag(mass) ** -0.5))
-
-
-def reduce_lumped(
-    stiffness_terms: Floats, mass: Floats, floors: tuple[str, ...], levels: Floats | None = None
-) -> ReducedModel:
-    """A shear building as a reduced model; nothing is left out.
-
-    Args:
-        stiffness_terms: (p, n, n), N/m, in displacements relative to the base.
-        levels: (n,) heights of the floors, m; one a story where None.
-    """
-    masses, count = np.diag(mass), len(mass)
-    heights = np.arange(1.0, count + 1.0) if levels is None else levels
-    basis = np.diag(masses**-0.5)
-    rigid = np.column_stack([np.ones(count), heights])
-    above = np.triu(np.ones((count, count))) * masses  # row i: floors above story i
-    return ReducedModel(
-        stiffness_terms=basis.T @ stiffness_terms @ basis,
-        stiffness_constant=np.zeros((count, count)),
-        excitation=basis.T @ masses,
-        floor_shapes=basis.copy(),
-        floors=floors,
-        story_inertia=above @ basis,
-        story_mass=above.sum(axis=1),
-        story_drift=(np.eye(count) - np.eye(count, k=-1)) @ basis,
-        rotation=BaseRotation(
-            force=basis.T @ (masses * heights),
-            mass=rigid.T @ (masses[:, None] * rigid),
-            story_moment=above @ heights,
-            levels=heights,
-            story_height=np.diff(heights, prepend=0.0),
-        ),
-    )
+    return reduced_on(structure, np.diag(structure.mass.diagonal() ** -0.5))
 
 
 def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
@@ -382,7 +345,7 @@ def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
             mass=structure.rigid_mass,
             story_moment=rigid[:, ROTATION],
             levels=structure.levels,
-            story_height=structure.over_foot(structure.levels),
+            story_height=structure.building.over_foot(structure.levels),
         ),
         released=released_base(structure),
         dashpots=dashpots_on(structure, basis),

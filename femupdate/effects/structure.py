@@ -88,12 +88,7 @@ class Structure:
     @property
     def feet(self) -> Floats:
         """(s,) heights above the base of the floors on which the stories stand, m."""
-        return self.levels - self.over_foot(self.levels)
-
-    def over_foot(self, values: Floats) -> Floats:
-        """Values of the floors (f, ...) less those of the floors on which their stories stand."""
-        below = np.array(self.building.below)
-        return values - np.concatenate([np.zeros_like(values[:1]), values])[below + 1]
+        return self.levels - self.building.over_foot(self.levels)
 
     @cached_property
     def drift_rows(self) -> Floats:
@@ -101,7 +96,7 @@ class Structure:
 
         Sensors of two floors may stand apart in plan, where a building that turns moves unlike.
         """
-        rows, along = self.over_foot(self.floor_rows), self.points.axis == self.direction
+        rows, along = self.building.over_foot(self.floor_rows), self.points.axis == self.direction
         nodes = () if self.mesh is None else self.mesh.floor_nodes.values()
         for story, (seen, foot) in enumerate(zip(nodes, self.building.below, strict=False)):
             under = np.flatnonzero(along & (self.level_of == foot))
@@ -159,14 +154,12 @@ class Structure:
 
         A point at mid-height carries as much from above as from below: rounding must not decide.
         """
-        middle, height = 0.5 * (self.levels + self.feet), self.over_foot(self.levels)
+        middle, height = 0.5 * (self.levels + self.feet), self.building.over_foot(self.levels)
         apart = self.points.position[:, 2] - middle[:, None]
         share = np.where(np.abs(apart) < 1e-6 * height[:, None], 0.5, apart > 0.0)
         if self._story_of is not None:
-            carried = np.eye(len(height), dtype=np.bool_)  # what stands on a story, and itself
-            for story, foot in reversed(list(enumerate(self.building.below))):
-                if foot >= 0:
-                    carried[foot] |= carried[story]
+            # what stands on a story, and itself
+            carried = np.linalg.inv(self.building.over_foot(np.eye(len(height)))).T > 0.5
             inside = self._story_of == np.arange(len(height))[:, None]
             share = np.where(inside, share, carried[:, self._story_of])
         return np.where(self.points.axis == self.direction, share, 0.0)
@@ -209,7 +202,7 @@ class Structure:
         modal_mass = float(shape @ (self.mass @ shape))
         stiffness = self.stiffness(np.ones(len(self.stiffness_terms)))
         omega = np.sqrt(float(shape @ (stiffness @ shape)) / modal_mass)
-        return float(omega), self.over_foot(self.floor_means @ shape) / np.sqrt(modal_mass)
+        return float(omega), self.building.over_foot(self.floor_means @ shape) / np.sqrt(modal_mass)
 
     @cached_property
     def _story_of(self) -> Integers | None:

@@ -308,8 +308,9 @@ def changing(model: StudyModel, measured: Measured, posterior: Posterior) -> tup
         return ()
     mean = posterior.parameters.split(torch.from_numpy(posterior.values.mean(axis=(0, 1))[None]))
     building, top_hz = model.building, float(model.frequency_hz[-1])
-    run, along, stories = measured.run, direction_of(building), building.story_names
-    text = what_yields(run, along, model.system, stories, mean.theta, mean.sizes, top_hz)[0]
+    sample = mean.theta, mean.zeta, mean.sizes
+    along = direction_of(building)
+    text = what_yields(measured.run, along, building, model.system, sample, top_hz)[0]
     told = "The factors are those of its mean strength, and serve motions of that strength."
     return (f"{text} {told}",) if text else ()
 

@@ -25,6 +25,9 @@ NUMBERS = {"slab": "1", "wall": "2", "column": "4", "beam": "5"}
 OWN = """
 name = "own"
 kind = "mesh"
+frequency_grid = { start = "0.1 Hz", step = "0.1 Hz", count = 100 }
+prior.theta = { lower = 0.5, upper = 2 }
+damping = { law = "constant", ratio = 0.02 }
 
 [mesh]
 file = "own.vtu"
@@ -56,19 +59,6 @@ section = "column"
 [sensors]
 direction = "x"
 points = [["0 m", "0 m"]]
-
-[frequency_grid]
-start = "0.1 Hz"
-step = "0.1 Hz"
-count = 100
-
-[prior.theta]
-lower = 0.5
-upper = 2
-
-[damping]
-law = "constant"
-ratio = 0.02
 """
 
 

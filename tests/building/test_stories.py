@@ -13,10 +13,9 @@ from femupdate.effects import CATALOGUE, structure_of
 from femupdate.errors import BuildingError
 from femupdate.fe import assemble, lowest_modes, opensees_script
 from femupdate.fe.export_nastran import bulk_data
-from tests.documents import concrete, frame, rectangle
+from tests.documents import towers
 
 THETA = np.array([0.8, 1.1, 1.3, 0.7, 0.6, 1.2])
-TOWERS = {"A1 A2": ("A", "B", ["4F", "5F"]), "B1 B2": ("C", "D", ["6F", "RF"])}
 STORIES = """\
 stories = [
   { name = "P1", height = "4.5 m" },
@@ -38,42 +37,8 @@ damping = { law = "constant", ratio = 0.02 }
 """
 
 
-def document(*, slabs=False, top=3.5):
-    """A podium 18 m long under two towers 6 m long, of beams that carry the mass."""
-    heights = {"P1": 4.5, "P2": 4.0, "A1": 3.2, "A2": 3.2, "B1": 3.2, "B2": top}
-    made = frame(
-        {"A": 0.0, "B": 6.0, "C": 12.0, "D": 18.0},
-        {"1": 0.0, "2": 5.0},
-        heights,
-        size=3.0,
-        grid=(0.1, 100),
-        materials=concrete(28e9),
-        sections={"column": rectangle(0.5, 0.5), "beam": rectangle(0.3, 0.6)},
-        columns=[{"section": "column", "stories": ["P1", "P2"]}],
-        beams=[{"section": "beam", "floors": ["2F", "3F"]}],
-        slabs=[],
-        sensors={
-            "direction": "x",
-            "points": ["A-1", "B-2"],
-            "floors": {"6F": ["C-1", "D-2"], "RF": ["C-1", "D-2"]},
-        },
-        prior={"theta": {"lower": 0.5, "upper": 2.0}},
-    )
-    made["stories"][4]["on"] = "P2"
-    plate = {"y": ["1", "2"], "thickness": 0.2, "diaphragm": "rigid"}
-    rows = [plate | {"x": ["A", "D"], "floors": ["2F", "3F"]}]
-    for stories, (start, end, floors) in TOWERS.items():
-        at = [f"{x}-{y}" for x in (start, end) for y in "12"]
-        along = {"section": "beam", "along": ["1", "2"], "from": start, "to": end}
-        made["columns"].append({"section": "column", "at": at, "stories": stories.split()})
-        made["beams"] += [along | {"floors": floors}]
-        made["beams"] += [{"section": "beam", "along": [start, end], "floors": floors}]
-        rows.append(plate | {"x": [start, end], "floors": floors})
-    return made | ({"slabs": rows} if slabs else {})
-
-
 def test_two_towers_have_the_frequencies_of_opensees(opensees, tmp_path):
-    model = mesh_building(from_document(document())).model
+    model = mesh_building(from_document(towers())).model
     path = tmp_path / "model.py"
     path.write_text(opensees_script(model, THETA), encoding="utf-8")
     command = [sys.executable, str(path), "--json", "--modes", "6"]
@@ -85,7 +50,7 @@ def test_two_towers_have_the_frequencies_of_opensees(opensees, tmp_path):
 
 def test_a_story_carries_what_stands_on_it():
     # The middle of every story is a node.
-    structure = structure_of(from_document(document(top=3.2)))
+    structure = structure_of(from_document(towers(top=3.2)))
     column, beam = 2400.0 * 0.25, 2400.0 * 0.18  # kg/m
     tower = 2 * 22 * beam + 4 * 4.8 * column
     podium, whole = 56 * beam, 2 * tower + 8 * 1.6 * column
@@ -102,7 +67,7 @@ def test_a_story_carries_what_stands_on_it():
 
 def test_what_turns_as_one_does_not_drift():
     """Wherever the sensors of its floors stand in plan."""
-    made = document()
+    made = towers()
     made["sensors"]["floors"] |= {"6F": ["C-1"], "5F": ["B-2"]}
     structure = structure_of(from_document(made))
     x, y, _ = structure.position.T
@@ -112,7 +77,7 @@ def test_what_turns_as_one_does_not_drift():
 
 
 def test_a_deck_has_the_stories_that_a_file_beside_it_gives(tmp_path):
-    mesh = mesh_building(from_document(document(slabs=True)))
+    mesh = mesh_building(from_document(towers(slabs=True)))
     (tmp_path / "towers.bdf").write_text(bulk_data(mesh.model))
     path = tmp_path / "towers.toml"
     path.write_text(BESIDE + STORIES)
@@ -135,12 +100,12 @@ def test_a_deck_has_the_stories_that_a_file_beside_it_gives(tmp_path):
 
 def test_springs_beside_a_deck_are_those_of_a_grid(tmp_path):
     springs = {"kx": 2e6, "kz": 4e8, "cx": 5e4}
-    (tmp_path / "towers.bdf").write_text(bulk_data(mesh_building(from_document(document())).model))
+    (tmp_path / "towers.bdf").write_text(bulk_data(mesh_building(from_document(towers())).model))
     path = tmp_path / "towers.toml"
     added = '[[springs]]\nkx = "2 MN/m"\nkz = "400 MN/m"\ncx = "50 kN s/m"\n'
     path.write_text(BESIDE + STORIES + added)
     read = structure_of(load_building(path))
-    ours = structure_of(from_document(document() | {"springs": [springs]}))
+    ours = structure_of(from_document(towers() | {"springs": [springs]}))
     np.testing.assert_allclose(
         *(lowest_modes(s.meshed[1], THETA, 6).frequency_hz for s in (read, ours)), rtol=1e-6
     )
@@ -159,7 +124,7 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_stories_that_do_not_fit_are_refused(case, tmp_path):
     old, new, message = WRONG[case]
-    (tmp_path / "towers.bdf").write_text(bulk_data(mesh_building(from_document(document())).model))
+    (tmp_path / "towers.bdf").write_text(bulk_data(mesh_building(from_document(towers())).model))
     path = tmp_path / "towers.toml"
     assert old in BESIDE + STORIES
     path.write_text((BESIDE + STORIES).replace(old, new))

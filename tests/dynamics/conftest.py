@@ -9,7 +9,6 @@ import torch
 from scipy.linalg import eigh
 
 from femupdate.building import from_document
-from femupdate.dynamics import reduce_lumped
 from femupdate.effects import structure_of
 from tests import documents
 
@@ -28,10 +27,7 @@ class Chain:
         return np.diag(self.mass), K
 
     def reduced(self):
-        count = len(self.mass)
-        terms = np.stack([self.matrices(row)[1] for row in np.eye(count)])
-        names = (*(f"{i + 2}F" for i in range(count - 1)), "RF")
-        return reduce_lumped(terms, np.diag(self.mass), names)
+        return documents.reduced_stick(self.mass, self.spring)
 
     def modal_damping(self, theta, zeta):
         """C with the same damping ratio in every mode (Clough and Penzien, 1993, section 12-5)."""

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.stats import chi2, kstest
 
-from femupdate.dynamics import System, reduce_lumped
+from femupdate.dynamics import System
 from femupdate.errors import SurrogateError
 from femupdate.inference import (
     STATED,
@@ -18,6 +18,7 @@ from femupdate.inference import (
 from femupdate.inference.frf_data import log_responses
 from femupdate.measurement import Observation, select_floors
 from femupdate.surrogate import Mvae, NetworkSizes, Surrogate, SurrogateInfo
+from tests.documents import reduced_stick
 
 FLOORS = ("2F", "3F", "RF")
 MASS, SPRING = np.array([3.0, 2.0, 1.5]), np.array([4000.0, 3000.0, 1500.0])
@@ -27,9 +28,7 @@ TRUTH, ZETA = np.array([1.3, 0.7, 1.1]), 0.03
 
 @pytest.fixture(scope="module")
 def model():
-    drift = np.eye(3) - np.eye(3, k=-1)
-    terms = SPRING[:, None, None] * drift[:, :, None] * drift[:, None, :]
-    return reduce_lumped(terms, np.diag(MASS), FLOORS)
+    return reduced_stick(MASS, SPRING)
 
 
 def exact_log_frf(theta, zeta):

@@ -8,7 +8,9 @@ import torch
 from scipy.stats import qmc
 
 from femupdate.building import load_building, shear_operators
-from femupdate.dynamics import ConstantDamping, System, reduce_lumped
+from femupdate.dynamics import ConstantDamping, System
+from femupdate.dynamics import lumped as reduce
+from femupdate.effects import structure_of
 from femupdate.inference import (
     STATED,
     ModalErrors,
@@ -33,8 +35,8 @@ def lumped():
 
 
 @pytest.fixture(scope="module")
-def system(lumped):
-    return System(reduce_lumped(lumped.stiffness_terms, lumped.mass, FLOORS), ConstantDamping())
+def system():
+    return System(reduce(structure_of(load_building("shear_4dof"))).model, ConstantDamping())
 
 
 def chain(theta, lumped):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.dynamics import System, reduce_lumped
+from femupdate.dynamics import System
 from femupdate.inference import Parameters
 from femupdate.surrogate import (
     NetworkSizes,
@@ -15,6 +15,7 @@ from femupdate.surrogate import (
     compute_dataset,
     train_mvae,
 )
+from tests.documents import reduced_stick
 
 FREQUENCY = 0.2 * np.arange(1, 65)
 SIZES = NetworkSizes(
@@ -35,10 +36,7 @@ SIZES = NetworkSizes(
 @pytest.fixture(scope="session")
 def model():
     """Two unequal floors on unequal springs, first modes near 4 and 10 Hz."""
-    spring, mass = np.array([3000.0, 2000.0]), np.array([2.0, 1.3])
-    drift = np.eye(2) - np.eye(2, k=-1)
-    terms = spring[:, None, None] * drift[:, :, None] * drift[:, None, :]
-    return System(reduce_lumped(terms, np.diag(mass), ("2F", "RF")))
+    return System(reduced_stick([2.0, 1.3], [3000.0, 2000.0]))
 
 
 @pytest.fixture(scope="session")

@@ -24,6 +24,7 @@ from femupdate.workflow import (
     repair_study,
 )
 from tests.chains import Chain
+from tests.documents import reduced_stick
 from tests.sticks import MASSES, SPRINGS, STEP, write_shaken, write_stick
 
 THETA, ZETA = np.array([0.8, 1.4, 1.1]), 0.04
@@ -127,21 +128,10 @@ def test_predict_takes_the_repaired_study(repaired, tmp_path, write_record):
     report = predict_study(
         study, open_study(study), RecordSource(record), PredictionSettings(samples=20)
     )
-    from femupdate.dynamics import reduce_lumped
-
-    chain = reduce_lumped(
-        np.stack([_unit(n) * SPRINGS[n] for n in range(3)]),
-        np.diag(MASSES * MORE),
-        ("2F", "3F", "RF"),
-    )
+    chain = reduced_stick(MASSES * MORE, SPRINGS)
     reference = floor_histories(System(chain), THETA[None], ZETA, wave, STEP)
     peak = np.abs(reference.floor_acceleration[0]).max(axis=1)
     np.testing.assert_allclose(report.peak_acceleration.mean, peak, rtol=0.02)
-
-
-def _unit(story):
-    drift = (np.eye(3) - np.eye(3, k=-1))[story]
-    return np.outer(drift, drift)
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,7 @@ class PDelta(Effect):
     def terms(self, structure: Structure, place: str) -> Terms:
         """-P / h on the drift of each story, of floor means (Wilson and Habibullah 1987,
         Earthquake Spectra 3, 241); the bow of columns between floors is left out."""
-        heights = structure.over_foot(structure.levels)
+        heights = structure.building.over_foot(structure.levels)
         weight = STANDARD_GRAVITY * structure.story_rigid[:, TRANSLATION]
-        drift = structure.over_foot(structure.floor_means)
+        drift = structure.building.over_foot(structure.floor_means)
         return Terms(springs=SpringTerms(drift, -weight / heights))

@@ -33,72 +33,42 @@ from .make import EVERY, RATE_HZ, effect, motion
 from .stick import STEP_S, Stick
 
 SECONDS = 40.0
-_GRID = 'frequency_grid = {start = "0.1 Hz", step = "0.1 Hz", count = 180}\n'
-_PRIORS = """
-[prior.theta]
-lower = "1/3"
-upper = 3
-[prior.zeta]
-lower = 0.003
-upper = 0.06
-[damping]
-law = "constant"
-ratio = 0.02
+_HEAD = """
+frequency_grid = {start = "0.1 Hz", step = "0.1 Hz", count = 180}
+prior = {theta = {lower = "1/3", upper = 3}, zeta = {lower = 0.003, upper = 0.06}}
+damping = {law = "constant", ratio = 0.02}
 """
 STICKS = {  # masses in t, stiffness in MN/m, heights in m
     "soft4": ([210, 190, 185, 150], [190, 400, 330, 260], [4.5, 3.0, 3.0, 3.0]),
     "steel5": ([420, 400, 395, 390, 300], [900, 820, 700, 560, 380], [5.0, 4, 4, 4, 4]),
 }
-_STORIES = """
-[[stories]]
-name = "S1"
-height = "3.6 m"
-[[stories]]
-name = "S2"
-height = "3 m"
-[sensors]
-direction = "x"
-"""
-_FRAME = f"""kind = "frame"
-columns = [{{section = "column"}}]
-beams = [{{section = "beam"}}]
+_FRAME = """kind = "frame"
+stories = [{name = "S1", height = "3.6 m"}, {name = "S2", height = "3 m"}]
+materials.concrete = {youngs_modulus = "27 GPa", poisson_ratio = 0.2, density = "2400 kg/m3"}
+sections.column = {shape = "rectangle", width = "350 mm", depth = "350 mm"}
+sections.beam = {shape = "rectangle", width = "250 mm", depth = "450 mm"}
+columns = [{section = "column"}]
+beams = [{section = "beam"}]
 mesh.size = "1 m"
 reduction.tolerance = 0.01
-{_STORIES}points = {{points}}
-[materials.concrete]
-youngs_modulus = "27 GPa"
-poisson_ratio = 0.2
-density = "2400 kg/m3"
-[sections]
-column = {{shape = "rectangle", width = "350 mm", depth = "350 mm"}}
-beam = {{shape = "rectangle", width = "250 mm", depth = "450 mm"}}
 """
 FRAMES = {
-    "open2": _FRAME.replace("{points}", '["A-P", "B-Q"]') + """[grid]
-x = {A = "0 m", B = "5 m"}
-y = {P = "0 m", Q = "4 m"}
-[[slabs]]
-x = ["A", "B"]
-y = ["P", "Q"]
-thickness = "160 mm"
+    "open2": _FRAME + """
+grid = {x = {A = "0 m", B = "5 m"}, y = {P = "0 m", Q = "4 m"}}
+slabs = [{x = ["A", "B"], y = ["P", "Q"], thickness = "160 mm"}]
+sensors = {direction = "x", points = ["A-P", "B-Q"]}
 """,
-    "wall2": _FRAME.replace("{points}", '["A-P", "C-Q"]') + """[grid]
-x = {A = "0 m", B = "4 m", C = "9 m"}
-y = {P = "0 m", Q = "5 m"}
-[[walls]]
-along = "Q"
-from = "A"
-to = "B"
-thickness = "100 mm"
-[[slabs]]
-x = ["A", "C"]
-y = ["P", "Q"]
-thickness = "150 mm"
+    "wall2": _FRAME + """
+grid = {x = {A = "0 m", B = "4 m", C = "9 m"}, y = {P = "0 m", Q = "5 m"}}
+walls = [{along = "Q", from = "A", to = "B", thickness = "100 mm"}]
+slabs = [{x = ["A", "C"], y = ["P", "Q"], thickness = "150 mm"}]
+sensors = {direction = "x", points = ["A-P", "C-Q"]}
 """,
 }  # fmt: skip
-_DECK = f"""kind = "mesh"
-mesh = {{file = "deck2.bdf", unit = "m", force = "N", base = "0 m"}}
-{_STORIES}points = [["0 m", "0 m"], ["5 m", "4 m"]]
+_DECK = """kind = "mesh"
+mesh = {file = "deck2.bdf", unit = "m", force = "N", base = "0 m"}
+stories = [{name = "S1", height = "3.6 m"}, {name = "S2", height = "3 m"}]
+sensors = {direction = "x", points = [["0 m", "0 m"], ["5 m", "4 m"]]}
 """
 
 _ON_STICKS = {
@@ -137,10 +107,10 @@ def write_buildings(folder: Path) -> None:
             for k, (m, s, h) in enumerate(zip(mass, stiffness, height, strict=True), 1)
         )
         for end, known in (("", ""), ("_2", '[tolerances]\nmass = "2 %"\n')):
-            text = f'name = "{name}{end}"\nkind = "shear"\n{_GRID}{stories}{_PRIORS}{known}'
+            text = f'name = "{name}{end}"\nkind = "shear"\n{_HEAD}{stories}{known}'
             (folder / f"{name}{end}.toml").write_text(text)
     for name, text in {**FRAMES, "deck2": _DECK}.items():
-        (folder / f"{name}.toml").write_text(f'name = "{name}"\n{_GRID}{text}{_PRIORS}')
+        (folder / f"{name}.toml").write_text(f'name = "{name}"\n{_HEAD}{text}')
     model = fine_model(load_building(folder / "open2.toml"), 1.0, ["A-P", "B-Q"])
     assert model.structure.mesh is not None
     (folder / "deck2.bdf").write_text(bulk_data(model.structure.mesh.model))
