@@ -148,6 +148,9 @@ TOWER = """\
 name = "tower"
 title = "Two-story tower"
 kind = "shear"
+frequency_grid = { start = "0.2 Hz", step = "0.2 Hz", count = 60 }
+prior.theta = { lower = 0.5, upper = 2 }
+prior.zeta = { lower = 0.01, upper = 0.1 }
 
 [[stories]]
 name = "low"
@@ -158,19 +161,6 @@ stiffness = "4 MN/m"
 name = "high"
 mass = "2 t"
 stiffness = "2.5 MN/m"
-
-[frequency_grid]
-start = "0.2 Hz"
-step = "0.2 Hz"
-count = 60
-
-[prior.theta]
-lower = 0.5
-upper = 2
-
-[prior.zeta]
-lower = 0.01
-upper = 0.1
 
 [damping]
 law = "constant"

@@ -28,25 +28,14 @@ kind = "mesh"
 frequency_grid = { start = "0.1 Hz", step = "0.1 Hz", count = 100 }
 prior.theta = { lower = 0.5, upper = 2 }
 damping = { law = "constant", ratio = 0.02 }
+stories = [{ name = "S1", height = "3 m" }]
+materials.concrete = { youngs_modulus = "30 GPa", poisson_ratio = 0.2, density = "2400 kg/m3" }
+sections.column = { shape = "rectangle", width = "300 mm", depth = "400 mm" }
 
 [mesh]
 file = "own.vtu"
 unit = "m"
 tags = "part"
-
-[[stories]]
-name = "S1"
-height = "3 m"
-
-[materials.concrete]
-youngs_modulus = "30 GPa"
-poisson_ratio = 0.2
-density = "2400 kg/m3"
-
-[sections.column]
-shape = "rectangle"
-width = "300 mm"
-depth = "400 mm"
 
 [[parts]]
 group = "1"

@@ -114,7 +114,7 @@ def test_a_law_of_its_own_takes_no_ratio(tmp_path, tower_file, tower_observation
     law = 'law = "rayleigh"\nratio = 0.05\nanchors = ["3 Hz", "9 Hz"]'
     text = tower_file.read_text().replace('law = "constant"\nratio = 0.05', law)
     file = tmp_path / "rayleigh.toml"
-    file.write_text(text.replace("[prior.zeta]\nlower = 0.01\nupper = 0.1\n", ""))
+    file.write_text(text.replace("prior.zeta = { lower = 0.01, upper = 0.1 }\n", ""))
     study = Study(tmp_path / "study")
     model = open_study(study, str(file))
     settings = CalibrationSettings(particles=200, exact=True, chains=1)
