@@ -154,7 +154,7 @@ BAD_BUILDINGS = {
     "unknown": (lambda b: "shear_5dof", ["shear_5dof", "the shipped buildings are"]),
     "malformed": (
         lambda b: b.file("x.toml", b.tower.read_text().replace('"3 t"', '"3 t')),
-        ["x.toml", "not valid TOML", "line 7"],
+        ["x.toml", "not valid TOML", "line 10"],
     ),
 }
 
