@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -182,12 +183,12 @@ def test_the_report_has_the_promised_keys_and_its_file(repaired):
     assert {"rounds", "building", "verdict", *pairs} <= set(told)
     assert told["holdout_error_after"] < 0.02 < 0.05 < told["holdout_error_before"]
     assert {"effect", "place", "chi2_before", "chi2_after"} <= set(told["rounds"][0])
-    settled = CATALOGUE["added_mass"].settled_by
-    assert told["rounds"][0]["settled_by"] == settled
-    assert (
-        f"  without the model it is settled by {settled}"
-        in "\n".join(report.lines(True)).splitlines()
-    )
+    settled = told["rounds"][0]["settled_by"]
+    assert settled == CATALOGUE["added_mass"].settled_by
+    assert f"\n  without the model it is settled by {settled}\n" in "\n".join(report.lines(True))
+    worse = replace(report.held, figures={**report.held.figures, "own_error": (0.5, 0.6)})
+    for held, wrong in ((report.held, False), (worse, True)):
+        assert ("histories worse" in "".join(replace(report, held=held).lines())) == wrong
     assert told["chi2_before"] == told["rounds"][0]["chi2_before"]
     assert told["building"] == str(report.building_path)
     assert json.loads(report.path.read_text())["rounds"][0]["effect"] == "added_mass"
