@@ -480,7 +480,8 @@ def _weighed(
             gains[k] = min(gains[k], value - values[0])
         order.sort(key=lambda k: -gains[k])
     tests = [by_label[fitted.placed[-1].label] for fitted in fits]
-    return [as_finding(base, fits[k], tests[k], gains[k]) for k in order]
+    standing = (k for k in order if gains[k] > -np.inf)  # of others no structure is left
+    return [as_finding(base, fits[k], tests[k], gains[k]) for k in standing]
 
 
 def as_finding(base: Fit, fitted: Fit, test: Score, log_evidence: float) -> Finding:
