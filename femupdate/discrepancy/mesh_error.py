@@ -356,7 +356,9 @@ class OpenMesh:
         """
         part = 0.02  # of an error, along which responses are differentiated
         wide, sizes = self.freed(system)
-        moved = torch.cat([0.0 * self.likeliest[None], part * torch.eye(len(self.likeliest))])
+        moved = torch.cat(
+            [0.0 * self.likeliest[None], part * torch.eye(len(self.likeliest)).double()]
+        )
         steps, count = sizes(self.likeliest + moved), len(moved)
         both = Values(
             values.theta.expand(count, -1),

@@ -55,8 +55,8 @@ from femupdate.workflow.observed import ObservationSource, direction_of
 from femupdate.workflow.sampling import FROM_FIT, Target, sampled, with_fitted
 
 WORSE_HISTORIES = (
-    "ln|H| of the data kept out is predicted better, but their histories worse, also with that "
-    "event's own stiffness and damping: do not predict histories with what was added."
+    "With that event's own stiffness and damping, histories kept out are predicted worse than "
+    "before: what was added may not serve histories."
 )
 
 
@@ -122,7 +122,8 @@ class RepairReport(Result):
         # What predicts data kept out better stands for itself, and what others complete.
         if held is None and done.left.size > 0.0 and any(s.stands_in(points) for s in done.rounds):
             yield Notes((STANDS_IN,))
-        if rounds and held is not None and np.subtract(*held.figures.get("own_error", (1, 0))) < 0:
+        own = (0.0, 0.0) if held is None else held.figures.get("own_error", (0.0, 0.0))
+        if rounds and own[1] > own[0]:
             yield Notes((WORSE_HISTORIES,))
         yield Note(content={"verdict": done.verdict, "sentence": done.last.sentence})
         yield from (Note(self._round(number), detail=True) for number in range(len(rounds)))

@@ -188,7 +188,7 @@ def test_the_report_has_the_promised_keys_and_its_file(repaired):
     assert f"\n  without the model it is settled by {settled}\n" in "\n".join(report.lines(True))
     worse = replace(report.held, figures={**report.held.figures, "own_error": (0.5, 0.6)})
     for held, wrong in ((report.held, False), (worse, True)):
-        assert ("histories worse" in "".join(replace(report, held=held).lines())) == wrong
+        assert ("may not serve" in "".join(replace(report, held=held).lines())) == wrong
     assert told["chi2_before"] == told["rounds"][0]["chi2_before"]
     assert told["building"] == str(report.building_path)
     assert json.loads(report.path.read_text())["rounds"][0]["effect"] == "added_mass"
