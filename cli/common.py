@@ -17,7 +17,7 @@ from femupdate.errors import FemupdateError
 from femupdate.progress import SILENT
 from femupdate.result import Result, plain
 from femupdate.study import MAIN_POSTERIOR, Study, copied, locked
-from femupdate.tables import require_xlsx, write_tables
+from femupdate.tables import write_tables
 
 from .bars import Bars
 from .group import Failure
@@ -125,7 +125,6 @@ _DASK = option(
     "Share the work out by Dask: address of a scheduler, or local for processes.",
     metavar="ADDRESS",
 )
-_XLSX = flag("--xlsx", "Also write the tables as one XLSX workbook.")
 
 
 def study_options(
@@ -136,7 +135,6 @@ def study_options(
     draws: bool = True,
     shares: bool = False,
     seeded: bool = True,
-    workbook: str = "",
 ) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
     """Add --study, --seed, --json and -v, print the answer, turn errors into exit code 1.
 
@@ -151,14 +149,12 @@ def study_options(
         draws: add --no-pictures.
         shares: add --dask, which says where the work is done.
         seeded: add --seed.
-        workbook: name of the XLSX file that holds all tables; add --xlsx.
     """
     asked = {
         _POSTERIOR: posterior or bool(needs),
         _OUTPUT: writes,
         no_pictures_option: draws,
         _DASK: shares,
-        _XLSX: bool(workbook),
     }
 
     def decorate(function: Callable[..., Answer]) -> Callable[..., None]:
@@ -170,8 +166,6 @@ def study_options(
             if needs:
                 study.require(needs, "calibrate")
             pictures = draws and not kwargs.pop("no_pictures")
-            if xlsx := kwargs.pop("xlsx", False):
-                require_xlsx()
             with ExitStack() as stack:
                 if copy := kwargs.pop("copy", None):
                     study = copied(study, copy)
@@ -183,9 +177,8 @@ def study_options(
                 bars = SILENT if asked_for("quiet") else stack.enter_context(Bars())
                 answer = function(*args, study=study, bars=bars, **kwargs)
                 study = Study(study.folder, kwargs.get("name", study.posterior))
-                if writes and (workbook or answer.result.tables()):
-                    book = workbook if xlsx else None
-                    written = write_tables(study.result("tables"), answer.result.tables(), book)
+                if writes and (tables := answer.result.tables()):
+                    written = write_tables(study.result("tables"), tables)
                     answer = replace(answer, tables=written)
                 if pictures:
                     from femupdate.report.figure import draw

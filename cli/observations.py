@@ -41,7 +41,7 @@ from .parameters import INPUT_FILE
 @device_option
 @flag("--anyway", "Keep a posterior even where the file is unlike the building.")
 @reading_options
-@study_options(shares=True, workbook="posterior")
+@study_options(shares=True)
 def calibrate(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
 
@@ -93,7 +93,7 @@ def finder_options(function: F) -> F:
 @building_option
 @finder_options
 @reading_options
-@study_options(shares=True, workbook="diagnosis")
+@study_options(shares=True)
 def diagnose(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Find where the model and the measured files OBSERVATIONS disagree, and what is missing.
 

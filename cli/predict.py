@@ -62,7 +62,7 @@ from .parameters import INPUT_FILE, MEMBER
     show_default="likewise, else .2",
 )
 @columns_options
-@study_options(needs="posterior", workbook="prediction")
+@study_options(needs="posterior")
 def command(
     floor_spectra: bool, spectrum_damping: float, study: Study, bars: Bars, **asked: Any
 ) -> Answer:
@@ -93,7 +93,7 @@ def command(
 @option(
     "--samples", "Draws of the posterior over which shapes are averaged.", click.IntRange(5), 60
 )
-@study_options(needs="posterior", draws=False, workbook="modes")
+@study_options(needs="posterior", draws=False)
 def render(study: Study, bars: Bars, **asked: Any) -> Answer:
     """Draw the mode shapes of the posterior off screen: mean shape and its spread.
 

@@ -1,14 +1,11 @@
-"""Tables, described once: for people on terminal and page, as CSV and XLSX, and as JSON."""
+"""Tables, described once: for people on terminal and page, as CSV, and as JSON."""
 
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from femupdate.errors import StudyError
-from femupdate.storage import write_bytes
 from femupdate.study import write_text
 
 # A number with its unit or interval, or nothing.
@@ -162,54 +159,13 @@ def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return text.getvalue()
 
 
-def write_tables(
-    folder: Path, tables: Iterable[Table], workbook: str | None = None
-) -> tuple[Path, ...]:
-    """Write every table as CSV, and all of them into one XLSX workbook where it has a name.
+def write_tables(folder: Path, tables: Iterable[Table]) -> tuple[Path, ...]:
+    """Write every table as CSV.
 
     Raises:
-        StudyError: a file cannot be written, or XlsxWriter is not installed.
+        StudyError: a file cannot be written.
     """
-    sheets = {table.name: table.sheet() for table in tables}
-    for name, sheet in sheets.items():
-        write_text(folder / f"{name}.csv", csv_text(*sheet))
-    paths = tuple(folder / f"{name}.csv" for name in sheets)
-    if workbook is None:
-        return paths
-    require_xlsx()
-    import xlsxwriter
-
-    content = BytesIO()
-    # Headings stay in sight and filter; texts are never formulas.
-    choices = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}
-    with xlsxwriter.Workbook(content, {**choices, "nan_inf_to_errors": True}) as book:
-        bold = book.add_format({"bold": True, "bottom": 1})
-        for name, (head, rows) in sheets.items():
-            page = book.add_worksheet(name)
-            page.write_row(0, 0, head, bold)
-            for number, row in enumerate(rows, start=1):
-                page.write_row(number, 0, row)
-            page.freeze_panes(1, 0)
-            page.autofilter(0, 0, len(rows), len(head) - 1)
-            for column, cells in enumerate(zip(head, *rows[:200], strict=True)):
-                widest = max(len(cell) if isinstance(cell, str) else 10 for cell in cells)
-                # Numbers show about ten characters.
-                page.set_column(column, column, min(widest + 2, 60))
-    path = folder / f"{workbook}.xlsx"
-    write_bytes(path, content.getvalue())
-    return (path, *paths)
-
-
-def require_xlsx() -> None:
-    """Make sure that workbooks can be written, before anything is computed.
-
-    Raises:
-        StudyError: they cannot.
-    """
-    from importlib.util import find_spec
-
-    if find_spec("xlsxwriter") is None:
-        raise StudyError(
-            "--xlsx needs XlsxWriter; install it with `pip install xlsxwriter`, or use the CSV "
-            "files, which are always written"
-        )
+    sheets = {folder / f"{table.name}.csv": table.sheet() for table in tables}
+    for path, sheet in sheets.items():
+        write_text(path, csv_text(*sheet))
+    return tuple(sheets)

@@ -40,7 +40,7 @@ def building_view(
     figure = new_figure(6.8, float(np.clip(4.6 * seen[1] / seen[0] + 0.6, 2.6, 6.0)))
     panel = figure.subplots()
     # The mark of a grid line stands where the name of the base would.
-    draw_marked(panel, geometry, glyphs, floors[1:] if grid else floors, "matplotlib")
+    draw_marked(panel, geometry, glyphs, floors[1:] if grid else floors)
     low, high = geometry.nodes.min(axis=0), geometry.nodes.max(axis=0)
     gap = 0.09 * geometry.size
     for axis, lines in enumerate(grid):

@@ -75,7 +75,7 @@ def gap_story(
         structure = building.structure
         glyphs = drawn(sign for each in added for sign in each.effect.glyphs(building, each.place))
         floors = list(zip(structure.floors, structure.levels.tolist(), strict=True))
-        draw_marked(panels[1], Geometry.of_building(building), glyphs, floors, "auto")
+        draw_marked(panels[1], Geometry.of_building(building), glyphs, floors)
         panels[1].set_title("\n".join(each.in_words for each in added), loc="center")
     for row, curve in enumerate(chosen, first):
         panel = figure.add_subplot(grid[row, :2])

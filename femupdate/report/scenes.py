@@ -149,24 +149,6 @@ def render(
         return _picture(pyvista, plotter, marks)
 
 
-def render_marked(geometry: Geometry, glyphs: Glyphs, marks: Landmarks) -> Pixels:
-    """Return a picture (h, w, 3) of a building in grey with signs on it, white around.
-
-    Args:
-        glyphs: drawn in a colour of their own.
-        marks: names and axes beside the building.
-    """
-    with _plotter() as (pyvista, plotter):
-        if len(geometry.shells):
-            shells = _quads(pyvista, geometry.nodes, geometry.shells)
-            plotter.add_mesh(shells, color=FAINT, opacity=0.3, lighting=False)
-        wires = _lines(pyvista, geometry.nodes, outline(geometry))
-        plotter.add_mesh(wires, color=QUIET, line_width=2.5, lighting=False)
-        for mesh in _signs(pyvista, geometry, glyphs):
-            plotter.add_mesh(mesh, color=ORANGE, ambient=0.35)
-        return _picture(pyvista, plotter, marks)
-
-
 @contextmanager
 def _plotter() -> Iterator[tuple[Any, Any]]:
     """PyVista, imported where it is needed, and an empty white picture."""
@@ -206,18 +188,6 @@ def _picture(pyvista: Any, plotter: Any, marks: Landmarks) -> Pixels:
 
 def _quads(pyvista: Any, points: Floats, quads: Integers) -> Any:
     return pyvista.PolyData(points, faces=np.insert(quads, 0, 4, axis=1).ravel())
-
-
-def _signs(pyvista: Any, geometry: Geometry, glyphs: Glyphs) -> Iterator[Any]:
-    for centre, radius in glyphs.balls:
-        yield pyvista.Sphere(radius=radius, center=centre)
-    for line in glyphs.lines:
-        radius = 1.4 * TUBE * geometry.size
-        yield pyvista.lines_from_points(line).tube(radius=radius, n_sides=12)
-    if glyphs.faces:
-        corners = np.concatenate(glyphs.faces)
-        quads = np.arange(len(corners)).reshape(-1, 4)
-        yield _quads(pyvista, corners, quads)
 
 
 def _lines(pyvista: Any, points: Floats, lines: Integers) -> Any:
@@ -261,11 +231,6 @@ def rendering() -> str:
     if reason:
         logger.warning("PyVista cannot render here (%s): %s", reason, ADVICE)
     return reason
-
-
-def renders(renderer: Renderer) -> bool:
-    """Return whether PyVista makes the picture: where it is named, or "auto" and works."""
-    return renderer == "pyvista" or (renderer == "auto" and not rendering())
 
 
 def probe(command: tuple[str, ...], timeout: float = 60.0) -> str:
@@ -332,7 +297,7 @@ def mode_shape_figure(
     figure = new_figure(5.4 * len(fields), high)
     panels = figure.subplots(1, len(fields), squeeze=False)[0]
     looks = [(geometry, moved, values, colors, top) for _, _, values, top, colors in fields]
-    if renders(renderer):
+    if renderer == "pyvista" or (renderer == "auto" and not rendering()):
         show(panels, [render(*look, marks) for look in looks])
     else:
         for panel, look in zip(panels, looks, strict=True):
@@ -356,28 +321,11 @@ def mode_shape_figure(
 
 
 def draw_marked(
-    panel: Axes,
-    geometry: Geometry,
-    glyphs: Glyphs,
-    floors: Sequence[tuple[str, float]],
-    renderer: Renderer = "auto",
+    panel: Axes, geometry: Geometry, glyphs: Glyphs, floors: Sequence[tuple[str, float]]
 ) -> None:
-    """Draw a building in grey, with signs, axes and the names of its floors.
-
-    PyVista renders it; where that is not possible matplotlib draws the same.
-
-    Args:
-        panel: to draw into.
-        geometry: of the building.
-        glyphs: drawn in a colour of their own.
-        floors: names and heights, m.
-        renderer: "auto", or one of the two by name.
-    """
+    """Draw a building in grey into a panel, with signs, axes and floors (names and heights, m)."""
     panel.set_axis_off()
     marks = Landmarks.of(geometry, floors)
-    if renders(renderer):
-        show([panel], [render_marked(geometry, glyphs, marks)])
-        return
     flat = project(geometry.nodes)[0]
     shells = PolyCollection(list(flat[geometry.shells]), facecolors=FAINT, alpha=0.25, zorder=1.0)
     panel.add_collection(shells)

@@ -1,7 +1,7 @@
 """The modes of a study under the numbers of its full model."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,6 @@ from femupdate.dynamics.tracking import (
 )
 from femupdate.effects.structure import structure_of
 from femupdate.inference.posterior import Posterior
-from femupdate.measurement.observation import on_all_floors
 from femupdate.storage import read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
 from femupdate.tables import Column, Table
@@ -38,17 +37,12 @@ class StudyMode:
         number: in the full model at factors 1; None of one that lies above all that are numbered.
         direction: "X", "Y", "X+Y", "torsion" or "floors", which moves most; empty without a number.
         effective_mass: share of the mass that the base motion moves in it, in the mean.
-        influence: by how many times their noise (rms) the fit would miss the measured ln|H|
-            without it; None where no FRF was measured.
-        rank: 1 for the mode of the largest influence; None where no FRF was measured.
     """
 
     number: int | None
     direction: str
     effective_mass: float
     tracked: TrackedMode
-    influence: float | None = None
-    rank: int | None = None
 
     @property
     def name(self) -> str:
@@ -66,21 +60,13 @@ class StudyMode:
 
 
 def mode_table(modes: Sequence[StudyMode], pictures: Sequence[Path] = ()) -> Table:
-    """Frequencies, directions, masses and influence of modes of the posterior.
+    """Frequencies, directions and masses of modes of the posterior.
 
     Args:
         pictures: of every mode, where they are drawn.
     """
-    note = "Modes have the numbers of the full model with all factors 1."
-    if any(mode.influence is not None for mode in modes):
-        note = (
-            "Influence: by how many times their noise the fit would miss the measured ln|H| "
-            f"without the mode. {note}"
-        )
     mean, sd = ([getattr(m.tracked, f"frequency_{of}") for m in modes] for of in ("mean", "sd"))
     share, found = [m.effective_mass for m in modes], [m.tracked.found for m in modes]
-    influence = [m.influence for m in modes]
-    told = ["-" if value is None else f"{value:.3g}" for value in influence]
     numbers = [m.number for m in modes]
     hertz = [f"{value:.3f}" for value in mean]
     masses, seen = [percent(value, 1) for value in share], [percent(value) for value in found]
@@ -90,17 +76,14 @@ def mode_table(modes: Sequence[StudyMode], pictures: Sequence[Path] = ()) -> Tab
         Column(sd, "sd, Hz", [f"{v:.2g}" for v in sd], "frequency_sd_hz", "frequency_sd"),
         Column([m.direction for m in modes], "direction", None, "direction", "direction"),
         Column(share, "effective mass", masses, "effective_mass_share", "effective_mass"),
-        Column(influence, "influence", told),
         Column(found, "recognised in draws", seen, "share_of_draws_recognised", "found"),
-        Column(influence, csv="influence", key="influence"),
-        Column([m.rank for m in modes], csv="influence_rank", key="influence_rank"),
         *([Column(pictures, key="picture")] if pictures else []),
     ]
     return Table(
         name="modes",
         caption="Modes that the base motion excites, at the posterior",
         columns=tuple(columns),
-        note=note,
+        note="Modes have the numbers of the full model with all factors 1.",
         key="modes",
     )
 
@@ -219,29 +202,7 @@ def posterior_modes(
     if wanted:
         numbers = _numbers(model, full, origin)
         chosen = [numbers.index(number) for number in wanted if number in numbers]
-    named = _named(model, full, found, reference, chosen, origin)
-    seen = on_all_floors(posterior.observation, model.building.floors)
-    if not seen.valid.any():
-        return named
-    # Rms change of ln|H| over its noise at the points used, if a mode were left out.
-    vectors, natural = reference.vectors[0], reference.frequency_hz[0][:, None]
-    ratio = float(posterior.zeta.mean())
-    gain = (model.reduced.floor_shapes @ vectors) * (model.reduced.excitation @ vectors)
-    f = seen.frequency_hz
-    terms = f**2 / (natural**2 - f**2 + 2j * ratio * natural * f)
-    whole = 1.0 + gain @ terms
-    used, noise = seen.valid, seen.noise_sd
-    influence = np.array(
-        [
-            np.sqrt(np.mean((np.log(np.abs(1.0 - part / whole)[used]) / noise[used]) ** 2))
-            for part in gain.T[:, :, None] * terms[:, None, :]
-        ]
-    )
-    order = np.argsort(-influence).tolist()
-    return tuple(
-        replace(mode, influence=float(influence[k]), rank=order.index(k) + 1)
-        for mode, k in zip(named, chosen, strict=True)
-    )
+    return _named(model, full, found, reference, chosen, origin)
 
 
 def _numbers(model: StudyModel, full: FullModes, origin: np.ndarray) -> list[int | None]:

@@ -15,12 +15,12 @@ from femupdate.errors import StudyError
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.write import write_modes_uff
 from femupdate.progress import SILENT, Progress
-from femupdate.report.figure import save_figure, save_pictures
+from femupdate.report.figure import save_pictures
 from femupdate.report.geometry import Geometry
 from femupdate.report.plot_sticks import stick_mode_shapes
 from femupdate.report.scale import plus_minus
 from femupdate.report.scenes import mode_shape_figure
-from femupdate.result import Item, Note, Notes, Picture, Told
+from femupdate.result import Note, Notes, Picture, Told
 from femupdate.study import Study
 from femupdate.units import capital
 from femupdate.workflow.calibration_report import kept_posterior
@@ -54,7 +54,8 @@ def render_study(
         wanted: numbers of modes, as `build-model` lists them, to draw instead.
 
     Raises:
-        StudyError: there is no posterior, it is of another building, or no mode has the number.
+        StudyError: there is no posterior, it is of another building, or no mode that the base
+            motion excites has the number.
     """
     study.check_fresh("posterior", model.made_from(), "calibrate")
     posterior = kept_posterior(study, model.building)
@@ -69,45 +70,33 @@ def render_study(
     tracked = posterior_modes(
         model, posterior, full, modes, wanted=wanted, samples=samples, seed=seed
     )
-    folder = study.result("pictures")
-    drawn = mode_pictures(model, tracked)
-    pictures = save_pictures(drawn, folder, progress, "Drawing mode shapes")
-    have, at_one = {mode.number for mode in tracked}, []
-    for number in wanted:
-        if number not in have:
-            shape = full.shapes[number - 1].reshape(-1, 3)
-            frequency, direction = full.frequency_hz[number - 1], full.direction[number - 1]
-            title = f"Mode {number} ({direction}), {frequency:.2f} Hz, all factors 1"
-            figure = mode_shape_figure(_geometry(model), shape, title=title)
-            path = study.path("pictures", f"model_mode_{number}.png")
-            at_one.append(save_figure(figure, path))
-    told: list[Item] = [Note(content={"modes": []})]
-    if tracked:
-        # The modes of a stick share one picture.
-        table = mode_table(tracked, pictures * (len(tracked) // len(pictures)))
-        path = study.result("tables", "shapes.uff")
-        levels, along = levels_with_base(model.building)[1:], direction_of(model.building)
-        ratios = mode_damping(model, posterior, tracked).tolist()
-        recorded = [
-            RecordedMode(
-                name=mode.label,
-                frequency_hz=mode.tracked.frequency_mean,
-                damping=ratio,
-                sensors=model.reduced.floors,
-                shape=mode.at_floors(model).mean(axis=0),
-            )
-            for mode, ratio in zip(tracked, ratios, strict=True)
-        ]
-        file = write_modes_uff(path, recorded, levels.tolist(), along)
-        shapes = shape_table(model, posterior, tracked)
-        told = [table, shapes, Notes((table.note,)), Note(f"  {file}", {"uff": file})]
-    told += [Note(f"  {path}") for path in pictures]
-    if at_one:
-        told.append(
-            Note("  - The base motion does not excite these modes, so no data changed them:")
+    if still := set(wanted) - {mode.number for mode in tracked}:
+        raise StudyError(
+            f"the base motion does not excite mode {min(still)}, so no data changed it; leave "
+            f"--mode {min(still)} out"
         )
-    told.append(Note("\n".join(f"  {path}" for path in at_one), {"at_factors_1": tuple(at_one)}))
-    return Told(told)
+    folder, drawn = study.result("pictures"), mode_pictures(model, tracked)
+    pictures = save_pictures(drawn, folder, progress, "Drawing mode shapes")
+    # The modes of a stick share one picture.
+    table = mode_table(tracked, pictures * (len(tracked) // len(pictures)))
+    levels, along = levels_with_base(model.building)[1:], direction_of(model.building)
+    recorded = [
+        RecordedMode(
+            name=mode.label,
+            frequency_hz=mode.tracked.frequency_mean,
+            damping=ratio,
+            sensors=model.reduced.floors,
+            shape=mode.at_floors(model).mean(axis=0),
+        )
+        for mode, ratio in zip(
+            tracked, mode_damping(model, posterior, tracked).tolist(), strict=True
+        )
+    ]
+    path = study.result("tables", "shapes.uff")
+    file = write_modes_uff(path, recorded, levels.tolist(), along)
+    shapes = shape_table(model, posterior, tracked)
+    paths = (Note(f"  {path}") for path in pictures)
+    return Told((table, shapes, Notes((table.note,)), Note(f"  {file}", {"uff": file}), *paths))
 
 
 def mode_pictures(

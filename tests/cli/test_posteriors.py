@@ -19,7 +19,7 @@ def study(femupdate, tower_study, tower_observation, record, tmp_path_factory):
     for words in (
         ("calibrate", path, "--sensors", "RF", *FEW, "--name", "roof", "--study", folder),
         ("predict", "--record", record, *few),
-        ("predict", "--record", record, "--scale", 2, *few, "--posterior", "roof", "--xlsx"),
+        ("predict", "--record", record, "--scale", 2, *few, "--posterior", "roof"),
     ):
         done = femupdate(*words)
         assert done.code == 0, done.err
@@ -44,7 +44,7 @@ def test_status_names_both_and_how_to_make_them_again(femupdate, study, tower_ob
     again = items["roof posterior"]["again"]
     few = "--exact --particles 200 --no-pictures"
     assert again == f"calibrate {tower_observation.path} --sensors RF {few} --name roof"
-    rest = "--scale 2 --samples 10 --no-pictures --posterior roof --xlsx"
+    rest = "--scale 2 --samples 10 --no-pictures --posterior roof"
     assert items["roof prediction"]["again"].endswith(rest)
 
 
@@ -95,16 +95,3 @@ def test_what_only_reads_a_study_writes_elsewhere(femupdate, study, snapshot, tm
     assert (tmp_path / "copy" / "posteriors" / "roof" / "tables" / "modes.csv").exists()
     assert "scaled by 2" in (tmp_path / "roof.html").read_text(encoding="utf-8")
     assert snapshot(study) == before
-
-
-def test_a_workbook_holds_the_tables_as_numbers(study):
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.load_workbook(
-        study / "posteriors" / "roof" / "tables" / "prediction.xlsx", read_only=True
-    )
-    assert book.sheetnames == ["predicted_peaks", "floor_histories"]
-    head, *rows = book["predicted_peaks"].values
-    assert head[:3] == ("quantity", "unit", "place")
-    stiffness = [row for row in rows if row[0] == "stiffness"]
-    assert [row[1:3] for row in stiffness] == [("kN/mm", "low"), ("kN/mm", "high")]
-    assert all(isinstance(row[3], float) for row in rows)

@@ -69,12 +69,12 @@ def test_the_walls_of_one_story_are_those_of_that_story():
     assert faces[..., 2].max() == pytest.approx(high)
 
 
-def test_without_a_renderer_the_same_is_drawn():
+def test_a_marked_building_has_its_floors_and_axes():
     building = drawn_building("shear_4dof")
     geometry = Geometry.of_building(building)
     glyphs = drawn(CATALOGUE["tuned_appendage"].glyphs(building, "3F"))
     panel = Figure().subplots()
     floors = list(zip(building.structure.floors, building.structure.levels, strict=True))
-    draw_marked(panel, geometry, glyphs, floors, "matplotlib")
+    draw_marked(panel, geometry, glyphs, floors)
     assert [text.get_text() for text in panel.texts] == ["2F", "3F", "4F", "RF", *"xyz"]
     assert sum(len(c.get_paths()) for c in panel.collections) >= len(geometry.shells) + 2

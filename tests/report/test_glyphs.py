@@ -37,7 +37,7 @@ def test_a_marked_building_shows_signs_and_floors():
     geometry = Geometry.of([[0, 0, 0], [0, 0, 3], [2, 0, 3], [2, 0, 0]], [[0, 1, 2, 3]], [[0, 1]])
     panel = Figure().subplots()
     signs = ball(HIGH, 0.1) + sign("spring", LOW, HIGH) + sign("surfaces", [np.ones((4, 3))])
-    draw_marked(panel, geometry, signs, [("RF", 3.0)], "matplotlib")
+    draw_marked(panel, geometry, signs, [("RF", 3.0)])
     shells, edges, faces, lines, balls, _ = panel.collections
     drawn = [len(one.get_paths()) for one in (shells, faces, lines, balls)]
     assert drawn == [1, 1, 1, 1]
