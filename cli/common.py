@@ -16,7 +16,7 @@ import click
 from femupdate.errors import FemupdateError
 from femupdate.progress import SILENT
 from femupdate.result import Result, plain
-from femupdate.study import MAIN_POSTERIOR, Study, copied, locked
+from femupdate.study import MAIN_POSTERIOR, Study, copied, locked, timed
 from femupdate.tables import write_tables
 
 from .bars import Bars
@@ -255,9 +255,8 @@ def columns_options(function: F) -> F:
     @option("--mapping", "File that says which channel is which floor.", INPUT_FILE)
     @functools.wraps(function)
     def wrapper(*args: Any, columns: Any, mapping: Any, rate: Any, **kwargs: Any) -> Any:
-        timed = {} if rate is None else {"time_s": f"{rate:.9g} Hz"}
         if mapping is None:
-            return function(*args, columns={**(columns or {}), **timed} or None, **kwargs)
+            return function(*args, columns=timed(columns, rate), **kwargs)
         if columns is not None:
             raise Failure("--columns and --mapping say the same; give one of them")
         from femupdate.measurement.write import read_mapping
@@ -268,7 +267,7 @@ def columns_options(function: F) -> F:
             raise Failure(str(error)) from error
         if "unit" in kwargs:
             kwargs["unit"] = kwargs["unit"] or unit
-        return function(*args, columns={**columns, **timed}, **kwargs)
+        return function(*args, columns=timed(columns, rate), **kwargs)
 
     return wrapper  # type: ignore[return-value]
 

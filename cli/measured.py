@@ -54,8 +54,8 @@ def inspect(
     Example:
       femupdate inspect examples/six_story_white_noise.csv --picture inspected.png
     """
-    from femupdate import interface
     from femupdate.workflow.inspect_files import draw_inspection, propose_mapping
+    from femupdate.workflow.inspect_files import inspect as inspected
 
     if len(files) > 1 and (picture or write_mapping or columns):
         raise Failure(
@@ -64,7 +64,7 @@ def inspect(
         )
     if write_mapping is not None and write_mapping.exists():
         raise Failure(f"{write_mapping} is there already; choose another name, or remove it")
-    report = interface.inspect(*files, unit=unit, columns=columns)
+    report = inspected(*files, unit=unit, columns=columns)
     pictures = None
     problems = list(report.refused)
     if picture is not None and report.files:
@@ -112,10 +112,10 @@ def identify(
       femupdate identify ambient.csv -o modes.csv
       femupdate calibrate modes.csv --building my_building.toml
     """
-    from femupdate import interface
+    from femupdate.workflow.inspect_files import identify as identified
 
     check_free(output, overwrite)
-    report = interface.identify(record, output, columns=columns, band_hz=band, order=order)
+    report = identified(record, output, columns=columns, band_hz=band, order=order)
     if no_pictures:
         return Answer(report)
     from femupdate.report.figure import save_figure

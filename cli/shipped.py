@@ -57,7 +57,7 @@ def demo(study: Study, seed: int, bars: Bars) -> Answer:
     from femupdate.report.figure import draw
     from femupdate.workflow.demo import run_demo
 
-    report = run_demo(study, seed, bars)
+    report = run_demo(study, seed=seed, progress=bars)
     drawn = draw(report, study.path("pictures"), bars)
     modes = tuple(mode["picture"] for mode in report.parts[-1].as_dict()["modes"])
     return Answer(report, pictures=(*drawn, *map(Path, modes)))

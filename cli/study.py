@@ -95,9 +95,9 @@ def report(study: Study, output: Path | None, bars: Bars, **more: Any) -> Answer
       femupdate report --study house -o house.html
       femupdate report --study house --client "City of Kobe" --logo logo.png --add site.md
     """
-    from femupdate import interface
+    from femupdate.workflow.report import write_report
 
     if output is None:
         study.check_writable()
     with nullcontext() if output else locked(study.folder, "report"):
-        return Answer(interface.write_report(study, output, progress=bars, **more))
+        return Answer(write_report(study, output, progress=bars, **more))

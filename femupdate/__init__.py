@@ -44,13 +44,8 @@ if _TYPE_CHECKING:
     from femupdate.interface import (
         build_model,
         calibrate,
-        catalogue,
         compare,
-        copy_examples,
-        demo,
         diagnose,
-        identify,
-        inspect,
         predict,
         reduce,
         render,
@@ -58,7 +53,6 @@ if _TYPE_CHECKING:
         simulate,
         status,
         train,
-        write_report,
     )
     from femupdate.measurement.observation import Observation
     from femupdate.measurement.record import GroundMotion
@@ -66,6 +60,11 @@ if _TYPE_CHECKING:
     from femupdate.report.prediction import Prediction
     from femupdate.study import Study
     from femupdate.surrogate.storage import Surrogate
+    from femupdate.workflow.demo import run_demo as demo
+    from femupdate.workflow.inspect_files import identify, inspect
+    from femupdate.workflow.report import write_report
+    from femupdate.workflow.shipped import copy_examples
+    from femupdate.workflow.shipped import list_all as catalogue
 
 
 __all__ = [

@@ -16,20 +16,20 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack, get_type_hi
 from annotated_types import Ge, Interval
 
 from femupdate.errors import BuildingError, FemupdateError, close
+from femupdate.lazy import lazily
 from femupdate.progress import SILENT, Progress
-from femupdate.study import MAIN_POSTERIOR, Study
+from femupdate.study import MAIN_POSTERIOR, Study, study_of, timed
 
 if TYPE_CHECKING:
     from femupdate.measurement.observation import Observation
     from femupdate.measurement.record import GroundMotion
     from femupdate.report.prediction import Prediction
-    from femupdate.result import Result, Told
+    from femupdate.result import Told
     from femupdate.simulation.simulate import WrittenSimulation
     from femupdate.workflow.build import BuildReport
     from femupdate.workflow.calibration_report import CalibrationReport
     from femupdate.workflow.compare import CompareReport
     from femupdate.workflow.diagnose import DiagnosisReport
-    from femupdate.workflow.inspect_files import InspectedFiles
     from femupdate.workflow.model import StudyModel
     from femupdate.workflow.repair import RepairReport
     from femupdate.workflow.status import StatusReport
@@ -133,7 +133,7 @@ def reduce(
     """
     from femupdate.workflow.model import open_study
 
-    return open_study(_study(study), _name(building), progress)
+    return open_study(study_of(study), _name(building), progress)
 
 
 def build_model(
@@ -162,7 +162,7 @@ def build_model(
     from femupdate.building.model_draft import asks, write_draft
     from femupdate.workflow.build import build_study, export_model
 
-    opened, name = _study(study), _name(building)
+    opened, name = study_of(study), _name(building)
     if draft is not None:
         if name is None:
             raise BuildingError("a draft needs another program's model; name its file")
@@ -216,7 +216,7 @@ def train(
     usual, epochs = THOROUGH if thorough else USUAL
     count = samples or usual
     weights = None if start is None else Path(start)
-    opened, name, (_, rest) = _study(study), _name(building), _parted(settings, Training)
+    opened, name, (_, rest) = study_of(study), _name(building), _parted(settings, Training)
     check_device(device)
     check_training(opened, count, rest.get("batch", 512), weights, name)
     model = reduce(opened, name, progress=progress)
@@ -248,7 +248,7 @@ def calibrate(
     from femupdate.workflow.likelihoods import CalibrationSettings
     from femupdate.workflow.observed import readable
 
-    opened, (reading, rest) = Study(_study(study).folder, name), _parted(settings, Sampling)
+    opened, (reading, rest) = Study(study_of(study).folder, name), _parted(settings, Sampling)
     chosen = CalibrationSettings(**rest)
     source = readable(opened, reading, *_files(opened, files))
     check_calibration(opened, source, chosen, _name(building))
@@ -290,10 +290,10 @@ def predict(
     from femupdate.workflow.model import open_calibrated
     from femupdate.workflow.predict import PredictionSettings, RecordSource, predict_study
 
-    opened, (_, rest) = _study(study), _parted(settings, Predicting)
+    opened, (_, rest) = study_of(study), _parted(settings, Predicting)
     (path,) = _files(opened, [record])
     before = opened.reading_of(path)
-    unit, columns = unit or before.get("unit"), _timed(columns, rate) or before.get("columns")
+    unit, columns = unit or before.get("unit"), timed(columns, rate) or before.get("columns")
     return predict_study(
         opened,
         open_calibrated(opened, progress),
@@ -330,7 +330,7 @@ def diagnose(
     from femupdate.workflow.diagnose import diagnose_study
     from femupdate.workflow.observed import readable
 
-    opened, (how, rest) = _study(study), _parted(settings, Judging)
+    opened, (how, rest) = study_of(study), _parted(settings, Judging)
     source = readable(opened, how, *_files(opened, files))
     other = None if second is None else readable(opened, how, Path(second))
     chosen = DiagnosisSettings(**rest)
@@ -363,7 +363,7 @@ def repair(
     from femupdate.workflow.observed import readable
     from femupdate.workflow.repair import repair_study
 
-    opened, (how, rest) = _study(study), _parted(settings, Judging)
+    opened, (how, rest) = study_of(study), _parted(settings, Judging)
     source = readable(opened, how, *_files(opened, files))
     kept_out = None if holdout is None else readable(opened, how, Path(holdout))
     other = None if second is None else readable(opened, how, Path(second))
@@ -395,7 +395,7 @@ def render(
     from femupdate.workflow.model import open_calibrated
     from femupdate.workflow.render import render_study
 
-    opened = _study(study)
+    opened = study_of(study)
     how: dict[str, Any] = {"wanted": wanted, "seed": seed, "progress": progress}
     return render_study(opened, open_calibrated(opened, progress), modes, samples, **how)
 
@@ -417,7 +417,7 @@ def compare(
     """
     from femupdate.workflow.compare import compare_states, find_state
 
-    opened, files = _study(study), [Path(name) for name in (before, after)]
+    opened, files = study_of(study), [Path(name) for name in (before, after)]
     measured = [file for file in files if file.is_file() and file.suffix != ".nc"]
     if measured:
         from femupdate.measurement.reader import read_measured
@@ -458,122 +458,11 @@ def simulate(
     return write_simulation(made, Path(path))
 
 
-def inspect(
-    *files: File,
-    unit: str | None = None,
-    columns: Mapping[str, str] | None = None,
-    rate: float | None = None,
-) -> "InspectedFiles":
-    """What is in measured files and what looks wrong; of several, one that cannot be read is told.
-
-    Args:
-        unit: of accelerations, where a file does not say it.
-        columns: our column name to the file's column or channel.
-        rate: samples a second, of a table without times.
-
-    Raises:
-        MeasurementError: none can be read.
-    """
-    from femupdate.workflow.inspect_files import inspect_files
-
-    return inspect_files([Path(file) for file in files], unit, _timed(columns, rate))
-
-
-def identify(
-    record: File,
-    output: File,
-    *,
-    columns: Mapping[str, str] | None = None,
-    rate: float | None = None,
-    band_hz: tuple[float, float] | None = None,
-    order: int = 40,
-) -> "Told":
-    """Identify modes from floor motions alone (ambient vibration), and write them as a table.
-
-    Args:
-        output: CSV file, which `calibrate` reads.
-        columns: our column name to the file's column or channel.
-        rate: samples a second, of a table without times.
-        band_hz: in which modes are looked for.
-        order: the largest of the models.
-
-    Raises:
-        MeasurementError: the file cannot be used, or holds no modes.
-    """
-    from femupdate.workflow.inspect_files import identify as identify_file
-
-    how: dict[str, Any] = {"columns": _timed(columns, rate), "band_hz": band_hz, "order": order}
-    return identify_file(Path(record), Path(output), **how)
-
-
-def catalogue() -> "Told":
-    """Shipped buildings, effects with their places and units, and formats of measured files."""
-    from femupdate.workflow.shipped import list_all
-
-    return list_all()
-
-
-def copy_examples(folder: File = "examples") -> "Told":
-    """Copy the shipped example and building files into a folder; files there stay as they are."""
-    from femupdate.workflow.shipped import copy_examples as copied
-
-    return copied(Path(folder))
-
-
-def demo(study: Folder, *, seed: int = 0, progress: Progress = SILENT) -> "Result":
-    """Run the whole chain on a shipped synthetic observation and a real ground motion."""
-    from femupdate.workflow.demo import run_demo
-
-    return run_demo(_study(study), seed, progress)
-
-
 def status(study: Folder) -> "StatusReport":
     """What a study holds, what is stale, and what to do next."""
     from femupdate.workflow.status import study_status
 
-    return study_status(_study(study))
-
-
-def write_report(
-    study: Folder,
-    path: File | None = None,
-    *,
-    title: str | None = None,
-    author: str | None = None,
-    client: str | None = None,
-    logo: File | None = None,
-    add: Sequence[File] = (),
-    progress: Progress = SILENT,
-) -> "Told":
-    """Write everything that a study says on one HTML page.
-
-    Args:
-        path: of the page; by default `report.html` in the study.
-        title: of the page; by default that of the building.
-        author, client: who stand below the title.
-        logo: PNG or JPEG file beside it.
-        add: pictures (PNG, JPEG) and texts (.md, .txt), a section of the page each.
-
-    Raises:
-        StudyError: the study holds no building, or what the page shows is damaged.
-        ReportError: the page cannot be written.
-    """
-    from femupdate.workflow.report import report_study
-
-    return report_study(
-        _study(study),
-        None if path is None else Path(path),
-        progress,
-        title=title,
-        author=author,
-        client=client,
-        logo=None if logo is None else Path(logo),
-        added=[Path(file) for file in add],
-    )
-
-
-def _study(study: Folder) -> Study:
-    return study if isinstance(study, Study) else Study(study)
+    return study_status(study_of(study))
 
 
 def _parted(settings: Mapping[str, Any], known: type[Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -606,16 +495,10 @@ def _parted(settings: Mapping[str, Any], known: type[Any]) -> tuple[dict[str, An
         floors = chosen["sensors"]
         chosen["sensors"] = tuple(floors.split(",") if isinstance(floors, str) else floors)
     if rate := chosen.pop("rate", None):
-        chosen["columns"] = _timed(chosen.get("columns"), rate)
+        chosen["columns"] = timed(chosen.get("columns"), rate)
     reads = set(Reading.__annotations__) if set(Reading.__annotations__) <= set(names) else set()
     how = {name: value for name, value in chosen.items() if name in reads}
     return how, {name: value for name, value in chosen.items() if name not in reads}
-
-
-def _timed(columns: Mapping[str, str] | None, rate: float | None) -> Mapping[str, str] | None:
-    """Names of columns, with the rate of a table without times."""
-    named = {ours: str(theirs) for ours, theirs in (columns or {}).items()}
-    return (named if rate is None else {**named, "time_s": f"{rate:.9g} Hz"}) or None
 
 
 def _files(study: Study, given: "Sequence[File | Observation | GroundMotion]") -> list[Path]:
@@ -652,8 +535,20 @@ def path_of(study: Folder, data: "File | Observation | GroundMotion") -> Path:
     if isinstance(data, str | Path):
         return Path(data)
     name = str(getattr(data, "source", None) or getattr(data, "name", ""))
-    return _study(study).path("measured", f"{Path(name).stem}.csv")
+    return study_of(study).path("measured", f"{Path(name).stem}.csv")
 
 
 def _name(building: File | None) -> str | None:
     return None if building is None else str(building)
+
+
+# Functions that take a study or files already, by their modules.
+_OF_WORKFLOW = {
+    "catalogue": "shipped:list_all",
+    "copy_examples": "shipped",
+    "demo": "demo:run_demo",
+    "identify": "inspect_files",
+    "inspect": "inspect_files",
+    "write_report": "report",
+}
+__getattr__ = lazily("femupdate.workflow", _OF_WORKFLOW)

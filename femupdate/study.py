@@ -463,6 +463,17 @@ class Study:
             )
 
 
+def study_of(study: Study | Path | str) -> Study:
+    """A study, of which its folder will do."""
+    return study if isinstance(study, Study) else Study(study)
+
+
+def timed(columns: Mapping[str, str] | None, rate: float | None) -> Mapping[str, str] | None:
+    """Names of columns as commands read them, with the rate of a table without times."""
+    named = {ours: str(theirs) for ours, theirs in (columns or {}).items()}
+    return (named if rate is None else {**named, "time_s": f"{rate:.9g} Hz"}) or None
+
+
 _BESIDE = (BUILDING_FILE, SUMMARY, f"posteriors/*/{SUMMARY}")
 
 

@@ -20,7 +20,7 @@ __all__, __getattr__ = public(
         "predict": "predict_study PredictionSettings RecordSource",
         "render": "render_study",
         "repair": "repair_study",
-        "report": "report_study",
+        "report": "write_report",
         "status": "study_status",
         "train": "check_training train_study",
     },

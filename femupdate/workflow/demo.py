@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from importlib.resources.abc import Traversable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femupdate.building.parameters import factor_titles
@@ -13,7 +14,7 @@ from femupdate.progress import SILENT, Progress
 from femupdate.report.quantities import quantity_tables
 from femupdate.report.scale import plus_minus
 from femupdate.result import Item, Note, Picture, Result, Told
-from femupdate.study import Study
+from femupdate.study import Study, study_of
 from femupdate.tables import Column, Table
 from femupdate.workflow.build import DEFAULT_BUILDING, build_study
 from femupdate.workflow.calibrate import calibrate_study
@@ -55,20 +56,22 @@ class DemoReport(Result):
 
 
 def run_demo(
-    study: Study,
+    study: Study | Path | str,
+    *,
     seed: int = 0,
     progress: Progress = SILENT,
-    *,
     building: str = DEFAULT_BUILDING,
     examples: Traversable | None = None,
     settings: CalibrationSettings | None = None,
 ) -> DemoReport:
-    """Build, calibrate with all floors and with the roof alone, predict, render.
+    """Run the whole chain on a shipped synthetic observation and a real ground motion.
+
+    It builds, calibrates with all floors and with the roof alone, predicts and renders.
 
     Args:
         examples: a folder with the observation, its truth and the record; default the shipped ones.
     """
-    started = time.monotonic()
+    started, study = time.monotonic(), study_of(study)
     examples = examples or files("femupdate.examples")
     progress.say("1/5 The six-story building: mesh, modes, reduced model")
     built = build_study(study, building, progress)

@@ -1,6 +1,6 @@
 """inspect and identify: what is in measured files, in words, pictures and modes."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from femupdate.measurement.reader import read_measured
 from femupdate.measurement.write import write_mapping, write_modes
 from femupdate.report.scale import with_unit
 from femupdate.result import Item, Note, Notes, Picture, Result, Told
+from femupdate.study import timed
 from femupdate.tables import Column, Table
 
 if TYPE_CHECKING:
@@ -81,33 +82,36 @@ class InspectedFiles(Result):
                 yield Note("  In a new study, name the building as well: --building FILE.")
 
 
-def inspect_files(
-    paths: Sequence[Path], unit: str | None = None, columns: Mapping[str, str] | None = None
+def inspect(
+    *files: Path | str,
+    unit: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    rate: float | None = None,
 ) -> InspectedFiles:
-    """Return what is in measured files.
+    """What is in measured files and what looks wrong; of several, one that cannot be read is told.
 
     Args:
-        paths: of the files; one that cannot be read does not keep the others back.
         unit: of accelerations, or of force and length of a model, where a file does not say it.
-        columns: our column name to the file's column or channel, where the user says it.
+        columns: our column name to the file's column or channel.
+        rate: samples a second, of a table without times.
 
     Raises:
         MeasurementError: none can be read.
     """
-    files, refused, models = [], [], []
-    for path in paths:
+    read, refused, models = [], [], []
+    for path in map(Path, files):
         try:
             if program_of(path):
                 units = f" --units {unit}" if unit else ""
                 command = f"femupdate build-model {path}{units} --draft {path.stem}.toml"
                 models.append((path, model_words(path, unit), command))
             else:
-                files.append(inspect_file(path, unit, columns))
+                read.append(inspect_file(path, unit, timed(columns, rate)))
         except (BuildingError, MeasurementError) as error:
             refused.append(str(error))
-    if not files and not models:
+    if not read and not models:
         raise MeasurementError(". ".join(refused) or "no measured file is named; give one or more")
-    return InspectedFiles(tuple(files), tuple(refused), tuple(models))
+    return InspectedFiles(tuple(read), tuple(refused), tuple(models))
 
 
 def propose_mapping(file: Inspection, path: Path, unit: str | None = None) -> Path:
@@ -127,25 +131,31 @@ def draw_inspection(file: Inspection, path: Path) -> Path:
 
 
 def identify(
-    path: Path,
-    output: Path,
+    record: Path | str,
+    output: Path | str,
     *,
     columns: Mapping[str, str] | None = None,
+    rate: float | None = None,
     band_hz: tuple[float, float] | None = None,
     order: int = ORDER,
 ) -> Told:
-    """Identify the modes of a record of floors and write them as a table.
+    """Identify modes from floor motions alone (ambient vibration), and write them as a table.
 
     Args:
-        output: CSV file.
+        output: CSV file, which `calibrate` reads.
         columns: our column name to the file's column or channel.
+        rate: samples a second, of a table without times.
         band_hz: in which modes are looked for; by default about the first peaks of the spectra.
         order: the largest of the models.
+
+    Raises:
+        MeasurementError: the file cannot be used, or holds no modes.
     """
+    path = Path(record)
     recording = read_measured(path)
     floors = {
         ours: channel
-        for ours, channel in motions_in(recording, columns).items()
+        for ours, channel in motions_in(recording, timed(columns, rate)).items()
         if ours.floor != BASE and ours.direction != "z" and not channel.vertical
     }
     if not floors:

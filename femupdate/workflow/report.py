@@ -10,7 +10,7 @@ from femupdate.errors import StudyError
 from femupdate.progress import SILENT, Progress
 from femupdate.report.page import Image, added_section, write_page
 from femupdate.result import Note, Notes, Told
-from femupdate.study import BUILDING_FILE, Study
+from femupdate.study import BUILDING_FILE, Study, study_of
 from femupdate.workflow.calibration_report import kept_calibration
 from femupdate.workflow.model import open_study
 from femupdate.workflow.page import PageStudy, appendix, page_sections
@@ -18,32 +18,32 @@ from femupdate.workflow.predict import kept_prediction
 from femupdate.workflow.status import DAMAGED, MISSING, PAGE, STALE, study_status
 
 
-def report_study(
-    study: Study,
-    path: Path | None = None,
-    progress: Progress = SILENT,
+def write_report(
+    study: Study | Path | str,
+    path: Path | str | None = None,
     *,
     title: str | None = None,
     author: str | None = None,
     client: str | None = None,
-    logo: Path | None = None,
-    added: Sequence[Path] = (),
+    logo: Path | str | None = None,
+    add: Sequence[Path | str] = (),
+    progress: Progress = SILENT,
 ) -> Told:
-    """Write the page of a study; changes nothing else in it.
+    """Write everything that a study says on one HTML page; nothing else in it changes.
 
     Args:
         study: with a building at least.
-        path: of the page; default `report.html` in the study.
-        title: of the page; default that of the building.
+        path: of the page; by default `report.html` in the study.
+        title: of the page; by default that of the building.
         author, client: who stand below the title.
-        logo: a picture beside it.
-        added: pictures and texts, a section of the page each.
+        logo: PNG or JPEG file beside it.
+        add: pictures (PNG, JPEG) and texts (.md, .txt), a section of the page each.
 
     Raises:
         StudyError: the study holds no building, or what the page shows is damaged.
         ReportError: the page cannot be written or is too large, or a file cannot stand on it.
     """
-    started = time.monotonic()
+    started, study = time.monotonic(), study_of(study)
     if not study.path(BUILDING_FILE).exists():
         raise StudyError(
             f"the study {study.folder} holds no building; run `femupdate calibrate` first"
@@ -60,14 +60,14 @@ def report_study(
     )
     names = {"Client": client, "Author": author}
     credits = tuple(f"{role}: {name}" for role, name in names.items() if name)
-    picture = None if logo is None else Image.of(logo)
-    extra = [added_section(file, f"added-{k}") for k, file in enumerate(added, 1)]
+    picture = None if logo is None else Image.of(Path(logo))
+    extra = [added_section(Path(file), f"added-{k}") for k, file in enumerate(add, 1)]
     progress.start("Writing the page", 2)
     sections = (*page_sections(page), *extra, appendix(page))
     progress.advance()
     building = model.building
     written = write_page(
-        path or study.result(PAGE),
+        Path(path or study.result(PAGE)),
         sections,
         title=title or building.title or building.name,
         subtitle="Stiffness from measured vibration, with its uncertainty",

@@ -17,7 +17,7 @@ from femupdate.units import capital
 
 
 def list_all() -> Told:
-    """Everything that comes with femupdate, by name."""
+    """Shipped buildings, effects with their places and units, and formats of measured files."""
     buildings, effects, told = [], [], list[Note]()
     for name in shipped_buildings():
         content = tomllib.loads(building_text(name)[1])
@@ -54,8 +54,8 @@ def list_all() -> Told:
 _LEFT_OUT = ("__init__.py", "__pycache__")
 
 
-def copy_examples(folder: Path) -> Told:
-    """Copy the shipped examples and building files into a folder; no file there is replaced.
+def copy_examples(folder: Path | str = "examples") -> Told:
+    """Copy the shipped example and building files into a folder; files there stay as they are.
 
     Raises:
         StudyError: a file cannot be written.
@@ -67,7 +67,7 @@ def copy_examples(folder: Path) -> Told:
         if name.suffix == ".toml"
     ]
     for name, source in (*_shipped(files("femupdate.examples")), *models):
-        target = folder / name
+        target = Path(folder) / name
         if target.exists():
             kept.append(target)
             continue

@@ -19,7 +19,7 @@ from femupdate.workflow import (
     open_study,
     predict_study,
     render_study,
-    report_study,
+    write_report,
 )
 from femupdate.workflow.effects import BASIS, MESH_ERROR, finder_origin
 
@@ -130,7 +130,7 @@ def test_a_posterior_of_another_building_with_the_right_hash(tower, tower_model,
     with pytest.raises(StudyError, match=message):
         predict_study(tower, tower_model, RecordSource(SHIPPED))
     with pytest.raises(StudyError, match=message):
-        report_study(tower)
+        write_report(tower)
 
 
 def test_a_heap_without_end_in_a_posterior(tower):
@@ -150,4 +150,4 @@ def test_a_prediction_that_is_none(tower, tower_model):
     rerecorded(tower, "prediction")
     message = r"prediction\.nc cannot be read; run `femupdate predict --record FILE` again"
     with pytest.raises(StudyError, match=message):
-        report_study(tower)
+        write_report(tower)

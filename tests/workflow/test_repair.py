@@ -231,16 +231,16 @@ def test_data_of_another_building_leave_nothing_behind(home, tmp_path):
 
 def test_pages_of_a_repair_name_it_and_every_file(repaired, home, tmp_path):
     from femupdate.study import file_hash
-    from femupdate.workflow import report_study, study_status
+    from femupdate.workflow import study_status, write_report
 
     done, _ = repaired
     before, after = Study(done.path.parent), done.study
-    html = report_study(before, tmp_path / "before.html").report.read_text("utf-8")
+    html = write_report(before, tmp_path / "before.html").report.read_text("utf-8")
     assert "A repaired model has a page of its own. Added to it: Added mass at" in html
     assert "kept.csv" in html
     assert file_hash(home / "kept.csv")[:16] in html
     assert all(line in " ".join(html.split()) for line in study_status(before).first)
-    html = report_study(after, tmp_path / "after.html").report.read_text("utf-8")
+    html = write_report(after, tmp_path / "after.html").report.read_text("utf-8")
     told = " ".join(html.replace("&#39;", "'").split())
     assert all(line in told for line in study_status(after).first)
     assert "This model was repaired. Added to it: Added mass at" in html

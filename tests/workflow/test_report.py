@@ -11,7 +11,7 @@ from femupdate.errors import ReportError, StudyError
 from femupdate.report import save_figure
 from femupdate.report.figure import new_figure
 from femupdate.study import Study, file_hash, write_text
-from femupdate.workflow import report_study, study_status
+from femupdate.workflow import study_status, write_report
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
@@ -39,7 +39,7 @@ def study(tower_study, tower_observation, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def written(study, tmp_path_factory):
-    return report_study(study, tmp_path_factory.mktemp("page") / "page.html")
+    return write_report(study, tmp_path_factory.mktemp("page") / "page.html")
 
 
 def test_the_page_has_every_section_and_is_small(written):
@@ -86,14 +86,14 @@ def test_a_client_has_title_names_logo_and_own_sections(bare, tmp_path):
     text.write_text(
         "# On <site>\n\nTwo **walls**\nwere removed.\n\n- A crack\n- A door\n", encoding="utf-8"
     )
-    report = report_study(
+    report = write_report(
         bare,
         tmp_path / "page.html",
         title='A "tower" <1>',
         author="Jo",
         client="The city",
         logo=logo,
-        added=[text, logo],
+        add=[text, logo],
     )
     html = report.report.read_text(encoding="utf-8")
     assert report.sections[-3:] == ("On <site>", "logo", "How it was made")
@@ -104,12 +104,12 @@ def test_a_client_has_title_names_logo_and_own_sections(bare, tmp_path):
     assert html.count('alt="Logo"') == 1
 
 
-@pytest.mark.parametrize(("name", "how"), [("a.pdf", "added"), ("a.txt", "logo")])
+@pytest.mark.parametrize(("name", "how"), [("a.pdf", "add"), ("a.txt", "logo")])
 def test_what_cannot_stand_on_the_page_is_refused(bare, tmp_path, name, how):
     path = tmp_path / name
     path.write_text("%PDF", encoding="utf-8")
     with pytest.raises(ReportError, match=r"a\.(pdf|txt) (cannot stand|is no picture)"):
-        report_study(bare, tmp_path / "page.html", **{how: [path] if how == "added" else path})
+        write_report(bare, tmp_path / "page.html", **{how: [path] if how == "add" else path})
     assert not (tmp_path / "page.html").exists()
 
 
@@ -118,7 +118,7 @@ def test_something_stale_is_told_on_the_page(study, tmp_path):
     entries = json.loads(copy.path("study.json").read_text(encoding="utf-8"))
     entries["artefacts"]["prediction"]["made_from"]["posterior"] = "older"
     write_text(copy.path("study.json"), json.dumps(entries))
-    report = report_study(copy)
+    report = write_report(copy)
     assert report.report == copy.path("report.html")
     assert report.stale == ("prediction: stale",)
     html, glance = " ".join(report.report.read_text("utf-8").split()), study_status(copy)
@@ -130,7 +130,7 @@ def test_something_stale_is_told_on_the_page(study, tmp_path):
 
 
 def test_a_study_without_a_posterior_has_a_page_too(bare):
-    html = report_study(bare).report.read_text(encoding="utf-8")
+    html = write_report(bare).report.read_text(encoding="utf-8")
     assert "Nothing was calibrated yet." in html
     # A client reads no commands.
     assert not [name for name in ("posterior", "prediction", "finder") if f'id="{name}"' in html]
@@ -150,7 +150,7 @@ def test_a_study_without_a_posterior_has_a_page_too(bare):
 def test_what_another_version_wrote_is_refused(name, text, bare):
     write_text(bare.path(name), text)
     with pytest.raises(StudyError, match=rf"{name} is not what femupdate writes there"):
-        report_study(bare)
+        write_report(bare)
     assert not bare.result("report.html").exists()
 
 
