@@ -104,13 +104,6 @@ def build_model(
 )
 @option("--batch", "Samples in one step of the training.", click.IntRange(8), 512)
 @option("--learning-rate", "Largest learning rate.", click.FloatRange(1e-7), 3e-3)
-@option(
-    "--roof-share",
-    "Share of the samples for which only the roof is observed.",
-    click.FloatRange(0.0, 1.0),
-    0.4,
-)
-@option("--start", "Weights to start from.", click.Path(path_type=Path))
 @flag("--fresh", "Train even where a fitting surrogate exists.")
 @device_option
 @study_options(draws=False, shares=True)

@@ -89,13 +89,6 @@ class Training(TypedDict, total=False):
     epochs: int
     batch: int
     learning_rate: float
-    patience: int
-    validation: float
-    average: float
-    redraw_zeta_every: int
-    roof_share: float
-    full_share: float
-    full_band_share: float
     seed: int
 
 
@@ -185,7 +178,6 @@ def train(
     samples: int | None = None,
     thorough: bool = False,
     fresh: bool = False,
-    start: File | None = None,
     device: str = "cpu",
     progress: Progress = SILENT,
     **settings: Unpack[Training],
@@ -196,12 +188,11 @@ def train(
         samples: simulated responses to learn from.
         thorough: twice the samples and three times the epochs.
         fresh: train even where a fitting surrogate exists.
-        start: weights to go on from.
         device: of torch, for the training.
         settings: see `Training`.
 
     Raises:
-        SurrogateError: too few samples, or no weights to start from.
+        SurrogateError: too few samples, or no surrogate serves the building.
         StudyError: the study has no building and none is named.
     """
     from femupdate.workflow.calibrate import check_device
@@ -215,13 +206,12 @@ def train(
 
     usual, epochs = THOROUGH if thorough else USUAL
     count = samples or usual
-    weights = None if start is None else Path(start)
     opened, name, (_, rest) = study_of(study), _name(building), _parted(settings, Training)
     check_device(device)
-    check_training(opened, count, rest.get("batch", 512), weights, name)
+    check_training(opened, count, rest.get("batch", 512), name)
     model = reduce(opened, name, progress=progress)
     chosen = default_settings(model, **{"epochs": epochs, **rest})
-    how: dict[str, Any] = {"fresh": fresh, "start": weights, "progress": progress, "device": device}
+    how: dict[str, Any] = {"fresh": fresh, "progress": progress, "device": device}
     return train_study(opened, model, count, chosen, **how)
 
 

@@ -279,9 +279,8 @@ def train_mvae(
     settings: TrainingSettings,
     checkpoint: Path | None = None,
     progress: Progress = SILENT,
-    initial: Mvae | None = None,
 ) -> TrainingRun:
-    """Train from scratch or from `initial` weights; resume from a checkpoint.
+    """Train from scratch, or from where a checkpoint was left.
 
     Every epoch's random numbers come from the seed and the epoch's number, so a resumed training
     gives the same weights as an uninterrupted one.
@@ -291,12 +290,8 @@ def train_mvae(
             diverged.
         StudyError: the checkpoint cannot be written.
     """
-    count = len(task.dataset)
-    if count - _held_out(settings, count) < settings.batch:
-        raise SurrogateError(
-            f"{count} samples are too few for batches of {settings.batch}; ask for more samples"
-        )
-    run = _start(task, settings, initial)
+    check_samples(len(task.dataset), settings)
+    run = _start(task, settings)
     fingerprint = json.dumps(
         [asdict(settings), asdict(task.sizes), len(task.dataset)], sort_keys=True
     )
@@ -308,6 +303,15 @@ def train_mvae(
     run.average.load_state_dict(run.best)
     run.average.to("cpu").eval()
     return run
+
+
+def check_samples(samples: int, settings: TrainingSettings) -> None:
+    """Make sure that the samples not held out fill a batch."""
+    if samples - _held_out(settings, samples) < settings.batch:
+        raise SurrogateError(
+            f"{samples} samples are too few for batches of {settings.batch}; ask for more samples "
+            "or smaller batches"
+        )
 
 
 def _held_out(settings: TrainingSettings, count: int) -> int:
@@ -378,11 +382,7 @@ def draw_visibility(
     return Visibility(masks, torch.stack([start, end], dim=1))
 
 
-def _start(
-    task: TrainingTask,
-    settings: TrainingSettings,
-    initial: Mvae | None = None,
-) -> TrainingRun:
+def _start(task: TrainingTask, settings: TrainingSettings) -> TrainingRun:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(settings.seed)
         mvae = Mvae(task.sizes)
@@ -407,18 +407,6 @@ def _start(
         modal.residual.float(),
         2.0 * math.pi * float(frequency[-1]),
     )
-    if initial is not None:
-        # Weights of another problem bring their own box and scales.
-        if initial.sizes != mvae.sizes:
-            raise SurrogateError(
-                "the weights to start from have other sizes than this training; train from scratch"
-            )
-        bounds = zip((initial.lower, initial.upper), (mvae.lower, mvae.upper), strict=True)
-        if not all(torch.allclose(ours.cpu(), theirs) for ours, theirs in bounds):
-            raise SurrogateError(
-                "the weights to start from were trained on another prior; train from scratch"
-            )
-        mvae.load_state_dict(initial.state_dict())
     mvae.to(task.device)
     average = copy.deepcopy(mvae)
     best = {name: value.clone() for name, value in average.state_dict().items()}

@@ -12,7 +12,7 @@ from femupdate.errors import SurrogateError
 from femupdate.progress import SILENT, Progress
 from femupdate.result import Item, Note, Told, first_lines
 from femupdate.seeds import DATA_SET, stream
-from femupdate.study import BUILDING_FILE, Study, file_hash, typed
+from femupdate.study import BUILDING_FILE, Study, typed
 from femupdate.surrogate.dataset import ModalDataset, compute_dataset, modes_kept
 from femupdate.surrogate.network import NetworkSizes
 from femupdate.surrogate.storage import (
@@ -20,9 +20,13 @@ from femupdate.surrogate.storage import (
     Surrogate,
     SurrogateInfo,
     find_surrogate,
-    load_surrogate,
 )
-from femupdate.surrogate.training import TrainingSettings, TrainingTask, train_mvae
+from femupdate.surrogate.training import (
+    TrainingSettings,
+    TrainingTask,
+    check_samples,
+    train_mvae,
+)
 from femupdate.workflow.effects import with_finer_mesh
 from femupdate.workflow.likelihoods import unserved
 from femupdate.workflow.model import StudyModel, choose_building
@@ -66,26 +70,14 @@ def _told(
     return Trained(surrogate, path, (Note(content=content), *first, *more))
 
 
-def check_samples(samples: int, settings: TrainingSettings) -> None:
-    """Make sure that the samples not held out fill a batch."""
-    if samples - max(1, round(settings.validation * samples)) < settings.batch:
-        raise SurrogateError(
-            f"{samples} samples are too few for batches of {settings.batch}; ask for more samples "
-            "or smaller batches"
-        )
-
-
-def check_training(
-    study: Study, samples: int, batch: int, start: Path | None = None, building: str | None = None
-) -> None:
+def check_training(study: Study, samples: int, batch: int, building: str | None = None) -> None:
     """Tell what can be told of a training before anything is built or written.
 
     Args:
         building: name or path, for a new study.
 
     Raises:
-        SurrogateError: too few samples, no weights to start from, or the building is one that no
-            surrogate serves.
+        SurrogateError: too few samples, or the building is one that no surrogate serves.
         BuildingError: the building cannot be read.
         StudyError: the study has no building and none is named, is of another one, or cannot be
             written.
@@ -98,8 +90,6 @@ def check_training(
             f"{chosen.name} {why}, which no surrogate serves; it needs none: `femupdate calibrate` "
             "samples the likelihood of the data themselves"
         )
-    if start is not None:
-        load_surrogate(start)
 
 
 def train_study(
@@ -109,26 +99,21 @@ def train_study(
     settings: TrainingSettings | None = None,
     *,
     fresh: bool = False,
-    start: Path | None = None,
     progress: Progress = SILENT,
     device: str = "cpu",
 ) -> Trained:
     """Make the data set and train; skipped when a fitting surrogate is there.
-
-    With `start`, a weights file of the same sizes, training goes on from there instead of from
-    scratch.
 
     Killed half-way, the next call goes on from the last shard of the data set or the last epoch.
 
     Raises:
         SurrogateError: too few samples, or a checkpoint of another training is in the way.
     """
-    found = None if fresh or start is not None else find_surrogate(study, model.building)
+    found = None if fresh else find_surrogate(study, model.building)
     if found is not None:
         return _told(*found, study.folder)
     settings = settings or default_settings(model)
     check_samples(samples, settings)
-    initial = None if start is None else load_surrogate(start).mvae
     model = with_finer_mesh(study, model, progress)
     started = time.monotonic()
     # Shards of another building, plan or reduction are never mixed in: the folder's name says.
@@ -148,12 +133,11 @@ def train_study(
     between = time.monotonic()
     checkpoint = study.path(_CHECKPOINT)
     task = training_task(model, dataset, device)
-    result = train_mvae(task, settings, checkpoint, progress, initial)
+    result = train_mvae(task, settings, checkpoint, progress)
     how = {
         "samples": samples,
         "modes": _MODES_KEPT,
         "training": asdict(settings),
-        "started_from": None if start is None else file_hash(start),
     }
     info = SurrogateInfo(
         model.building.name,

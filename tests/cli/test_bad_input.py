@@ -185,19 +185,6 @@ def test_too_few_samples_are_told_before_any_is_drawn(femupdate, bench, tmp_path
     assert not (tmp_path / "study").exists()
 
 
-@pytest.mark.parametrize("content", [None, b"", b"no weights"])
-def test_weights_to_start_from_that_are_none(femupdate, bench, study, snapshot, content):
-    start = bench.folder / "start.safetensors"
-    if content is not None:
-        start.write_bytes(content)
-    before = snapshot(study)
-    done = femupdate("train", "--building", bench.tower, "--start", start, "--study", study)
-    assert f"{start} is not a trained surrogate" in done.complaint
-    assert done.progress == []
-    assert snapshot(study) == before
-    assert study.exists() == bool(before)
-
-
 def motion(count=300):
     time = np.arange(count) * 0.02
     return time, np.exp(-0.3 * time) * np.sin(9.0 * time + 0.4)

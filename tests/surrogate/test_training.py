@@ -126,20 +126,3 @@ def test_a_checkpoint_cut_short(task, quick, stopped, share):
     stopped.write_bytes(content[: int(share * len(content))])
     with pytest.raises(SurrogateError, match=r"training\.safetensors cannot be read .*delete it"):
         train_mvae(task, quick, stopped)
-
-
-def test_weights_to_start_from_are_gone_on_from(task, quick, trained, tmp_path):
-    initial = trained[0].average
-    before = {name: value.clone() for name, value in initial.state_dict().items()}
-    one = replace(quick, epochs=1, learning_rate=1e-5)
-    further = train_mvae(task, one, initial=initial)
-    assert (
-        further.metrics["validation_loss"] < train_mvae(task, one).metrics["validation_loss"] - 20
-    )
-    assert_equal(initial.state_dict(), before)
-    path = tmp_path / "training.safetensors"
-    with pytest.raises(KilledError):
-        train_mvae(task, quick, path, kill_in(1), initial=initial)
-    resumed = train_mvae(task, quick, path, initial=initial)
-    whole = train_mvae(task, quick, initial=initial)
-    assert_equal(resumed.average.state_dict(), whole.average.state_dict())

@@ -17,8 +17,8 @@ from safetensors import safe_open
 from femupdate.errors import SurrogateError
 from femupdate.study import Study
 from femupdate.surrogate import TrainingSettings, find_surrogate, load_surrogate, require_surrogate
+from femupdate.surrogate.training import check_samples
 from femupdate.workflow import open_study, train_study
-from femupdate.workflow.train import check_samples
 
 SAMPLES, EPOCHS = 400, 5
 SMALL = TrainingSettings(epochs=EPOCHS, batch=64)
