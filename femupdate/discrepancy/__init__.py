@@ -9,7 +9,6 @@ __all__, __getattr__ = public(
         "findings": "Diagnosis Finding",
         "fit": "likelihood_about parameters_at",
         "mesh_error": "corrected learn_mesh_error left_open MeshError",
-        "screen": "screen_channels",
         "search": "FinderModel plain_structure prepared refined sought",
         "thresholds": "DiagnosisSettings",
     },

@@ -51,7 +51,6 @@ from femupdate.discrepancy.fit import (
     settle,
     with_more,
 )
-from femupdate.discrepancy.further_measurements import measurement_values
 from femupdate.discrepancy.global_search import exchange_fits
 from femupdate.discrepancy.score import (
     Score,
@@ -161,11 +160,9 @@ def _diagnosed(
             f"The data are too few to tell: {problem.effective:.0f} independent points for "
             f"{base.steps.size} unknowns. Measure longer, with less noise, or on more floors."
         )
-    others = [twin.fitted for twin in twins[: VERDICT.compared]]
-    worth = measurement_values(problem, findings[0].fitted, others) if twins else ()
     seen = unseen(unobservable, verdict, findings, labels)
     return Diagnosis(
-        base, verdict, findings, tuple(scores), seen, labels, left, worth, sentence, allowed=allowed
+        base, verdict, findings, tuple(scores), seen, labels, left, sentence, allowed=allowed
     )
 
 
@@ -530,7 +527,7 @@ def with_pair(
     told, left = found, found.base.remains()
     if little and not first.placed.exchange:  # what channels say of themselves stands
         sentence = sentence_of(UNKNOWN, found.findings, (), left, alone)
-        told = replace(found, verdict=UNKNOWN, twins=(), worth=(), left=left, sentence=sentence)
+        told = replace(found, verdict=UNKNOWN, twins=(), left=left, sentence=sentence)
     if found.verdict == INDISTINGUISHABLE:
         return told
     progress.advance(0, "fitting two effects at once")
@@ -563,7 +560,6 @@ def with_pair(
         found,
         verdict=PARTLY,
         twins=(),
-        worth=(),
         findings=(*best, *(finding for finding in found.findings if finding not in best)),
         pair=pair,
         left=left,

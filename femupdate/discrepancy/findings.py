@@ -8,7 +8,6 @@ import torch
 
 from femupdate.discrepancy.evidence import Consequence, Tested, laplace
 from femupdate.discrepancy.fit import DIFFERENCE, Cell, Fit, Remains, with_last, with_more
-from femupdate.discrepancy.further_measurements import MeasurementValue
 from femupdate.discrepancy.score import Score
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.dynamics.system import Rows
@@ -178,7 +177,6 @@ class Diagnosis:
         unobservable: labels of effects that these sensors could not show.
         twins: labels that the leading finding cannot be told from.
         left: what the model misses, with the effect where one is named, or with both of a pair.
-        worth: of further measurements, the best first, where the first is not told from its twins.
         sentence: the verdict for an engineer.
         pair: two that explain together what the best alone does not, the stronger first, with the
             sizes that they have together; empty where none was sought or found.
@@ -194,7 +192,6 @@ class Diagnosis:
     unobservable: tuple[str, ...]
     twins: tuple[str, ...]
     left: Remains
-    worth: tuple[MeasurementValue, ...]
     sentence: str
     pair: tuple[Finding, ...] = ()
     allowed: Fit | None = None
@@ -222,26 +219,16 @@ class Diagnosis:
         least = value - max(settings.close * value, settings.over_none)
         return tuple(finding for finding in self.findings if finding.log_evidence > least)[:4]
 
-    def would_decide(self, settings: DiagnosisSettings) -> tuple[str, ...]:
+    @property
+    def would_decide(self) -> tuple[str, ...]:
         """Sentences on what would decide, where the first is not told from its twins."""
         if not self.twins or self.leading is None:
             return ()
-        told, needed = [], settings.margin(self.leading.log_evidence)
-        enough = [f"{what} ({worth:.0f})" for what, worth in self.worth if worth >= needed]
-        if enough:
-            best = "; ".join(enough[:3])
-            told.append(f"Measured as well, it would decide (log evidence to expect): {best}.")
-        elif self.worth:
-            told.append(
-                "No further floor would decide, measured as well as these: the most to expect is a "
-                f"log evidence of {self.worth[0][1]:.1f}, from {self.worth[0][0]}."
-            )
         twins = [finding.placed for finding in self.findings if finding.placed.label in self.twins]
-        for placed in [self.leading.placed, *twins[: VERDICT.compared]]:
-            told.append(
-                f"Without the model, {placed.label} is settled by {placed.effect.settled_by}."
-            )
-        return tuple(told)
+        return tuple(
+            f"Without the model, {placed.label} is settled by {placed.effect.settled_by}."
+            for placed in (self.leading.placed, *twins[: VERDICT.compared])
+        )
 
 
 Beside = Callable[[Finding, Finding], bool]

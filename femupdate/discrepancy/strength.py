@@ -394,7 +394,7 @@ def _told_by_thirds(found: Diagnosis, thirds: FrfData, settings: DiagnosisSettin
 def _nonlinear(found: Diagnosis, findings: Sequence[Finding], sentence: str) -> Diagnosis:
     """The diagnosis with another verdict."""
     told = replace(found, verdict=NONLINEAR, findings=tuple(findings), sentence=sentence)
-    return replace(told, twins=(), worth=(), pair=())
+    return replace(told, twins=(), pair=())
 
 
 def _changes(

@@ -21,7 +21,6 @@ from femupdate.discrepancy.findings import (
     grouped,
     mass_in_words,
 )
-from femupdate.discrepancy.screen import screen_channels
 from femupdate.discrepancy.search import (
     FinderModel,
     finder_structure,
@@ -76,14 +75,9 @@ class DiagnosisReport(Result):
     files: tuple[Path, ...]
 
     @property
-    def would_decide(self) -> tuple[str, ...]:
-        """Sentences on what would tell the first effect from others, where the data do not."""
-        return self.diagnosis.would_decide(self.settings)
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know, the decisive first."""
-        return (*self.limits, *self.would_decide, *self.screen)
+        return (*self.limits, *self.diagnosis.would_decide, *self.screen)
 
     def items(self) -> Iterator[Item]:
         """The verdict, the leading effects, notes and tables."""
@@ -133,7 +127,7 @@ class DiagnosisReport(Result):
                 ],
                 "remaining": found.left.as_dict(),
                 "cannot_be_told_from_the_first": found.twins,
-                "would_decide": self.would_decide,
+                "would_decide": found.would_decide,
                 "where": [{key: getattr(cell, key) for key in keys} for cell in high],
                 "screen": [*self.limits, *self.screen],
             },
@@ -331,7 +325,7 @@ def _notes(given: Measured, data: Sequence[Data], found: Diagnosis) -> Iterator[
         yield f"The base's rotation was measured and is an input, so {names} are not looked for."
     base = found.base
     if given.has_base:
-        yield from screen_channels(given.base, base.system, base.theta()[0])
+        yield from given.doubts
         leading, run = found.leading, given.run
         if leading is not None and found.verdict in (NAMED, PARTLY) and run and run.histories:
             yield peaks_with(base, leading.fitted, run, direction_of(base.likelihood.building))

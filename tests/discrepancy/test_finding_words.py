@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from femupdate.discrepancy import Finding
+from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.findings import grouped
 from femupdate.discrepancy.fit import extended, fit
 from femupdate.effects import CATALOGUE, Placed
@@ -137,3 +138,16 @@ def test_what_cannot_be_seen_is_told_by_effect():
     labels += ["cracked_beams@S2", "channel_gain@4F", "channel_gain@RF", "cracked_beams@all"]
     told = set(grouped(labels, structure).split("; "))
     assert told == {"added_mass@2F to 18F", "channel_gain@4F, RF", "cracked_beams@all, S2"}
+
+
+def test_a_diagnosis_says_what_would_decide(chains, building_of, observe, pose):
+    """One floor of two: its gain and that of the base do the same to it."""
+    grid = 0.2 * np.arange(1, 61)
+    chain = chains.Chain(np.ones(2), np.array([900.0, 700.0]), zeta=0.03)
+    seen = observe(("RF",), grid, 1.06 * chain.frf(grid)[1:], 0.02, 3)
+    found = diagnose(pose(building_of(np.ones(2), np.full(2, 800.0)), seen))
+    labels = {found.leading.placed.label, *found.twins}
+    assert found.verdict == "indistinguishable"
+    assert {"base_gain@base", "channel_gain@RF"} <= labels
+    said = " ".join(found.would_decide)
+    assert "base_gain@base is settled by two sensors side by side" in said
