@@ -67,7 +67,6 @@ def finder_options(function: F) -> F:
     share = click.FloatRange(0.0, 1.0)
 
     @option("--second", "Second record at another level of motion.", INPUT_FILE)
-    @flag("--no-phase", "Use the amplitude alone.")
     @option(
         "--least-frequency",
         "Change of a frequency that is of consequence, as a ratio; default 0.01.",
@@ -79,11 +78,11 @@ def finder_options(function: F) -> F:
         share,
     )
     @functools.wraps(function)
-    def wrapper(*args: Any, no_phase: bool, **kwargs: Any) -> Any:
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
         for name in ("least_frequency", "least_response"):
             if kwargs[name] is None:
                 del kwargs[name]
-        return function(*args, use_phase=not no_phase, **kwargs)
+        return function(*args, **kwargs)
 
     return wrapper  # type: ignore[return-value]
 

@@ -300,7 +300,6 @@ def diagnose(
     *files: "File | Observation",
     building: File | None = None,
     second: File | None = None,
-    use_phase: bool = True,
     progress: Progress = SILENT,
     **settings: Unpack[Judging],
 ) -> "DiagnosisReport":
@@ -309,7 +308,6 @@ def diagnose(
     Args:
         files: of one building, of any kind that `calibrate` takes.
         second: record at another level of motion.
-        use_phase: compare phases where they were measured.
         settings: how files are read (`Reading`) and judged (`Judging`).
 
     Raises:
@@ -326,7 +324,7 @@ def diagnose(
     chosen = DiagnosisSettings(**rest)
     with opened.whole():
         model = reduce(opened, building, progress=progress)
-        return diagnose_study(opened, model, source, chosen, progress, use_phase, other)
+        return diagnose_study(opened, model, source, chosen, progress, other)
 
 
 def repair(
@@ -335,7 +333,6 @@ def repair(
     building: File | None = None,
     holdout: File | None = None,
     second: File | None = None,
-    use_phase: bool = True,
     progress: Progress = SILENT,
     **settings: Unpack[Judging],
 ) -> "RepairReport":
@@ -360,7 +357,7 @@ def repair(
     chosen = DiagnosisSettings(**rest)
     with opened.whole():
         model = reduce(opened, building, progress=progress)
-        return repair_study(opened, model, source, kept_out, chosen, progress, use_phase, other)
+        return repair_study(opened, model, source, kept_out, chosen, progress, other)
 
 
 def render(

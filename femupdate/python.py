@@ -43,8 +43,7 @@ class SessionBars:
 
 _COMMANDS = {verb: command for command, verb in errors.VERBS.items()} | {"reduce": "build-model"}
 _OPTIONS = {ours: option for option, ours in errors.KEYWORDS.items()}
-_SAID = {"files": [], "use_phase": ["--no-phase"]}
-_SAID |= {"spectrum_damping": ["--floor-spectra", "--spectrum-damping"]}
+_SAID = {"files": [], "spectrum_damping": ["--floor-spectra", "--spectrum-damping"]}
 _MANY = ("members", "wanted", "files")  # each has an option, or stands, by itself
 
 
@@ -53,7 +52,6 @@ def words_of(name: str, given: Mapping[str, Any]) -> list[str]:
     study, words = given["study"], [_COMMANDS[name]]
     for key, value in given.items():
         option = _SAID.get(key, ["--" + _OPTIONS.get(key, key).replace("_", "-")])
-        value = not value if key == "use_phase" else value
         if key in ("study", "building", "progress") or value is None or value is False:
             continue
         if isinstance(value, Mapping):

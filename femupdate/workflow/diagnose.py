@@ -230,13 +230,11 @@ def diagnose_study(
     source: ObservationSource,
     settings: DiagnosisSettings | None = None,
     progress: Progress = SILENT,
-    use_phase: bool = True,
     second: ObservationSource | None = None,
 ) -> DiagnosisReport:
     """Find where the study's model fails and rank what it may lack; changes nothing in it.
 
     Args:
-        use_phase: compare phases where they were measured.
         second: another record at another level, to be explained together with the first.
 
     Raises:
@@ -248,7 +246,7 @@ def diagnose_study(
     source, second = source.opened(), None if second is None else second.opened()
     given = read_both(study, model, source, second, progress)
     finder = finder_model(study, model, progress)
-    data = data_of(given, model.system, use_phase)
+    data = data_of(given, model.system)
     problem, found = search(finder, data, chosen, progress, given.run)
     base = found.base
     room = torch.minimum(base.z - base.steps.lower, base.steps.upper - base.z)

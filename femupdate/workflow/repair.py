@@ -248,7 +248,6 @@ def repair_study(
     holdout: ObservationSource | None = None,
     settings: DiagnosisSettings | None = None,
     progress: Progress = SILENT,
-    use_phase: bool = True,
     second: ObservationSource | None = None,
 ) -> RepairReport:
     """Diagnose, add what the evidence carries, update, and compare.
@@ -257,7 +256,6 @@ def repair_study(
 
     Args:
         holdout: other data of the same building, to be predicted before and after.
-        use_phase: compare phases where they were measured.
         second: another record at another level, to be explained together with the first.
 
     Raises:
@@ -268,11 +266,11 @@ def repair_study(
     if holdout is not None:
         other = with_rest(study, model, measured_of(model.building, holdout), progress)
     finder, model = finder_model(study, model, progress), on_kept_finer(study, model)
-    data = data_of(given, model.system, use_phase)
+    data = data_of(given, model.system)
     problem, found = search(finder, data, settings, progress, given.run)
     kept_out = None
     if holdout is not None and other is not None:
-        kept_out = _kept_out(model, finder, holdout, other, use_phase, source if second else None)
+        kept_out = _kept_out(model, finder, holdout, other, source if second else None)
         _check_explained(kept_out, problem, found, source)
     elsewhere = None if kept_out is None else kept_out.gain
     mended, done = mend(finder, problem, found, settings, progress, elsewhere)
@@ -329,7 +327,6 @@ def _kept_out(
     finder: FinderModel,
     source: ObservationSource,
     held: Measured,
-    use_phase: bool,
     first: ObservationSource | None,
 ) -> KeptOut:
     """Data kept out, at their level where there are two records, the first of which is given."""
@@ -339,7 +336,7 @@ def _kept_out(
     return KeptOut(
         name=source.path.name,
         model=finder,
-        data=data_of(held, model.system, use_phase),
+        data=data_of(held, model.system),
         floors=held.as_observation.floors,
         level=level,
         histories=read if isinstance(read, Histories) else None,

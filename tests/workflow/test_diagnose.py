@@ -44,6 +44,8 @@ def write(path, frf, seed=3, sd=SD):
     floors = FLOORS if len(frf) == 3 else FLOORS[::2]
     names = [f"{f}_{part}" for f in floors for part in ("re", "im")]
     parts = np.stack([seen.real, seen.imag], axis=1).reshape(-1, seen.shape[1])
+    if not np.iscomplexobj(frf):  # sizes alone
+        names, parts = list(floors), np.abs(seen)
     head = ",".join(["frequency_hz", *names, *(f"{f}_sd" for f in floors)])
     rows = [
         ",".join(f"{v:.9g}" for v in (f, *column, *[sd] * len(floors)))
@@ -183,9 +185,8 @@ def test_what_is_not_in_the_catalogue_leaves_something_unexplained(diagnosed, tm
     assert worst.band_hz[1] > 10.0
 
 
-def test_phase_is_left_out_where_asked(diagnosed):
-    """A delay shows in nothing but the phase."""
-    found = diagnosed(NAMED["channel_delay@RF"][0], use_phase=False).diagnosis
+def test_a_delay_shows_in_nothing_but_the_phase(diagnosed):
+    found = diagnosed(np.abs(NAMED["channel_delay@RF"][0])).diagnosis
     assert found.verdict == "none"
     assert not any(one.placed.effect.needs_phase for one in found.scores)
 
