@@ -26,7 +26,7 @@ from femupdate.dynamics.modes import Modes, response
 from femupdate.dynamics.recurrence import ModalOutputs, Steps, record_points
 from femupdate.dynamics.system import Rows, Sample, System
 from femupdate.effects.effect import split_sizes
-from femupdate.errors import MeasurementError, StructureError
+from femupdate.errors import StructureError
 from femupdate.progress import SILENT, Progress
 
 Numbers = ArrayLike | Tensor
@@ -104,8 +104,7 @@ def floor_histories(
         tolerance: share of the base acceleration up to which modes are static; 0 integrates all.
 
     Raises:
-        MeasurementError: the record is too short, not finite or has no positive time step.
-        StructureError: parameters or zeta do not fit, or a stiffness is not positive definite.
+        StructureError: a stiffness is not positive definite.
     """
     sample = parameters, zeta, acceleration, time_step
     batches = history_batches(system, *sample, oversampling=oversampling, tolerance=tolerance)
@@ -135,13 +134,14 @@ def history_batches(
     level: OwnLevel | None = None,
     progress: Progress = SILENT,
 ) -> Iterator[ResponseHistories]:
-    """Check the input, then yield the histories of fifty samples at a time.
+    """Yield the histories of fifty samples at a time.
 
     Arguments and errors as for `floor_histories`; `progress` advances by one a sample. With a
     `level` a structure whose modes are real follows it; else it stays as at the mean level.
     """
-    samples, ratios = _checked(parameters, zeta, system)
-    record = _check_record(acceleration, time_step, system)
+    samples = torch.as_tensor(parameters, dtype=torch.float64)
+    ratios = torch.as_tensor(zeta, dtype=torch.float64).expand(len(samples))
+    record = np.atleast_2d(np.asarray(acceleration, dtype=np.float64))
     task = _Task(system, record, float(time_step), oversampling, tolerance)
     if level is not None and system.changes_in_run and not system.complex_modes:
         return _follow(task, samples, ratios, level, progress)
@@ -418,56 +418,6 @@ def _rest(omega: Tensor, ratio: Tensor, share: float) -> float:
     """How long motion lasts behind the record, s."""
     rate = float((omega * ratio).min())  # of decay, 1/s
     return float(np.clip(-np.log(share) / rate, _SHORTEST_S, _LONGEST_S))
-
-
-def _checked(parameters: Numbers, zeta: Numbers, system: System) -> tuple[Tensor, Tensor]:
-    samples = torch.as_tensor(parameters, dtype=torch.float64)
-    if samples.ndim != 2 or samples.shape[1] != system.parameters or len(samples) == 0:
-        raise StructureError(
-            f"theta has the shape {tuple(samples.shape)}; "
-            f"the model needs (samples, {system.parameters})"
-        )
-    if not torch.isfinite(samples).all():
-        row = int(torch.isfinite(samples).all(dim=1).logical_not().nonzero()[0])
-        raise StructureError(f"theta of sample {row} is not finite; leave that sample out")
-    ratios, count = torch.as_tensor(zeta, dtype=torch.float64), len(samples)
-    if ratios.ndim == 0:
-        ratios = ratios.expand(count)
-    if ratios.shape != (count,):
-        raise StructureError(
-            f"zeta has the shape {tuple(ratios.shape)}; give one number or one for each "
-            f"of the {count} samples"
-        )
-    if not bool((ratios >= 0.0).all()):  # False for NaN as well
-        raise StructureError(
-            "zeta must be zero or more in every sample; 0.02 means 2 % of critical"
-        )
-    return samples, ratios
-
-
-def _check_record(acceleration: ArrayLike, time_step: float, system: System) -> Floats:
-    """(1, n) translation, or (2, n) with rotation."""
-    given = np.asarray(acceleration, dtype=np.float64)
-    record = np.atleast_2d(given)
-    if len(record) == 2 and system.model.rotation is None:
-        raise StructureError(
-            "the reduced model knows of no base that turns; give its translation alone"
-        )
-    if given.ndim not in (1, 2) or record.shape[0] > 2 or record.shape[1] < 2:
-        raise MeasurementError(
-            f"the base acceleration has the shape {given.shape}; give one row of two samples "
-            "or more, or two rows, translation and rotation"
-        )
-    bad = np.argwhere(~np.isfinite(record))
-    if len(bad):
-        row, sample = bad[0]
-        raise MeasurementError(
-            f"sample {sample} of the base acceleration is {record[row, sample]}; mend the record"
-            " first"
-        )
-    if not (np.isfinite(time_step) and time_step > 0.0):
-        raise MeasurementError(f"the time step of the record is {time_step} s; it must be positive")
-    return record
 
 
 def _check_stable(omega: Tensor, first: int) -> None:

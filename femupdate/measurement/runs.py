@@ -18,7 +18,6 @@ import numpy as np
 from scipy.special import chdtrc
 
 from femupdate.arrays import Floats
-from femupdate.errors import MeasurementError
 from femupdate.measurement.estimated import mean_estimator
 from femupdate.measurement.observation import (
     Observation,
@@ -46,14 +45,6 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
     Args:
         runs: on one frequency grid; one alone is returned as it is.
     """
-    if not runs:
-        raise MeasurementError("there is no run to pool; give one at least")
-    for run in runs[1:]:
-        if not np.array_equal(run.frequency_hz, runs[0].frequency_hz):
-            raise MeasurementError(
-                f"{run.source} is on another frequency grid than {runs[0].source}; bring both to "
-                "the building's"
-            )
     if len(runs) == 1:
         return runs[0]
     names = [name for name in floors if any(name in run.floors for run in runs)]

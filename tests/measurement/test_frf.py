@@ -192,13 +192,6 @@ def test_short_record_gets_shorter_segments_and_says_so():
     np.testing.assert_allclose(observation.log_frf[0][observation.valid[0]], np.log(1.5), atol=1e-9)
 
 
-@pytest.mark.parametrize("grid", [[], [0.0, 1.0], [2.0, 1.0], [1.0, np.nan], [[1.0, 2.0]], [-1.0]])
-def test_bad_grid(grid):
-    base = noise(10, 16)
-    with pytest.raises(MeasurementError, match="the frequency grid must increase"):
-        estimate_frf(histories(base=base, RF=base), np.array(grid))
-
-
 def test_building_of_other_floors_is_refused():
     base = noise(60, 17)
     data = histories(source="tower.csv", base=base, f7F=base, RF=base)

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from femupdate.errors import MeasurementError
 from femupdate.measurement import Observation, agreement, independent_share, pooled, select_floors
 
 FLOORS = ("2F", "3F", "RF")
@@ -108,14 +107,9 @@ def test_resolutions_keep_the_second_moment_of_the_windows():
     assert pooled([table, table], FLOORS).coherence is None
 
 
-def test_what_cannot_be_pooled():
-    rng = np.random.default_rng(3)
-    one = run(rng)
+def test_one_run_stays_as_it_is():
+    one = run(np.random.default_rng(3))
     assert pooled([one], FLOORS) is one
-    with pytest.raises(MeasurementError, match=r"b\.csv is on another frequency grid"):
-        pooled([one, replace(run(rng), frequency_hz=2.0 * FREQUENCY, source="b.csv")], FLOORS)
-    with pytest.raises(MeasurementError, match="no run to pool"):
-        pooled([], FLOORS)
 
 
 def measured(rng, truth, sd=0.1, source="a.csv"):
