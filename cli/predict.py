@@ -106,6 +106,6 @@ def render(study: Study, bars: Bars, **asked: Any) -> Answer:
       femupdate render
       femupdate render --mode 3 --mode 11
     """
-    from femupdate import interface
+    from femupdate.workflow.render import render_study
 
-    return Answer(interface.render(study, progress=bars, **asked), {"study": study.folder})
+    return Answer(render_study(study, progress=bars, **asked), {"study": study.folder})

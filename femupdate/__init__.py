@@ -48,7 +48,6 @@ if _TYPE_CHECKING:
         diagnose,
         predict,
         reduce,
-        render,
         repair,
         simulate,
         status,
@@ -62,6 +61,7 @@ if _TYPE_CHECKING:
     from femupdate.surrogate.storage import Surrogate
     from femupdate.workflow.demo import run_demo as demo
     from femupdate.workflow.inspect_files import identify, inspect
+    from femupdate.workflow.render import render_study as render
     from femupdate.workflow.report import write_report
     from femupdate.workflow.shipped import copy_examples
     from femupdate.workflow.shipped import list_all as catalogue

@@ -360,33 +360,6 @@ def repair(
         return repair_study(opened, model, source, kept_out, chosen, progress, other)
 
 
-def render(
-    study: Folder,
-    *,
-    modes: int = 3,
-    wanted: Sequence[int] = (),
-    samples: int = 60,
-    seed: int = 0,
-    progress: Progress = SILENT,
-) -> "Told":
-    """Draw mode shapes of the posterior into the study, and write them as CSV and UFF.
-
-    Args:
-        modes: how many, of those that move most of the mass.
-        wanted: numbers of modes, as `build_model` lists them, to draw instead.
-        samples: draws of the posterior over which shapes are averaged.
-
-    Raises:
-        StudyError: there is no posterior, it is of another building, or no mode has the number.
-    """
-    from femupdate.workflow.model import open_calibrated
-    from femupdate.workflow.render import render_study
-
-    opened = study_of(study)
-    how: dict[str, Any] = {"wanted": wanted, "seed": seed, "progress": progress}
-    return render_study(opened, open_calibrated(opened, progress), modes, samples, **how)
-
-
 def compare(
     study: Folder, before: str, after: str, *, columns: Mapping[str, str] | None = None
 ) -> "CompareReport | Told":
@@ -536,6 +509,7 @@ _OF_WORKFLOW = {
     "demo": "demo:run_demo",
     "identify": "inspect_files",
     "inspect": "inspect_files",
+    "render": "render:render_study",
     "write_report": "report",
 }
 __getattr__ = lazily("femupdate.workflow", _OF_WORKFLOW)

@@ -89,7 +89,7 @@ def run_demo(
             study, built.model, RecordSource(record, scale=0.1), progress=progress
         )
     progress.say("5/5 Mode shapes of the posterior")
-    rendered = render_study(study, built.model, progress=progress)
+    rendered = render_study(study, model=built.model, progress=progress)
     truth = tuple(json.loads((examples / TRUTH).read_text(encoding="utf-8"))["theta"])
     posterior, seconds = everything.posterior, time.monotonic() - started
     columns = [

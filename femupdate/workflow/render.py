@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,10 @@ from femupdate.report.plot_sticks import stick_mode_shapes
 from femupdate.report.scale import plus_minus
 from femupdate.report.scenes import mode_shape_figure
 from femupdate.result import Note, Notes, Picture, Told
-from femupdate.study import Study
+from femupdate.study import Study, study_of
 from femupdate.units import capital
 from femupdate.workflow.calibration_report import kept_posterior
-from femupdate.workflow.model import StudyModel, on_kept_finer
+from femupdate.workflow.model import StudyModel, on_kept_finer, open_calibrated
 from femupdate.workflow.modes import (
     StudyMode,
     find_modes,
@@ -37,29 +38,30 @@ from femupdate.workflow.observed import direction_of
 
 
 def render_study(
-    study: Study,
-    model: StudyModel,
-    modes: int = 3,
-    samples: int = 60,
+    study: Study | Path | str,
     *,
+    modes: int = 3,
     wanted: Sequence[int] = (),
+    samples: int = 60,
     seed: int = 0,
     progress: Progress = SILENT,
+    model: StudyModel | None = None,
 ) -> Told:
-    """Draw the mean shape and its spread of modes.
+    """Draw mode shapes of the posterior into the study, and write them as CSV and UFF.
 
     Args:
-        study: with a posterior.
         modes: how many, of those that move most of the mass.
-        wanted: numbers of modes, as `build-model` lists them, to draw instead.
+        wanted: numbers of modes, as `build_model` lists them, to draw instead.
+        samples: draws of the posterior over which shapes are averaged.
+        model: of the study, where it is open.
 
     Raises:
         StudyError: there is no posterior, it is of another building, or no mode that the base
             motion excites has the number.
     """
-    study.check_fresh("posterior", model.made_from(), "calibrate")
+    study = study_of(study)
+    model = on_kept_finer(study, model or open_calibrated(study, progress))
     posterior = kept_posterior(study, model.building)
-    model = on_kept_finer(study, model)
     full = find_modes(study, model)
     beyond = [number for number in wanted if not 1 <= number <= len(full.direction)]
     if beyond:

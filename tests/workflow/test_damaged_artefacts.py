@@ -126,7 +126,7 @@ def test_a_posterior_of_another_building_with_the_right_hash(tower, tower_model,
     rerecorded(tower, "posterior")
     message = r"the posterior in .* is not of tower: .*9.*run `femupdate calibrate` again"
     with pytest.raises(StudyError, match=message):
-        render_study(tower, tower_model)
+        render_study(tower, model=tower_model)
     with pytest.raises(StudyError, match=message):
         predict_study(tower, tower_model, RecordSource(SHIPPED))
     with pytest.raises(StudyError, match=message):

@@ -24,7 +24,7 @@ def shown(path):
 
 
 def test_the_modes_of_a_lumped_building(tower, tower_model, tower_modes):
-    modes = render_study(tower, tower_model, samples=40, seed=1).modes
+    modes = render_study(tower, model=tower_model, samples=40, seed=1).modes
     assert [mode["mode"] for mode in modes] == [1, 2]
     theta = load_posterior(tower.path("posterior.nc")).thinned(40, 1)[:, :2].numpy()
     own = np.array([tower_modes(row)[0] for row in theta])
@@ -38,7 +38,7 @@ def test_the_modes_of_a_lumped_building(tower, tower_model, tower_modes):
 
 def test_shapes_are_normalised_by_mass_and_read_again(tower, tower_model, tmp_path):
     rayleigh = replace(tower_model.system, law=RayleighDamping(0.05, (1.0, 4.0)))
-    report = render_study(tower, replace(tower_model, system=rayleigh), samples=40, seed=1)
+    report = render_study(tower, model=replace(tower_model, system=rayleigh), samples=40, seed=1)
     frame = report.to_dataframe("shapes")
     floors = list(tower_model.reduced.floors)
     mass = [story.mass for story in tower_model.building.stories]
@@ -90,7 +90,7 @@ def full_frequencies(model, theta):
 def test_the_modes_of_a_frame(cabin):
     """PyVista's scenes where it can render, else matplotlib's: either way a picture a mode."""
     study, model, theta = cabin
-    modes = render_study(study, model, modes=2, samples=20).modes
+    modes = render_study(study, model=model, modes=2, samples=20).modes
     assert [mode["picture"].name for mode in modes] == ["mode_2.png", "mode_15.png"]
     pictures = [shown(mode["picture"]) for mode in modes]
     assert not np.array_equal(pictures[0], pictures[1])
@@ -102,7 +102,7 @@ def test_the_modes_of_a_frame(cabin):
     assert all(m["found"] > 0.8 for m in modes)
     # The lowest moves across the motion: no data changed it.
     with pytest.raises(StudyError, match="does not excite mode 1, so no data changed it"):
-        render_study(study, model, wanted=[1, 2], samples=20)
+        render_study(study, model=model, wanted=[1, 2], samples=20)
     # A remnant of a mode that looks like it and lies far above it is not that mode.
     full = mesh_modes(structure_of(model.building))
     at_one = reduced_modes(model.reduced, np.ones((1, 2)))
@@ -128,8 +128,8 @@ def test_a_mode_is_followed_through_a_crossing():
 
 
 def test_the_mode_of_most_mass_is_shown_first(tower, tower_model):
-    first, second = render_study(tower, tower_model, samples=5).modes
+    first, second = render_study(tower, model=tower_model, samples=5).modes
     assert (first["mode"], second["mode"]) == (1, 2)
     assert first["effective_mass"] > second["effective_mass"]
-    (most,) = render_study(tower, tower_model, modes=1, samples=5).modes
+    (most,) = render_study(tower, model=tower_model, modes=1, samples=5).modes
     assert most["mode"] == 1
