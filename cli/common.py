@@ -189,8 +189,7 @@ def study_options(
                     answer = replace(answer, pictures=())
             answer.show(as_json, asked_for("verbose"))
 
-        options = [add for add, wanted in asked.items() if wanted]
-        return functools.reduce(lambda made, add: add(made), options, wrapper)
+        return together(*[add for add, wanted in asked.items() if wanted][::-1])(wrapper)
 
     return decorate
 
@@ -227,26 +226,6 @@ def plain_options(function: Callable[..., Answer]) -> Callable[..., None]:
     return wrapper
 
 
-def reading_options(function: F) -> F:
-    """Add the options for reading observation files."""
-
-    @option("--sensors", "Floors to use, such as RF or 2F,RF; default all.", NAMES, ())
-    @option("--band band_hz", "Frequency range, such as 0.5,18 (Hz).", BAND)
-    @unit_option
-    @columns_options
-    @option(
-        "--mode-error",
-        "Error of the model's own natural frequencies, as a ratio; default 0.01.",
-        click.FloatRange(0.0, 0.5, min_open=True),
-    )
-    @option("--force", "Floor that was hit or shaken, where column names do not say it.")
-    @functools.wraps(function)
-    def wrapper(*args: Any, **kwargs: Any) -> Any:
-        return function(*args, **kwargs)
-
-    return wrapper  # type: ignore[return-value]
-
-
 def columns_options(function: F) -> F:
     """Add --columns and --mapping, passed on as `columns`, and fill a `unit` that is missing."""
 
@@ -270,6 +249,26 @@ def columns_options(function: F) -> F:
         return function(*args, columns=timed(columns, rate), **kwargs)
 
     return wrapper  # type: ignore[return-value]
+
+
+def together(*options: Callable[[F], F]) -> Callable[[F], F]:
+    """Add options in the order of the help."""
+    return lambda function: functools.reduce(lambda made, add: add(made), options[::-1], function)
+
+
+READING = (
+    option("--sensors", "Floors to use, such as RF or 2F,RF; default all.", NAMES, ()),
+    option("--band band_hz", "Frequency range, such as 0.5,18 (Hz).", BAND),
+    unit_option,
+    columns_options,
+    option(
+        "--mode-error",
+        "Error of the model's own natural frequencies, as a ratio; default 0.01.",
+        click.FloatRange(0.0, 0.5, min_open=True),
+    ),
+    option("--force", "Floor that was hit or shaken, where column names do not say it."),
+)
+"""Options for reading observation files."""
 
 
 def running(function: F) -> F:

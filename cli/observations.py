@@ -1,6 +1,5 @@
 """femupdate calibrate, diagnose and repair: what measured files say of a building."""
 
-import functools
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +9,15 @@ from femupdate.study import MAIN_POSTERIOR, Study
 
 from .bars import Bars
 from .common import (
+    READING,
     Answer,
-    F,
     building_option,
     device_option,
     flag,
     observations_argument,
     option,
-    reading_options,
     study_options,
+    together,
 )
 from .group import GroupedCommand
 from .parameters import INPUT_FILE
@@ -40,7 +39,7 @@ from .parameters import INPUT_FILE
 )
 @device_option
 @flag("--anyway", "Keep a posterior even where the file is unlike the building.")
-@reading_options
+@together(*READING)
 @study_options(shares=True)
 def calibrate(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
@@ -62,36 +61,24 @@ def calibrate(observations: tuple[Path, ...], study: Study, bars: Bars, **asked:
     return Answer(interface.calibrate(study, *observations, progress=bars, **asked))
 
 
-def finder_options(function: F) -> F:
-    """Add what both commands take beside files and building; what is left out is not passed on."""
-    share = click.FloatRange(0.0, 1.0)
-
-    @option("--second", "Second record at another level of motion.", INPUT_FILE)
-    @option(
+_SHARE = click.FloatRange(0.0, 1.0)
+FINDER = (
+    option("--second", "Second record at another level of motion.", INPUT_FILE),
+    option(
         "--least-frequency",
-        "Change of a frequency that is of consequence, as a ratio; default 0.01.",
-        share,
-    )
-    @option(
-        "--least-response",
-        "Change or error of a response that is, as a ratio; default 0.02.",
-        share,
-    )
-    @functools.wraps(function)
-    def wrapper(*args: Any, **kwargs: Any) -> Any:
-        for name in ("least_frequency", "least_response"):
-            if kwargs[name] is None:
-                del kwargs[name]
-        return function(*args, **kwargs)
-
-    return wrapper  # type: ignore[return-value]
+        "Change of a frequency that is of consequence, as a ratio.",
+        _SHARE,
+        0.01,
+    ),
+    option("--least-response", "Change or error of a response that is, as a ratio.", _SHARE, 0.02),
+)
+"""What both commands take beside files and building."""
 
 
 @click.command("diagnose", cls=GroupedCommand)
 @observations_argument
 @building_option
-@finder_options
-@reading_options
+@together(*FINDER, *READING)
 @study_options(shares=True)
 def diagnose(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Find where the model and the measured files OBSERVATIONS disagree, and what is missing.
@@ -117,8 +104,7 @@ def diagnose(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: 
 @observations_argument
 @building_option
 @option("--holdout", "Data that are only predicted, before and after.", INPUT_FILE)
-@finder_options
-@reading_options
+@together(*FINDER, *READING)
 @study_options(shares=True)
 def repair(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Add to the model what the measured files OBSERVATIONS show to be missing.

@@ -10,7 +10,7 @@ from femupdate.study import Study, locked
 
 from .bars import Bars
 from .common import NEW_FILE, Answer, option, output_option, study_options
-from .group import Failure, GroupedCommand
+from .group import GroupedCommand
 from .parameters import COLUMNS, INPUT_FILE
 
 _reading = study_options(posterior=True, writes=False, draws=False, seeded=False)
@@ -58,16 +58,13 @@ def compare(
       femupdate compare study obs.csv
     """
     from femupdate import interface
-    from femupdate.workflow.compare import CompareReport
 
     report = interface.compare(study, before, after, columns=columns)
     if picture is None:
         return Answer(report)
-    if not isinstance(report, CompareReport):
-        raise Failure("modes and FRFs are compared in tables alone; leave --picture out")
     from femupdate.report.figure import save_figure
 
-    return Answer(report, pictures=(save_figure(report.intervals(), picture),))
+    return Answer(report, pictures=(save_figure(report.plot(), picture),))
 
 
 @click.command("report", cls=GroupedCommand)

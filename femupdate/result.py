@@ -124,7 +124,7 @@ class Result:
         pictures = {picture.name: picture for picture in self.figures()}
         if (name or next(iter(pictures), "")) not in pictures:
             raise ReportError(
-                f"there is no figure {name!r}; known: {', '.join(pictures) or 'none'}"
+                f"there is no figure {name!r}; known: {', '.join(pictures) or 'none, tables alone'}"
             )
         return pictures[name or next(iter(pictures))].figure()
 

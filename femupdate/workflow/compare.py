@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +15,9 @@ from femupdate.errors import InferenceError, StudyError
 from femupdate.inference.change import NAMED, Changes, changes
 from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.report.scale import plus_minus, with_unit
-from femupdate.result import Item, Note, Notes, Result
+from femupdate.result import Item, Note, Notes, Picture, Result
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import Column, Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,16 +154,16 @@ class CompareReport(Result):
         yield Table(name="changes", key="changes", columns=columns)
         yield Notes(self.notes, key="notes")
 
-    def intervals(self) -> "Figure":
+    def figures(self) -> Iterator[Picture]:
         """The intervals of all factors before and after."""
         from femupdate.report.plot_posterior import theta_intervals
 
-        return theta_intervals(
-            self.titles,
-            dict(zip(("Before", "After"), self.draws, strict=True)),
+        both = dict(zip(("Before", "After"), self.draws, strict=True))
+        bounds, title = (
             self.before.posterior.of("stiffness").bounds,
-            title="Stiffness factors before and after",
+            "Stiffness factors before and after",
         )
+        yield Picture("changes", lambda: theta_intervals(self.titles, both, bounds, title=title))
 
 
 def find_state(text: str, study: Study) -> State:
