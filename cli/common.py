@@ -256,19 +256,20 @@ def together(*options: Callable[[F], F]) -> Callable[[F], F]:
     return lambda function: functools.reduce(lambda made, add: add(made), options[::-1], function)
 
 
-READING = (
-    option("--sensors", "Floors to use, such as RF or 2F,RF; default all.", NAMES, ()),
-    option("--band band_hz", "Frequency range, such as 0.5,18 (Hz).", BAND),
-    unit_option,
-    columns_options,
-    option(
-        "--mode-error",
-        "Error of the model's own natural frequencies, as a ratio; default 0.01.",
-        click.FloatRange(0.0, 0.5, min_open=True),
-    ),
-    option("--force", "Floor that was hit or shaken, where column names do not say it."),
-)
-"""Options for reading observation files."""
+def reading_options(function: F) -> F:
+    """Add the options for reading observation files."""
+    return together(
+        option("--sensors", "Floors to use, such as RF or 2F,RF; default all.", NAMES, ()),
+        option("--band band_hz", "Frequency range, such as 0.5,18 (Hz).", BAND),
+        unit_option,
+        columns_options,
+        option(
+            "--mode-error",
+            "Error of the model's own natural frequencies, as a ratio; default 0.01.",
+            click.FloatRange(0.0, 0.5, min_open=True),
+        ),
+        option("--force", "Floor that was hit or shaken, where column names do not say it."),
+    )(function)
 
 
 def running(function: F) -> F:

@@ -9,13 +9,14 @@ from femupdate.study import MAIN_POSTERIOR, Study
 
 from .bars import Bars
 from .common import (
-    READING,
     Answer,
+    F,
     building_option,
     device_option,
     flag,
     observations_argument,
     option,
+    reading_options,
     study_options,
     together,
 )
@@ -39,7 +40,7 @@ from .parameters import INPUT_FILE
 )
 @device_option
 @flag("--anyway", "Keep a posterior even where the file is unlike the building.")
-@together(*READING)
+@reading_options
 @study_options(shares=True)
 def calibrate(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
@@ -61,24 +62,21 @@ def calibrate(observations: tuple[Path, ...], study: Study, bars: Bars, **asked:
     return Answer(interface.calibrate(study, *observations, progress=bars, **asked))
 
 
-_SHARE = click.FloatRange(0.0, 1.0)
-FINDER = (
-    option("--second", "Second record at another level of motion.", INPUT_FILE),
-    option(
-        "--least-frequency",
-        "Change of a frequency that is of consequence, as a ratio.",
-        _SHARE,
-        0.01,
-    ),
-    option("--least-response", "Change or error of a response that is, as a ratio.", _SHARE, 0.02),
-)
-"""What both commands take beside files and building."""
+def finder_options(function: F) -> F:
+    """Add what both commands take beside files and building."""
+    share, of = click.FloatRange(0.0, 1.0), "that is of consequence, as a ratio."
+    return together(
+        option("--second", "Second record at another level of motion.", INPUT_FILE),
+        option("--least-frequency", f"Change of a frequency {of}", share, 0.01),
+        option("--least-response", f"Change or error of a response {of}", share, 0.02),
+        reading_options,
+    )(function)
 
 
 @click.command("diagnose", cls=GroupedCommand)
 @observations_argument
 @building_option
-@together(*FINDER, *READING)
+@finder_options
 @study_options(shares=True)
 def diagnose(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Find where the model and the measured files OBSERVATIONS disagree, and what is missing.
@@ -104,7 +102,7 @@ def diagnose(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: 
 @observations_argument
 @building_option
 @option("--holdout", "Data that are only predicted, before and after.", INPUT_FILE)
-@together(*FINDER, *READING)
+@finder_options
 @study_options(shares=True)
 def repair(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Add to the model what the measured files OBSERVATIONS show to be missing.
