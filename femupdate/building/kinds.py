@@ -299,6 +299,8 @@ class MeshFile(Entry):
     base: Coordinate = 0.0  # level of the base in the mesh (z is up)
     # cell data that holds the groups' numbers, where the format has no named groups (VTU)
     tags: Label | None = None
+    # how often every surface is made four, and every line two, where the mesh is coarse
+    split: Literal[0, 1, 2] = 0
     # nodes nearer to each other than this become one; "0 m" leaves double nodes alone
     merge: LengthOrZero | None = None
     # groups whose cells are left out, or kinds of entries of another program's model

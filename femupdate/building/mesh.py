@@ -1,6 +1,7 @@
 """The mesh of a building of any kind."""
 
 import math
+from dataclasses import replace
 
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.document import Building
@@ -8,6 +9,7 @@ from femupdate.building.frame_mesh import mesh_frame
 from femupdate.building.kinds import FrameBuilding, MeshBuilding
 from femupdate.building.lattice import lattice_of
 from femupdate.building.mesh_import import import_mesh
+from femupdate.building.split_mesh import split_mesh
 from femupdate.errors import BuildingError
 
 
@@ -30,9 +32,12 @@ def mesh_building(building: Building, mesh_size: float | None = None) -> Buildin
         if mesh_size is not None:
             raise BuildingError(
                 f"{building.name}: mesh.size: the mesh comes from {building.mesh.file}; refine it "
-                "in the program that made it"
+                "by mesh.split, or in the program that made it"
             )
-        return import_mesh(building)
+        mesh = import_mesh(building)
+        for _ in range(building.mesh.split):
+            mesh = replace(split_mesh(mesh), of_coarser=None)
+        return mesh
     if not isinstance(building, FrameBuilding):
         raise BuildingError(
             f'{building.name}: kind: a building of kind "shear" has no mesh; use shear_operators'

@@ -16,9 +16,9 @@ from femupdate.fe.model import DOF_PER_NODE, Elements, FiniteElementModel, Point
 LARGE = 10_000
 
 
-def is_large(mesh: BuildingMesh) -> bool:
-    """Whether a mesh that was read stays as it is."""
-    return len(mesh.model.nodes) > LARGE
+def is_large(mesh: BuildingMesh, parts: int = 1) -> bool:
+    """Whether a mesh that was read stays as it is, were every element in so many parts."""
+    return parts * len(mesh.model.nodes) > LARGE
 
 
 def split_mesh(mesh: BuildingMesh) -> BuildingMesh:

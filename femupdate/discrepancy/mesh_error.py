@@ -34,6 +34,7 @@ from femupdate.effects.registry import CATALOGUE
 from femupdate.errors import StructureError
 from femupdate.inference.likelihood import Data
 from femupdate.inference.parameters import Values
+from femupdate.units import percent
 from femupdate.workers import in_threads
 
 _MEMBERS = (
@@ -43,9 +44,9 @@ _MEMBERS = (
     "cracked_beams",
     "cracked_columns",
 )
-_NUMBERS = ("left", "effect", "shape", "share", "share_sd")
+_NUMBERS = ("left", "effect", "shape", "share", "moved")
 # Within which modes of two meshes are one: ln f, ln of the size shown, 1 - cosine of the shapes.
-_SAME_FREQUENCY, _SAME_EFFECT, _SAME_SHAPE = 0.06, 0.4, 0.05
+_SAME_FREQUENCY, _SAME_EFFECT, _SAME_SHAPE = 0.15, 0.4, 0.05
 _LEFT_FACTOR = 2.0  # on what the mean correction leaves where it was learned
 
 
@@ -64,7 +65,7 @@ class MeshError:
         shape: what is left then on each floor, as a share of what all of them show (mean of the
             modes' rms: two near ones that mix differently must not decide).
         share: of the mean that is corrected.
-        share_sd: its standard deviation.
+        moved: relative changes of frequencies by halving the building's mesh (rms).
     """
 
     labels: tuple[str, ...]
@@ -74,7 +75,7 @@ class MeshError:
     effect: float
     shape: float
     share: float = 1.0
-    share_sd: float = 0.0
+    moved: float = 0.0
 
     @staticmethod
     def of(content: Mapping[str, Any]) -> "MeshError":
@@ -93,6 +94,22 @@ class MeshError:
         return tuple(Placed(CATALOGUE[name], place) for name, place in parts)
 
     @property
+    def too_coarse(self) -> str:
+        """What to do about a mesh that is too coarse for names; empty of another."""
+        if self.moved < MESH_ERROR.coarse:
+            return ""
+        return (
+            f"Halving the mesh moves frequencies by {percent(self.moved, 1)} (rms): what members "
+            "seem to have may be the mesh's. Write split = 1 in [mesh] of one that was read, else "
+            "a smaller size."
+        )
+
+    @property
+    def share_sd(self) -> float:
+        """Standard deviation of the share; of what lies beyond the finer mesh."""
+        return MESH_ERROR.distance_sd * (self.share % 1.0)
+
+    @property
     def steps(self) -> Floats:
         """(c, q) one standard deviation of every error of the corrected model, as sizes.
 
@@ -109,13 +126,11 @@ class MeshError:
 
         Corrected is the middle between the finer mesh and an infinitely fine one.
         """
-        seen = ratio**2 - MESH_ERROR.half**2
-        beyond = 0.5 * MESH_ERROR.half**2 / seen
-        return replace(self, share=1.0 + beyond, share_sd=MESH_ERROR.distance_sd * beyond)
+        return replace(self, share=1.0 + 0.125 / (ratio**2 - 0.25))
 
     def of_half(self) -> "MeshError":
         """Of the finer mesh itself, half as wide as the coarse one: a third of what was seen."""
-        left = MESH_ERROR.half**2 / (1.0 - MESH_ERROR.half**2)
+        left = 1.0 / 3.0
         return replace(
             self,
             sd=tuple(left * value for value in self.sd),
@@ -123,7 +138,6 @@ class MeshError:
             effect=left * self.effect,
             shape=left * self.shape,
             share=0.5 * left,
-            share_sd=0.5 * left * MESH_ERROR.distance_sd,
         )
 
 
@@ -180,6 +194,8 @@ def learn_mesh_error(
     mean, sd, left = _estimate(lessons, [effect.effect.name for effect in placed])
     labels = tuple(effect.label for effect in placed)
     learned = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0, 0.0)
+    change, weight = (np.concatenate([lesson[k] for lesson in lessons]) for k in (1, 2))
+    moved = 0.5 * float(np.sqrt(weight @ change**2 / weight.sum()))
     # The coarse model as the mean factors have it: what they leave is what it misses the true one.
     undone = corrected(fine, replace(learned, share=-1.0)).model
     shown = []
@@ -198,6 +214,7 @@ def learn_mesh_error(
         learned,
         effect=float(np.sqrt(weights @ sizes**2 / total)),
         shape=float(weights @ shapes / total),
+        moved=moved,
     )
 
 

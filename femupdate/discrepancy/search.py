@@ -10,7 +10,8 @@ from torch import Tensor
 
 from femupdate.arrays import Floats
 from femupdate.building.document import Building, without_effects
-from femupdate.building.kinds import FrameBuilding
+from femupdate.building.kinds import FrameBuilding, MeshBuilding
+from femupdate.building.split_mesh import is_large
 from femupdate.discrepancy.diagnose import diagnose, too_few
 from femupdate.discrepancy.findings import AMBIGUOUS, NAMED, PARTLY, UNKNOWN, Diagnosis, removed
 from femupdate.discrepancy.fit import (
@@ -72,13 +73,18 @@ class FinderModel:
 
 
 def finder_structure(building: Building) -> Structure:
-    """The full model in which effects act: a frame of ours on a mesh finer than the study's.
+    """The full model in which effects act, on a mesh finer than the study's.
 
     The study's mesh is chosen for a hundred thousand responses; here some twenty solutions are
-    needed, and half of the error of a mesh is worth them.
+    needed, and half of the error of a mesh is worth them. One that was read is split where that
+    does not make it large.
     """
     require_story_factors(building)
-    return structure_of(without_effects(building), finder_mesh_size(building))
+    plain = without_effects(building)
+    structure = structure_of(plain, finder_mesh_size(building))
+    if isinstance(plain, MeshBuilding) and structure.mesh and not is_large(structure.mesh, 4):
+        return structure_of(plain, halved=True)
+    return structure
 
 
 def finder_mesh_size(building: Building) -> float | None:

@@ -390,8 +390,10 @@ def concluded(
     latent = None if model.shared is None else sampled.latent
     posterior = posterior_of(model, measured, settings, sampled, latent, damping)
     fitting = against_data(posterior, sampled, checking)
+    learned = None if model.finer is None else model.finer.error
     warnings = (
         *changing(model, measured, posterior),
+        *([learned.too_coarse] if learned and learned.too_coarse else []),
         *measured.left_out,
         *measured.doubts,
         *sampled.warnings,

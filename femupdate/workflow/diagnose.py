@@ -288,7 +288,13 @@ def search(
     problem, found = sought(finder, problem, base, settings, progress)
     found, along = with_pair(found, settings, progress), direction_of(finder.building)
     phase = any(isinstance(kind, FrfData) and kind.phase is not None for kind in data)
-    return problem, judged_by_strength(found, run, along, settings, phase)
+    found = judged_by_strength(found, run, along, settings, phase)
+    coarse = "" if finder.mesh is None else finder.mesh.too_coarse
+    certain, first = found.verdict in (NAMED, PARTLY), found.leading
+    if coarse and certain and first is not None and not first.placed.effect.instrument:
+        text = f"{first.in_words}, or so the coarse mesh says. {coarse}"
+        found = replace(found, verdict=UNKNOWN, sentence=text)
+    return problem, found
 
 
 def keep_found(

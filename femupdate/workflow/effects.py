@@ -166,13 +166,16 @@ def open_mesh_error(
         finer = with_finer_mesh(study, model, progress).finer
         assert finer is not None
         assert finer.error is not None
+        if structure.mesh is not None and structure.mesh.of_coarser is not None:
+            return finer.error.of_half()  # the finder's mesh is the finer one
         known = dict(zip(finer.error.labels, finer.terms, strict=True))
         fine = ReducedStructure(structure, finer.model, np.zeros((len(structure.axis), 0)), known)
         coarse, target, thetas = structure_of(plain), reduction_target(plain), _thetas(plain)
         found = on_finer_mesh(coarse, model.reduced, structure, target, thetas, progress)
         top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
         ratio = THRESHOLDS.finer if isinstance(plain, FrameBuilding) else 1.0
-        return learn_mesh_error(found.model, fine, thetas, top_hz).of_mesh(ratio)
+        learned = learn_mesh_error(found.model, fine, thetas, top_hz).of_mesh(ratio)
+        return replace(learned, moved=finer.error.moved)
 
     return study.cached(MESH_ERROR_PART, finder_origin(plain), learn)
 

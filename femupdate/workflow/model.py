@@ -16,7 +16,6 @@ from femupdate.building.document import Building, mechanics_hash, without_effect
 from femupdate.building.files import load_building, save_building
 from femupdate.building.kinds import FrameBuilding, ShearBuilding
 from femupdate.discrepancy.mesh_error import MeshError, OpenMesh, corrected_model
-from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.damping import DampingLaw, damping_law
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.dynamics.reduction import Reduction, reduce_structure
@@ -118,7 +117,7 @@ def finer_origin(building: Building) -> dict[str, str]:
     """What it is made from, for the study's record."""
     origin = {"building": mechanics_hash(without_effects(building))}
     if isinstance(building, FrameBuilding):
-        origin["mesh_m"] = f"{MESH_ERROR.half * building.mesh.size:.4g}"
+        origin["mesh_m"] = f"{0.5 * building.mesh.size:.4g}"
     return origin
 
 

@@ -94,7 +94,7 @@ def fine():
 @pytest.fixture(scope="module")
 def learned(coarse, fine):
     found = learn_mesh_error(near(coarse)(*THETAS).model, fine, THETAS, GRID[-1])
-    return replace(found, share=1.4, share_sd=0.25)
+    return replace(found, share=1.4)
 
 
 def test_the_model_comes_nearer_to_a_still_finer_mesh(coarse, learned):
@@ -126,6 +126,15 @@ def test_a_coarse_mesh_is_a_stiff_one(learned):
     slab = [m for name, m in zip(learned.labels, learned.mean, strict=True) if "slab" in name]
     assert max(slab) < 0.0
     assert min(learned.sd) > 0.0
+
+
+def test_a_mesh_that_errs_by_a_tenth_is_compared_and_called_coarse(coarse):
+    same = near(coarse)(*THETAS)
+    softer = replace(same.model, stiffness_terms=0.81 * same.model.stiffness_terms)
+    found = learn_mesh_error(same.model, replace(same, model=softer), THETAS, GRID[-1])
+    assert found.moved == pytest.approx(0.095)  # half of .19
+    assert "moves frequencies by 9.5 %" in found.too_coarse
+    assert replace(found, moved=0.02).too_coarse == ""
 
 
 def test_meshes_without_a_common_mode_are_refused(coarse, fine):

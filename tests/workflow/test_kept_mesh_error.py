@@ -47,7 +47,7 @@ def test_that_of_another_mesh_is_not_taken(kept):
     assert kept_mesh_error(study, finer) is None
 
 
-@pytest.mark.parametrize("missing", [("share_sd",), ("shape", "share", "share_sd")])
+@pytest.mark.parametrize("missing", [("moved",), ("shape", "share", "moved")])
 def test_one_that_was_learned_of_less_is_learned_again(kept, missing):
     path = next(kept[0].folder.glob("mesh_error.json"))
     content = json.loads(path.read_text(encoding="utf-8"))
