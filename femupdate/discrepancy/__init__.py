@@ -8,7 +8,7 @@ __all__, __getattr__ = public(
         "evidence": "missed_in_turn",
         "findings": "Diagnosis Finding",
         "fit": "likelihood_about parameters_at",
-        "mesh_error": "corrected learn_mesh_error left_open MeshError",
+        "mesh_error": "corrected judged_by_mesh learn_mesh_error left_open MeshError",
         "search": "FinderModel plain_structure prepared refined sought",
         "thresholds": "DiagnosisSettings",
     },

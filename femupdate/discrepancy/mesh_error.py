@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from femupdate.arrays import Floats
+from femupdate.discrepancy.findings import NAMED, PARTLY, UNKNOWN, Diagnosis
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.dynamics.reduced import ReducedModel, ReducedStructure
 from femupdate.dynamics.system import System
@@ -416,6 +417,17 @@ class OpenMesh:
             alike = [share[list(kind.rows)] @ all_ for kind, all_ in zip(data, alone, strict=True)]
             yield self.mesh.effect * torch.cat(alike)[None]
             yield self.mesh.shape * torch.block_diag(*alone)
+
+
+def judged_by_mesh(found: Diagnosis, mesh: MeshError | None) -> Diagnosis:
+    """The diagnosis, without a name that a coarse mesh may have made; an instrument's stays."""
+    first = found.leading
+    if first is None or found.verdict not in (NAMED, PARTLY) or first.placed.effect.instrument:
+        return found
+    if mesh is None or not mesh.too_coarse:
+        return found
+    text = f"{first.in_words}, or so the coarse mesh says. {mesh.too_coarse}"
+    return replace(found, verdict=UNKNOWN, sentence=text)
 
 
 def left_open(mesh: MeshError, reduced: ReducedStructure) -> OpenMesh:

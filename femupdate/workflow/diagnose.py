@@ -21,6 +21,7 @@ from femupdate.discrepancy.findings import (
     grouped,
     mass_in_words,
 )
+from femupdate.discrepancy.mesh_error import judged_by_mesh
 from femupdate.discrepancy.search import (
     FinderModel,
     finder_structure,
@@ -289,12 +290,7 @@ def search(
     found, along = with_pair(found, settings, progress), direction_of(finder.building)
     phase = any(isinstance(kind, FrfData) and kind.phase is not None for kind in data)
     found = judged_by_strength(found, run, along, settings, phase)
-    coarse = "" if finder.mesh is None else finder.mesh.too_coarse
-    certain, first = found.verdict in (NAMED, PARTLY), found.leading
-    if coarse and certain and first is not None and not first.placed.effect.instrument:
-        text = f"{first.in_words}, or so the coarse mesh says. {coarse}"
-        found = replace(found, verdict=UNKNOWN, sentence=text)
-    return problem, found
+    return problem, judged_by_mesh(found, finder.mesh)
 
 
 def keep_found(

@@ -32,6 +32,9 @@ def test_frames_are_split_as_meshes_that_were_read(tmp_path):
             nodes = split.model.nodes
             np.testing.assert_allclose(in_order(nodes), in_order(fine.model.nodes), atol=1e-5)
             np.testing.assert_allclose(frequencies(split), frequencies(fine), rtol=1e-6)
+        asked = read.mesh.model_copy(update={"split": 1})
+        asked = mesh_building(read.model_copy(update={"mesh": asked})).model.nodes
+        assert np.array_equal(asked, nodes)
         first = mesh_building(read).model.nodes
         assert np.array_equal(nodes[: len(first)], first)
 

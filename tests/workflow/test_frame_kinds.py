@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from femupdate.discrepancy import FinderModel, plain_structure, prepared, sought
+from femupdate.discrepancy import (
+    FinderModel,
+    MeshError,
+    judged_by_mesh,
+    plain_structure,
+    prepared,
+    sought,
+)
 from femupdate.dynamics import equations_at
 from femupdate.effects import CATALOGUE
 from femupdate.progress import SILENT
@@ -78,3 +85,7 @@ def test_added_mass_shows_in_a_hammer_test(cabin, tmp_path):
     found = _found(cabin, tmp_path / "seen.csv")
     assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@RF")
     assert abs(found.leading.size - MASS) < 3.0 * found.leading.size_sd + 0.02
+    fine, coarse = (MeshError((), (), (), 0.0, 0.0, 0.0, moved=moved) for moved in (0.02, 0.05))
+    assert judged_by_mesh(found, fine) is found
+    refused = judged_by_mesh(found, coarse)
+    assert (refused.verdict, refused.sentence.count("split = 1")) == ("unknown", 1)
