@@ -85,7 +85,9 @@ def draft_text(path: Path, units: str | None, beside: Path) -> str:
         first = float(lowest_modes(assemble(read.model), np.ones(1), 1).frequency_hz[0])
     except StructureError:  # which is told when it is built
         first = 46.0 / float(levels[-1])
-    top, step = next((g for g in _GRIDS if g[0] >= 8 * first), _GRIDS[-1])
+    # Of a podium with towers and of two towers more could not be reduced (25 Hz; 18 and 9 times).
+    top = min(8.0 * first, _GRIDS[-1][0])
+    step = next(step for most, step in _GRIDS if most >= top)
     middle = 0.5 * (read.model.nodes[:, :2].min(axis=0) + read.model.nodes[:, :2].max(axis=0))
     stories = "\n".join(
         f"[[stories]]\nname = {json.dumps(names.get(round(level, 3), f'S{k}'))}\n"

@@ -228,6 +228,8 @@ class CalibrationReport(Result):
         }
         floors = [floor for floor in seen.floors if floor not in few] or seen.floors
         verdict = "to be used with care" if wrong else "the data are explained"
+        if wrong and self.check is not None and self.check.missed:
+            verdict = f"the data are not explained at {listed(self.check.missed)}"
         of = f"{building.name}, {listed(floors) or 'frequencies'} of {seen.source}"
         for floor, share in few.items():
             of += f"; {floor} has {percent(share)} of the points"
@@ -434,8 +436,9 @@ def kept_calibration(study: Study, model: StudyModel) -> CalibrationReport:
         if check is not None:
             names, floors = zip(*check["floors"].items(), strict=True)
             values = tuple(np.nan if value is None else float(value) for value in floors)
-            over = float(check["over_allowed"]) ** 2
-            check = PredictiveCheck(float(check["whole"]), values, names, over)
+            over = [check["over_allowed"], *check.get("floors_over", {}).values()]
+            ratios = tuple(float(ratio) ** 2 for ratio in over)
+            check = PredictiveCheck(float(check["whole"]), values, names, ratios)
         # A repair keeps its own with the posterior.
         notes = [*kept.get("notes", ()), *posterior.warnings]
         notes += [*posterior.settings.get("notes", ()), *posterior.observation.notes]

@@ -26,7 +26,7 @@ from femupdate.inference.posterior import Posterior
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, spawn
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
-from femupdate.units import percent
+from femupdate.units import listed, percent
 from femupdate.workflow.calibration_report import CalibrationReport, identified
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
@@ -288,11 +288,15 @@ def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
     # Where no error was learned, the first note says so already. A p-value alone, of data that
     # miss hardly more than is allowed for, is no warning.
     new = fitting.learned or not (missed or wild)
-    if new and check is not None and check.whole < 0.01 and check.ratio**0.5 > 1.2:
-        notes.append(
-            f"The data miss the model by {check.ratio**0.5:.2g} times what is allowed for (noise "
-            "and error of the model, rms): intervals are too narrow by about that factor."
-        )
+    if new and check is not None:
+        over = check.ratios[0] ** 0.5
+        if at := listed(check.missed):
+            at, over = f" at {at}", max(check.ratios[1:]) ** 0.5
+        if at or (check.whole < 0.01 and over > 1.2):
+            notes.append(
+                f"The data miss the model{at} by {over:.2g} times what is allowed for (noise and "
+                "error of the model, rms): intervals are too narrow by about that factor."
+            )
     notes += _at_limits(posterior)
     worst = r_hat(posterior.theta)
     if worst is not None and worst.max() > 1.05:

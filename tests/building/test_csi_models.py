@@ -112,14 +112,15 @@ def test_what_is_assigned_has_its_closed_form(added, tmp_path):
     np.testing.assert_allclose(frequencies(back, 2), frequencies(mesh, 2), rtol=1e-6)
 
 
-@pytest.mark.parametrize(("mass", "top_hz"), [(5, 25.0), (50, 4.0), (500, 2.0)])
-def test_a_draft_asks_for_frequencies_that_a_slow_cantilever_has(mass, top_hz, tmp_path):
+@pytest.mark.parametrize("mass", [5, 50, 500])
+def test_a_draft_asks_for_frequencies_that_a_slow_cantilever_has(mass, tmp_path):
     (tmp_path / "column.s2k").write_text(COLUMN.replace("=50", f"={mass}") + END)
     drafted = load_building(write_draft(tmp_path / "column.s2k", None, tmp_path / "own.toml"))
-    assert drafted.frequency_grid.frequencies_hz()[-1] == pytest.approx(top_hz)
     modes = mesh_modes(structure_of(drafted))  # fewer than are looked for
     expected = np.sqrt(np.array([WEAK, STRONG]) / 4.0**3 / (1e3 * mass)) / (2.0 * np.pi)
     np.testing.assert_allclose(modes.frequency_hz[:2], expected, rtol=1e-5)
+    grid = drafted.frequency_grid
+    assert abs(grid.frequencies_hz()[-1] - 8.0 * expected[0]) <= grid.step
 
 
 # Other ways of writing the same building: what stands in place of what.

@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femupdate.inference import DrawnBy, Parameter, Parameters, Posterior, PredictiveCheck
+from femupdate.inference import (
+    DrawnBy,
+    Parameter,
+    Parameters,
+    Posterior,
+    PredictiveCheck,
+    predictive_check,
+)
 from femupdate.measurement import Observation
 from femupdate.workflow.conclusion import Fitting, judgement, overstated_noise
 
@@ -64,14 +71,25 @@ def test_noise_that_no_file_states_is_called_assumed():
 
 @pytest.mark.parametrize(("ratio", "told"), [(1.2, 0), (2.25, 1)])
 def test_a_small_p_value_is_no_warning_where_hardly_more_is_missed(pressed, ratio, told):
-    check = PredictiveCheck(1e-5, (1e-5,), ("RF",), ratio)
+    check = PredictiveCheck(1e-5, (1e-5,), ("RF",), (ratio,))
     notes = judgement(pressed, Fitting(misfit=1.0, check=check))
     assert sum("1.5 times what is allowed for" in one for one in notes) == told
     assert sum("allowed for" in one for one in notes) == told
 
 
+def test_a_floor_is_named_that_the_others_outweigh(pressed):
+    """Of a thousand squares one floor has four times what is allowed for, and nine have a half."""
+    squares = np.array([[4.0, *[0.5] * 9]]) * 100.0
+    floors = tuple(f"{k}F" for k in range(2, 12))
+    check = predictive_check(squares, [100.0] * 10, floors)
+    assert check.whole > 0.99
+    first = judgement(pressed, Fitting(misfit=1.0, check=check))[0]
+    assert "at 2F by 2 times what is allowed for" in first
+    assert predictive_check(0.5 * squares, [100.0] * 10, floors).missed == ()
+
+
 def test_a_misfit_is_told_once(pressed):
-    check = PredictiveCheck(1e-5, (1e-5,), ("RF",), 4.0)
+    check = PredictiveCheck(1e-5, (1e-5,), ("RF",), (4.0,))
     for learned, count in ((False, 1), (True, 2)):
         notes = judgement(pressed, Fitting(misfit=4.1, check=check, learned=learned))
         assert sum(" times " in one for one in notes) == count
