@@ -52,19 +52,12 @@ class EventErrors:
     def _streams(self) -> list[Seed]:
         return list(spawn(self.seed, len(self.rows)))
 
-    @cached_property
-    def _share(self) -> tuple[float, float]:
-        """By which the mean error is multiplied, and the sd of what else is left of it."""
-        errors, scatter = self.posterior.model_error, self.posterior.scatter
+    @property
+    def _share(self) -> float:
+        """By which the mean error is multiplied: the mean of several runs is what stays."""
         # Of the variance that one event shows: thirty pairs of quakes of a hotel score best by
         # .5 to .7.
-        share = 0.6
-        if errors is not None and scatter is not None:
-            observation, count = self.posterior.observation, scatter.runs
-            apart = between_runs(observation, observation.floors, observation.frequency_hz)
-            size = max(errors.amplitude.size, 1e-12)
-            share = max(0.0, 1.0 - float(np.square(apart).mean()) / count / size**2)
-        return share, np.sqrt(1.0 - share**2)
+        return 0.6 if self.posterior.scatter is None else 1.0
 
     @cached_property
     def _measured(self) -> frozenset[str]:
@@ -113,7 +106,8 @@ class EventErrors:
         """exp(error) (n, f, k) of samples from the first on."""
         parts = np.zeros((2, count, len(floors), len(frequency)))
         errors = self.posterior.model_error
-        left = np.array([[self._share[1] if floor in self._measured else 1.0] for floor in floors])
+        known_to = np.sqrt(1.0 - self._share**2)
+        left = np.array([[known_to if floor in self._measured else 1.0] for floor in floors])
         for sample in range(count):
             row = self.rows[first + sample]
             amplitude, phase, apart, alone = (
@@ -150,7 +144,7 @@ class EventErrors:
             seen = observation.frequency_hz[observation.valid.any(axis=0)]
             beyond = np.maximum(np.maximum(seen[0] - frequency, frequency - seen[-1]), 0.0)
             fading = np.exp(-beyond / max(length, 1e-12))
-            mean += unit * self._share[0] * np.array(lone) * values * fading
+            mean += unit * self._share * np.array(lone) * values * fading
         return mean
 
     def _apart(
@@ -172,7 +166,9 @@ class EventErrors:
         shape = len(floors), len(frequency)
         if scatter is None or errors is None:
             return np.zeros((2, *shape))
+        # What stays is the mean of the runs, which itself is known to sd / sqrt(runs).
         sd = between_runs(self.posterior.observation, floors, frequency)
+        sd *= np.sqrt(1.0 + 1.0 / scatter.runs)
         length = float(np.median(errors.amplitude.levels[..., 2]))
         return sd * _alike(shape, frequency[1] / length, rng)
 
