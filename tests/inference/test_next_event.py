@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from femupdate.dynamics import ResponseHistories
 from femupdate.inference import EventErrors, EventScatter
 from femupdate.inference.error_draws import ErrorDraws, SizeDraws
 from femupdate.inference.next_event import between_runs, incoherent_share
@@ -85,7 +86,7 @@ def test_runs_that_differ_over_a_part_of_the_band_differ_there_alone():
     np.testing.assert_allclose(found[0, 160:], 0.0, atol=1e-6)
 
 
-def learned(runs=0, between=None, floors=("RF",)):
+def learned(runs=0, between=None, floors=("RF",), draws=1):
     """RF was measured and the model 20 % low there, half of it (in variance) at all floors."""
     measured = Observation(
         frequency_hz=GRID,
@@ -100,7 +101,7 @@ def learned(runs=0, between=None, floors=("RF",)):
     errors = ErrorDraws(sizes, None, 1.0, 9.0)
     scatter = SimpleNamespace(runs=runs) if runs else None
     posterior = SimpleNamespace(model_error=errors, scatter=scatter, observation=measured)
-    return EventErrors(posterior, np.zeros(1, dtype=int), 0.01, 0)
+    return EventErrors(posterior, np.zeros(draws, dtype=int), 0.01, 0)
 
 
 def gain(errors, hertz):
@@ -120,9 +121,14 @@ def test_a_share_of_the_error_of_one_event_stays_in_the_next():
     assert gain(learned(), 14.0)[1] == pytest.approx(0.12 * np.exp(-4.0), rel=0.1)
 
 
-def test_what_runs_agree_in_stays_whole_and_what_they_differ_in_does_not():
-    alike = learned(4, np.zeros((1, 10)))  # by no more than their noise
-    assert gain(alike, 5.0)[1] == pytest.approx(0.2, rel=0.01)
-    # Means of four runs that differ by twice the learned sd err as much as was learned.
-    apart = learned(4, np.full((1, 10), 0.08))
-    assert gain(apart, 5.0)[1] == pytest.approx(0.0, abs=1e-6)
+def test_the_mean_of_several_runs_stays_and_is_known_to_their_scatter():
+    errors = learned(4, np.full((1, 10), 0.01), draws=400)
+    assert gain(errors, 5.0)[1] == pytest.approx(0.2, rel=0.01)
+    time = np.arange(0.0, 20.0, 0.01)
+    wave = np.broadcast_to(np.sin(2.0 * np.pi * 5.0 * time), (400, 2, 2000))
+    moved = ResponseHistories(0.01, ("2F", "RF"), wave, wave, wave)
+    (*batches,) = errors.applied([moved])
+    middle = np.concatenate([batch.floor_acceleration for batch in batches])[:, 1, 800:1200]
+    # In phase: .1 of an event's own, and .1 / 2 of the mean; 400 draws know it to 4 %.
+    turning = middle @ np.exp(-2j * np.pi * 5.0 * time[800:1200]) / 200.0
+    assert np.log(np.abs(turning)).std() == pytest.approx(0.1 * np.sqrt(1.25), rel=0.08)
