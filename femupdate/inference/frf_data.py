@@ -321,10 +321,20 @@ class FrfData:
 
         Of the squares of ln|H| about the mean of every floor; below zero where that is better.
         """
-        weight, count = self.weight, self.sd.numel()
-        mean = (weight * self.log_frf).sum(1, True) / weight.sum(1, True).clamp_min(1e-300)
-        whole = float((weight * (self.log_frf - mean) ** 2).sum())
-        left = float(raw[:, :count].square().sum(1).min())
+        count = self.sd.numel()
+        known = self.independent * (self.weight > 0.0)
+
+        def about(weight: Tensor) -> Tensor:
+            mean = (weight * self.log_frf).sum(1, True) / weight.sum(1, True).clamp_min(1e-300)
+            return torch.as_tensor((self.log_frf - mean) ** 2)
+
+        # Drift below the first frequency may look as if it had no noise: no point counts more than
+        # the variation itself makes it.
+        spread = (known * about(known)).sum(1, True) / known.sum(1, True).clamp_min(1.0)
+        weight = known / (self.sd**2 + spread).clamp_min(1e-300)
+        share = (weight / self.weight.clamp_min(1e-300)).flatten()
+        whole = float((weight * about(weight)).sum())
+        left = float((share * raw[:, :count].square()).sum(1).min())
         return 1.0 - left / max(whole, 1e-300)
 
     def moved(self, from_: Tensor, to: Tensor) -> Tensor:
