@@ -1,5 +1,7 @@
 """The likelihoods against hand calculation and chi-square."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -112,6 +114,17 @@ def test_points_that_are_not_valid_do_not_count(model):
     assert float(one(theta)) == float(two(theta))
     whitened = ((measured.log_frf - exact_log_frf(TRUTH, ZETA)) / 0.2)[valid]
     assert float(squares(one, theta)) == pytest.approx((whitened**2).sum(), rel=1e-9)
+
+
+def test_what_is_explained_is_variation_not_drift_that_seems_to_have_no_noise(model):
+    """The records of other buildings drift as this one's own do, well below the first mode."""
+    sd = np.full((3, 120), 0.05)
+    sd[:, 0] = 1e-4
+    right, flat = observation(sd), replace(observation(sd), log_frf=np.zeros((3, 120)))
+    right.log_frf[:, 0] = flat.log_frf[:, 0] = 0.5
+    truth = damped([TRUTH])
+    assert likelihood_by(System(model), right).explained(truth) > 0.95
+    assert likelihood_by(System(model), flat).explained(truth) < 0.0
 
 
 def test_misfit_of_the_truth_is_chi_square(model):

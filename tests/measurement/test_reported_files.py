@@ -122,7 +122,7 @@ CALIBRATED = {
     "modes_no_sd.csv": ("Verdict: the data are explained", 0),
     "damping_0.001.csv": ("presses against the prior's lower limit", 0),
     "theta1_0.2_below_prior.csv.gz": ("change lower of [prior.theta]", 1),
-    "gain_roof_quarter.csv": ("right? If not, --columns RF=NAME*4.02 corrects it", 1),
+    "gain_roof_quarter.csv": ("right? If not, --columns RF=NAME*4.02 corrects it", 0),
     "roof_clock_4000ppm.csv": ("RF has 11 % of the points", 0),
     # The likelihood of the whole record, its noise given, says .8994 +- .0002 for the truth of .9.
     "clean_seed3_120s.csv.gz": ("story S1 0.898", 0),
