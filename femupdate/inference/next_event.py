@@ -3,7 +3,7 @@
 The error of a model has a part that stays, for the structure is the same, and a part of the event
 (Kennedy and O'Hagan 2001, JRSS B 63, 425). What stays is known where it was measured: its mean
 corrects the response, and only what is left is drawn. One event shows the sum of both, and a stated
-share of its variance stays; of several runs the parts are told apart by how the runs differ. At a
+share of its variance stays; of several runs the mean stays, and what they differ by is drawn. At a
 floor that was not measured only what all floors have in common is known.
 
 Part of what was measured did not follow the base at all; the next measurement will have such a part
