@@ -7,7 +7,7 @@ by single accelerometers with their noise.
 import json
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -61,56 +61,12 @@ class SimulationSettings:
     seed: int = 0  # of theta, base motion and noise
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SimulationTruth:
-    """What inference should find."""
-
-    parameters: tuple[str, ...]  # names of the stiffness factors
-    theta: Floats  # (p,) their true values
-    # damping ratio of all modes; None where the building's law gives each mode its own
-    zeta: float | None
-    frequency_hz: Floats  # natural frequencies of the modes that the base motion drives, Hz
-    effective_mass: Floats  # share of the mass that each of them moves
-    building: str  # name of the building
-    building_hash: str  # of its mechanics
-    mesh_size: float | None  # m; None for a shear building
-    dof: int  # degrees of freedom of the full model
-    places: Mapping[str, str]  # where each sensor of a frame is, by its name
-    seed: int  # of the simulation
-    # what moved the base, and how that was sampled
-    motion: Mapping[str, Any] = field(default_factory=dict)
-    noise: Mapping[str, Any] = field(default_factory=dict)  # of the sensors and the recorder
-    # what was put into the full model, with all parameters
-    effects: tuple[tuple[str, tuple[float, ...]], ...] = ()
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON holds it."""
-        return {
-            "building": self.building,
-            "building_hash": self.building_hash,
-            "mesh_size_m": self.mesh_size,
-            "degrees_of_freedom": self.dof,
-            "seed": self.seed,
-            "parameters": list(self.parameters),
-            "theta": self.theta.tolist(),
-            "zeta": self.zeta,
-            "frequencies_hz": np.round(self.frequency_hz, 4).tolist(),
-            "effective_mass": np.round(self.effective_mass, 4).tolist(),
-            "effects": [
-                {"effect": name, "parameters": list(values)} for name, values in self.effects
-            ],
-            "motion": dict(self.motion),
-            "noise": dict(self.noise),
-            "sensors": dict(self.places),
-        }
-
-
 @dataclass(frozen=True, eq=False)
 class Simulation:
     """A synthetic observation."""
 
     histories: Histories  # as a recorder would have written them
-    truth: SimulationTruth  # what made them
+    truth: Mapping[str, Any]  # what made them: what inference should find
 
 
 @dataclass(frozen=True)
@@ -119,14 +75,14 @@ class WrittenSimulation(Result):
 
     observation: Path  # the CSV file
     truth_file: Path  # beside it
-    truth: SimulationTruth  # what it holds
+    truth: Mapping[str, Any]  # what it holds
 
     def items(self) -> Iterator[Item]:
         """Files and stiffness factors."""
-        factors = ", ".join(f"{value:.3f}" for value in self.truth.theta)
+        factors = ", ".join(f"{value:.3f}" for value in self.truth["theta"])
         yield Note(str(self.observation), {"observation": self.observation})
         yield Note(str(self.truth_file), {"truth_file": self.truth_file})
-        yield Note(f"  stiffness factors {factors}", {"truth": self.truth.as_dict()})
+        yield Note(f"  stiffness factors {factors}", {"truth": self.truth})
 
 
 logger = logging.getLogger(__name__)
@@ -227,11 +183,11 @@ def write_simulation(
     """
     truth, told = truth_path(path), simulation.truth
     label = (
-        f"synthetic: made by femupdate {__version__} from building {told.building}, seed "
-        f"{told.seed}; not a measurement",
+        f"synthetic: made by femupdate {__version__} from building {told['building']}, seed "
+        f"{told['seed']}; not a measurement",
         *(
-            f"hidden effect: {n}, {', '.join(f'{v:g}' for v in values)}"
-            for n, values in told.effects
+            f"hidden effect: {one['effect']}, {', '.join(f'{v:g}' for v in one['parameters'])}"
+            for one in told["effects"]
         ),
         f"all settings are in {truth.name}",
     )
@@ -241,7 +197,7 @@ def write_simulation(
         "observation": written.name,
         "observation_sha256": file_hash(written),
         "femupdate": __version__,
-        **told.as_dict(),
+        **told,
     }
     write_text(truth, json.dumps(content, indent=2) + "\n")
     return WrittenSimulation(written, truth, told)
@@ -304,25 +260,27 @@ def _told(
     sample: tuple[Floats, float | None],
     motion: GroundMotion,
     effects: Sequence[tuple[Placed, tuple[float, ...]]],
-) -> SimulationTruth:
+) -> dict[str, Any]:
     """What inference should find, of a sample: stiffness factors and damping ratio."""
     # Modes are named that move a hundredth of the mass.
     driven, fine = truth.effective_mass >= 0.01, truth.fine
     noise, turns = settings.base_motion is None, motion.rotation is not None
     places = zip(fine.channels, fine.places, strict=True)
-    return SimulationTruth(
-        parameters=tuple(factor_ranges(building)),
-        theta=sample[0],
-        zeta=sample[1],
-        frequency_hz=truth.frequency_hz[driven],
-        effective_mass=truth.effective_mass[driven],
-        building=building.name,
-        building_hash=mechanics_hash(building),
-        mesh_size=fine.mesh_size,
-        dof=fine.dof,
-        places={channel.name: place for channel, place in places if place},
-        seed=settings.seed,
-        motion={
+    return {
+        "building": building.name,
+        "building_hash": mechanics_hash(building),
+        "mesh_size_m": fine.mesh_size,
+        "degrees_of_freedom": fine.dof,
+        "seed": settings.seed,
+        "parameters": list(factor_ranges(building)),
+        "theta": sample[0].tolist(),
+        "zeta": sample[1],
+        "frequencies_hz": np.round(truth.frequency_hz[driven], 4).tolist(),
+        "effective_mass": np.round(truth.effective_mass[driven], 4).tolist(),
+        "effects": [
+            {"effect": placed.label, "parameters": list(values)} for placed, values in effects
+        ],
+        "motion": {
             "title": motion.title,
             "direction": fine.direction,
             "duration_s": motion.acceleration.size / settings.sampling_hz,
@@ -332,12 +290,12 @@ def _told(
             "rotation_rms_rad_s2": settings.rotation_rms,
             "vertical_sensors_m": list(settings.vertical_at) if turns else [],
         },
-        noise={
+        "noise": {
             "sensor_rms_m_s2": settings.sensor_noise_m_s2,
             "quantisation_m_s2": settings.quantisation_m_s2,
         },
-        effects=tuple((placed.label, values) for placed, values in effects),
-    )
+        "sensors": {channel.name: place for channel, place in places if place},
+    }
 
 
 def white_noise(

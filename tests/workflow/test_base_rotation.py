@@ -145,7 +145,7 @@ def test_a_record_has_its_rotation_in_every_form(home):
 
 def test_the_simulated_file_says_what_it_is_and_bad_requests_are_refused(home):
     made = simulated()
-    told = made.truth.as_dict()["motion"]
+    told = made.truth["motion"]
     assert told["rotation_rms_rad_s2"] == 0.02
     assert told["vertical_sensors_m"] == [-1.5, 2.5]
     turned = made.histories.acceleration[-1]
