@@ -73,8 +73,8 @@ def build_model(
       femupdate build-model my_building.toml --study mine
       femupdate build-model tower.bdf --units N,mm --draft tower.toml --study tower
     """
-    from femupdate import interface
     from femupdate.workflow.build import EXPORTS
+    from femupdate.workflow.build import build_model as build
 
     files = []
     if draft is not None:
@@ -83,7 +83,7 @@ def build_model(
     if export is not None:
         files.append(study.path(EXPORTS[export]))
     how: dict[str, Any] = {"units": units, "draft": draft, "export": export, "shell": shell}
-    report = interface.build_model(study, building, progress=bars, **how)
+    report = build(study, building, progress=bars, **how)
     return Answer(report, {"exported": files, "study": study.folder}, files=tuple(files))
 
 

@@ -42,7 +42,6 @@ if _TYPE_CHECKING:
     from femupdate.inference.parameters import Parameters
     from femupdate.inference.posterior import Posterior
     from femupdate.interface import (
-        build_model,
         calibrate,
         compare,
         diagnose,
@@ -59,6 +58,7 @@ if _TYPE_CHECKING:
     from femupdate.report.prediction import Prediction
     from femupdate.study import Study
     from femupdate.surrogate.storage import Surrogate
+    from femupdate.workflow.build import build_model
     from femupdate.workflow.demo import run_demo as demo
     from femupdate.workflow.inspect_files import identify, inspect
     from femupdate.workflow.render import render_study as render

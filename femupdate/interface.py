@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack, get_type_hi
 
 from annotated_types import Ge, Interval
 
-from femupdate.errors import BuildingError, FemupdateError, close
+from femupdate.errors import FemupdateError, close
 from femupdate.lazy import lazily
 from femupdate.progress import SILENT, Progress
 from femupdate.study import MAIN_POSTERIOR, Study, study_of, timed
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from femupdate.report.prediction import Prediction
     from femupdate.result import Told
     from femupdate.simulation.simulate import WrittenSimulation
-    from femupdate.workflow.build import BuildReport
     from femupdate.workflow.calibration_report import CalibrationReport
     from femupdate.workflow.compare import CompareReport
     from femupdate.workflow.diagnose import DiagnosisReport
@@ -127,48 +126,6 @@ def reduce(
     from femupdate.workflow.model import open_study
 
     return open_study(study_of(study), _name(building), progress)
-
-
-def build_model(
-    study: Folder,
-    building: File | None = None,
-    *,
-    units: str | None = None,
-    draft: File | None = None,
-    export: str | None = None,
-    shell: str = "ASDShellQ4",
-    progress: Progress = SILENT,
-) -> "BuildReport":
-    """Build, check and reduce the model of a building; its modes and what was checked.
-
-    Args:
-        building: its file, another program's model or a shipped name; default: of the study.
-        units: force and length of another program's model, such as "N,mm".
-        draft: building file to write for such a model, and to build.
-        export: "opensees" or "nastran": write the model for it, into the study.
-        shell: element of the OpenSees script.
-
-    Raises:
-        BuildingError, StructureError: the building cannot be read or cannot stand.
-        StudyError: the study holds a posterior of another building.
-    """
-    from femupdate.building.model_draft import asks, write_draft
-    from femupdate.workflow.build import build_study, export_model
-
-    opened, name = study_of(study), _name(building)
-    if draft is not None:
-        if name is None:
-            raise BuildingError("a draft needs another program's model; name its file")
-        model, name = name, str(write_draft(name, units, Path(draft)))
-    try:
-        report = build_study(opened, name, progress, units)
-    except FemupdateError as failure:
-        if draft is not None and not asks(model, failure):
-            Path(draft).expanduser().unlink(missing_ok=True)
-        raise
-    if export is not None:
-        export_model(opened, report.model.building, export, shell)
-    return report
 
 
 def train(
@@ -504,6 +461,7 @@ def _name(building: File | None) -> str | None:
 
 # Functions that take a study or files already, by their modules.
 _OF_WORKFLOW = {
+    "build_model": "build",
     "catalogue": "shipped:list_all",
     "copy_examples": "shipped",
     "demo": "demo:run_demo",

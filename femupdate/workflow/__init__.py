@@ -6,7 +6,7 @@ __all__, __getattr__ = public(
     __name__,
     {
         "amplitude": "level_between record_levels",
-        "build": "build_study",
+        "build": "build_model",
         "calibrate": "calibrate_study check_calibration",
         "calibration_report": "kept_posterior",
         "compare": "compare_states find_state open_state",

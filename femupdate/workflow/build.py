@@ -10,15 +10,16 @@ from femupdate.arrays import Floats
 from femupdate.building.document import Building, mechanics_hash
 from femupdate.building.files import load_building
 from femupdate.building.mesh import BuildingMesh, mesh_building
+from femupdate.building.model_draft import asks, write_draft
 from femupdate.dynamics.reduction import CONFIDENCE
 from femupdate.dynamics.tracking import FullModes, mesh_modes
 from femupdate.effects.structure import structure_of
-from femupdate.errors import StructureError, StudyError
+from femupdate.errors import BuildingError, FemupdateError, StructureError, StudyError
 from femupdate.fe.export_nastran import bulk_data
 from femupdate.fe.export_opensees import opensees_script
 from femupdate.progress import SILENT, Progress
 from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
-from femupdate.study import BUILDING_FILE, Study, atomic_path, typed, write_text
+from femupdate.study import BUILDING_FILE, Study, atomic_path, study_of, typed, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
 from femupdate.workflow.model import (
@@ -127,19 +128,49 @@ class BuildReport(Result):
         )
 
 
-def build_study(
-    study: Study, building: str | None = None, progress: Progress = SILENT, units: str | None = None
+def build_model(
+    study: Study | Path | str,
+    building: Path | str | None = None,
+    *,
+    units: str | None = None,
+    draft: Path | str | None = None,
+    export: str | None = None,
+    shell: str = "ASDShellQ4",
+    progress: Progress = SILENT,
 ) -> BuildReport:
-    """Build the model of a building into a study.
+    """Build, check and reduce the model of a building; its modes and what was checked.
 
     Args:
-        building: name or path; default the study's own, or the six-story one in a new study.
-        units: force and length of another program's model, where it does not tell them.
+        building: its file, another program's model or a shipped name; default: of the study, or
+            the six-story one in a new study.
+        units: force and length of another program's model, such as "N,mm".
+        draft: building file to write for such a model, and to build.
+        export: "opensees" or "nastran": write the model for it, into the study.
+        shell: element of the OpenSees script.
 
     Raises:
         BuildingError, StructureError: the building cannot be read or cannot stand.
         StudyError: the study holds a posterior of another building, or cannot be written.
     """
+    study, name = study_of(study), building
+    if draft is not None:
+        if name is None:
+            raise BuildingError("a draft needs another program's model; name its file")
+        building = write_draft(str(name), units, Path(draft))
+    try:
+        report = _build(study, building, units, progress)
+    except FemupdateError as failure:
+        if draft is not None and not asks(str(name), failure):
+            Path(draft).expanduser().unlink(missing_ok=True)
+        raise
+    if export is not None:
+        _export(study, report.model.building, export, shell)
+    return report
+
+
+def _build(
+    study: Study, building: Path | str | None, units: str | None, progress: Progress
+) -> BuildReport:
     if building is None and not study.path(BUILDING_FILE).exists():
         building = DEFAULT_BUILDING
         progress.say("No building is named: the default is taken, not yours")
@@ -228,7 +259,7 @@ EXPORTS = {"nastran": "model.bdf", "opensees": "opensees_model.py"}
 """Files of a study that other programs read, by the program."""
 
 
-def export_model(study: Study, building: Building, program: str, shell: str) -> None:
+def _export(study: Study, building: Building, program: str, shell: str) -> None:
     """Write bulk data in N and m, or a Python script for OpenSeesPy, all stiffness factors 1.
 
     Raises:

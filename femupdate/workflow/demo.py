@@ -16,7 +16,7 @@ from femupdate.report.scale import plus_minus
 from femupdate.result import Item, Note, Picture, Result, Told
 from femupdate.study import Study, study_of
 from femupdate.tables import Column, Table
-from femupdate.workflow.build import DEFAULT_BUILDING, build_study
+from femupdate.workflow.build import DEFAULT_BUILDING, build_model
 from femupdate.workflow.calibrate import calibrate_study
 from femupdate.workflow.calibration_report import short_name
 from femupdate.workflow.likelihoods import CalibrationSettings
@@ -74,7 +74,7 @@ def run_demo(
     started, study = time.monotonic(), study_of(study)
     examples = examples or files("femupdate.examples")
     progress.say("1/5 The six-story building: mesh, modes, reduced model")
-    built = build_study(study, building, progress)
+    built = build_model(study, building, progress=progress)
     with as_file(examples / OBSERVATION) as observation, as_file(examples / RECORD) as record:
         progress.say("2/5 Posterior from the roof alone (Case 2)")
         settings = settings or CalibrationSettings(seed=seed)

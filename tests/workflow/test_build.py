@@ -10,7 +10,7 @@ from femupdate.building import load_building, save_building
 from femupdate.dynamics import reduced_modes
 from femupdate.errors import StructureError, StudyError
 from femupdate.study import Study
-from femupdate.workflow import REDUCED, CertifiedModel, build_study, open_study
+from femupdate.workflow import REDUCED, CertifiedModel, build_model, open_study
 
 
 @pytest.mark.parametrize(
@@ -18,7 +18,7 @@ from femupdate.workflow import REDUCED, CertifiedModel, build_study, open_study
 )
 def test_frequencies_of_an_even_chain(tmp_path, name, stories, square):
     """w_j = 2 sqrt(k/m) sin((2j - 1) pi / (4n + 2)) (Blevins 1979, table 8-1)."""
-    report = build_study(Study(tmp_path), name)
+    report = build_model(Study(tmp_path), name)
     order = np.arange(1, stories + 1)
     closed = 2 * np.sqrt(square) * np.sin((2 * order - 1) * np.pi / (4 * stories + 2)) / (2 * np.pi)
     # The same equations: rounding alone.
@@ -33,7 +33,7 @@ def test_frequencies_of_an_even_chain(tmp_path, name, stories, square):
 def cabin(tmp_path_factory, cabin_file, recorder):
     study = Study(tmp_path_factory.mktemp("cabin") / "study")
     log = recorder()
-    return build_study(study, str(cabin_file), log), study, log
+    return build_model(study, str(cabin_file), progress=log), study, log
 
 
 def test_a_frame_weighs_what_its_file_says(cabin):
@@ -95,21 +95,21 @@ def test_what_cannot_be_reduced_is_told_with_its_modes(tmp_path, cabin_file):
     path = tmp_path / "cabin.toml"
     path.write_text(cabin_file.read_text().replace("tolerance = 0.1", "tolerance = 1e-12"))
     with pytest.raises(StructureError, match=r"or lower .*, below which are \d+ modes \([\d.]+, "):
-        build_study(Study(tmp_path / "study"), str(path))
+        build_model(Study(tmp_path / "study"), str(path))
 
 
 def test_without_a_name_a_study_keeps_its_building(tmp_path, tower_file):
     study = Study(tmp_path)
-    build_study(study, str(tower_file))
-    assert build_study(study).model.building.name == "tower"
+    build_model(study, str(tower_file))
+    assert build_model(study).model.building.name == "tower"
 
 
 def test_a_posterior_keeps_its_building(tower, snapshot, tower_file):
     before = snapshot(tower.folder)
     with pytest.raises(StudyError, match="holds a posterior of the building tower; choose"):
-        build_study(tower, "shear_3dof")
+        build_model(tower, "shear_3dof")
     assert snapshot(tower.folder) == before
-    assert build_study(tower, str(tower_file)).model.building.name == "tower"
+    assert build_model(tower, str(tower_file)).model.building.name == "tower"
     assert tower.path("posterior.nc").exists()
 
 
