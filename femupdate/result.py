@@ -123,9 +123,8 @@ class Result:
         """
         pictures = {picture.name: picture for picture in self.figures()}
         if (name or next(iter(pictures), "")) not in pictures:
-            raise ReportError(
-                f"there is no figure {name!r}; known: {', '.join(pictures) or 'none, tables alone'}"
-            )
+            known = ", ".join(pictures) or "tables alone"
+            raise ReportError(f"there is no figure {name or 'to draw'}; known: {known}")
         return pictures[name or next(iter(pictures))].figure()
 
     def to_dataframe(self, name: str = "") -> "DataFrame":

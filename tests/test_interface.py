@@ -45,7 +45,7 @@ def test_the_recipes_run_and_a_softened_story_is_found(tmp_path, monkeypatch, ca
     assert repr(names["found"]).startswith("Verdict: the data are explained (shear_3dof")
     assert " -v " not in repr(names["found"])  # an option of the command line
     assert re.search("Next: <code>femupdate.*<td>theta_1</td>", names["found"]._repr_html_())
-    with pytest.raises(ReportError, match="there is no figure 'x'; known: frf_fit"):
+    with pytest.raises(ReportError, match="there is no figure x; known: frf_fit"):
         names["found"].plot("x")
     assert "Roof: " in capsys.readouterr().out
 

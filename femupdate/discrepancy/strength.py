@@ -53,7 +53,6 @@ def judged_by_strength(
     run: Observation | None,
     direction: str,
     settings: DiagnosisSettings,
-    use_phase: bool = True,
 ) -> Diagnosis:
     """The diagnosis, told as nonlinear where a story or the thirds of a run by strength say so.
 
@@ -62,12 +61,11 @@ def judged_by_strength(
     Args:
         run: from the histories of which the diagnosis was made; None where there are several runs.
         direction: of the motion.
-        use_phase: compare phases.
     """
     if run is None or run.histories is None:
         return found
     parts = [
-        frf_data(that_says(part), found.base.system.floors, use_phase=use_phase, table=COARSE_ERROR)
+        frf_data(that_says(part), found.base.system.floors, table=COARSE_ERROR)
         for part in by_strength(run, direction)
     ]
     thirds = reduce(together, parts) if parts else None

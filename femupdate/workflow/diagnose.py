@@ -288,9 +288,7 @@ def search(
     progress.start("Looking for what is missing", 4)
     problem, found = sought(finder, problem, base, settings, progress)
     found, along = with_pair(found, settings, progress), direction_of(finder.building)
-    phase = any(isinstance(kind, FrfData) and kind.phase is not None for kind in data)
-    found = judged_by_strength(found, run, along, settings, phase)
-    return problem, judged_by_mesh(found, finder.mesh)
+    return problem, judged_by_mesh(judged_by_strength(found, run, along, settings), finder.mesh)
 
 
 def keep_found(

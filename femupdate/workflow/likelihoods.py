@@ -232,7 +232,7 @@ def data_of_modes(
     )
 
 
-def data_of(measured: Measured, system: System, use_phase: bool = True) -> tuple[Data, ...]:
+def data_of(measured: Measured, system: System) -> tuple[Data, ...]:
     """What is to be explained, one entry a kind: records under base motion as one, forces, modes.
 
     Raises:
@@ -242,9 +242,9 @@ def data_of(measured: Measured, system: System, use_phase: bool = True) -> tuple
     if measured.second is not None:
         seen.append((measured.second, measured.level))
     based = [replace(each.base, level=level) for each, level in seen if each.has_base]
-    base = [base_data(based, system, use_phase, COARSE_ERROR)] if based else []
+    base = [base_data(based, system, True, COARSE_ERROR)] if based else []
     forces = [
-        data_of_forces(each, system, use_phase=use_phase, level=level, table=COARSE_ERROR)
+        data_of_forces(each, system, use_phase=True, level=level, table=COARSE_ERROR)
         for each, level in seen
     ]
     return (*base, *chain(*forces), *data_of_modes(measured, system))

@@ -172,7 +172,6 @@ def records(job: Job, records: int) -> Report:
     help="Records of base motion, identified modes, or a hammer test.",
 )
 @click.option("--opensees", is_flag=True, help="OpenSees makes the truths, not our finer mesh.")
-@click.option("--no-phase", is_flag=True, help="Use the amplitude alone.")
 @click.option(
     "--minutes", type=click.FloatRange(min=0), help="Minutes after which no trial is started."
 )
@@ -188,7 +187,6 @@ def hidden_effects(
     data: str,
     mesh_size: float | None,
     opensees: bool,
-    no_phase: bool,
     minutes: float | None,
     quick: bool,
     dask: str | None,
@@ -200,7 +198,7 @@ def hidden_effects(
 
     plan = QUICK if quick else TrialPlan(**counts)
     truth = OPENSEES if opensees else OURS
-    settings = TrialSettings(mesh_size=mesh_size, use_phase=not no_phase, truth=truth)
+    settings = TrialSettings(mesh_size=mesh_size, truth=truth)
     limit = float("inf") if minutes is None else minutes
     with shared_out(dask):
         return run_hidden_effects(job, building, plan, settings, limit, data)

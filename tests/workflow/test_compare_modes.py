@@ -66,7 +66,7 @@ def test_a_picture_of_two_sets_of_modes_is_refused(tmp_path):
     files = [written(tmp_path / name, HERTZ, SHAPES) for name in ("one.csv", "two.csv")]
     done = CliRunner().invoke(group, ["compare", *files, "--picture", str(tmp_path / "a.png")])
     assert done.exit_code == 1
-    assert "leave --picture out" in done.output
+    assert "there is no figure to draw; known: tables alone" in done.output
     assert not (tmp_path / "a.png").exists()
 
 

@@ -42,11 +42,11 @@ DESCRIBED = {
 }
 
 
-def shown(effect: Effect, data: str, use_phase: bool) -> bool:
+def shown(effect: Effect, data: str) -> bool:
     """Whether trials of a kind of data hide an effect: some size of it shows."""
     if effect.name in _UNSEEN[data]:
         return False
-    phase = {BASE: use_phase, MODES: True, FORCE: False}  # shapes have a sign
+    phase = {BASE: True, MODES: True, FORCE: False}  # shapes have a sign
     return phase[data] or not effect.needs_phase
 
 

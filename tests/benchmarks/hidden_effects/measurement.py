@@ -46,7 +46,6 @@ class TrialSettings:
     quantisation_m_s2: float = 5e-4  # step of the recorder
     # M, of the truth of a frame; two fifths of the building's own where None
     mesh_size: float | None = None
-    use_phase: bool = True  # whether phases are compared
     truth: str = OURS  # `OURS`, by the solver of this project on a finer mesh, or `OPENSEES`
 
 

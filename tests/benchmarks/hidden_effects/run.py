@@ -62,7 +62,7 @@ def run_hidden_effects(
     study = Study(job.folder / f"study_{name}")
     model = open_study(study, building, job.progress)
     kind = ("" if data == BASE else f"_{data}") + ("" if settings.truth == OURS else "_opensees")
-    files = f"hidden_effects_{name}{'' if settings.use_phase else '_amplitude'}{kind}"
+    files = f"hidden_effects_{name}{kind}"
     header = {"building": model.hash, "settings": settings}
     log = ResumableLog(job.folder / f"{files}.jsonl", header)
     trials = plan.trials(job.seed)

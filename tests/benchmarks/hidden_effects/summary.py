@@ -245,11 +245,10 @@ def summary_text(
         ("", "first", "goal", "found", "cases"),
         [(r.what, r.first, r.goal, r.found, str(r.of)) for r in rows],
     )
-    compared = "amplitude and phase" if settings.use_phase else "amplitude alone"
     seconds = ", ".join(f"{one:g}" for one in settings.durations_s)
     measured = (
         f"{seconds} s at {settings.sampling_hz:g} Hz, sensor noise "
-        f"{settings.sensor_noise_m_s2:g} m/s2, {compared}"
+        f"{settings.sensor_noise_m_s2:g} m/s2"
     )
     if settings.truth == OPENSEES:
         measured += "; truths by OpenSees, ASDShellQ4 and ShellMITC4 in turn"

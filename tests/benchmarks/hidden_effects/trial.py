@@ -57,7 +57,7 @@ class TrialModels:
     def shows(self, effect: Effect) -> bool:
         """Whether the data show an effect, and what makes the truth can have it."""
         made = self.settings.truth == OURS or made_by_opensees(effect)
-        return made and shown(effect, self.data, self.settings.use_phase)
+        return made and shown(effect, self.data)
 
     def measure(
         self, measured: MeasuredBuilding, truth: Truth, rng: np.random.Generator
@@ -235,7 +235,7 @@ def _find(trial: Trial, models: TrialModels, seen: Measured) -> _Found:
     model, finder = models.model, models.finder
     started = time.monotonic()
     chosen = DiagnosisSettings(seed=trial.number)
-    data = data_of(seen, model.system, models.settings.use_phase)
+    data = data_of(seen, model.system)
     problem, diagnosis = search(finder, data, chosen, SILENT)
     base = diagnosis.base
     if trial.kind == TWO:
