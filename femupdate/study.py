@@ -416,6 +416,11 @@ class Study:
             return None
         return path
 
+    def made_by(self, command: str) -> str:
+        """The command, as it is typed, that makes what this study lacks, be it repaired or not."""
+        inside = self.folder.name == REPAIRED
+        return typed("repair FILE", self.folder) if inside else f"femupdate {command}"
+
     def require(self, name: str, command: str) -> Path:
         """Path of an artefact that must be there and whole.
 
@@ -428,8 +433,8 @@ class Study:
         artefact = self.artefact(name)
         if artefact is None or not self.path(artefact.file).is_file():
             raise StudyError(
-                f"the study {self.folder} holds no {self.key(name)}; run `femupdate {command}` "
-                f"first{self._others(name)}"
+                f"the study {self.folder} holds no {self.key(name)}; run "
+                f"`{self.made_by(command)}` first{self._others(name)}"
             )
         path = self.path(artefact.file)
         if file_hash(path) != artefact.sha256:

@@ -549,7 +549,7 @@ def _out_of_order(
         ratio = sizes[low.number] / sizes[high.number]
         yield (
             f"{low.title} moves {ratio:.2g} times as much as {high.title} above it {at}: are they"
-            " swapped?"
+            " swapped? (Beside each other, as in two towers, they need not be.)"
         )
 
 

@@ -14,7 +14,7 @@ from femupdate.discrepancy.strength import what_yields
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.effects.tolerances import TOLERANCES, key_of
 from femupdate.errors import InferenceError
-from femupdate.inference.diagnostics import PredictiveCheck, predictive_check, r_hat
+from femupdate.inference.diagnostics import MISSED, PredictiveCheck, predictive_check, r_hat
 from femupdate.inference.error_draws import draw_errors
 from femupdate.inference.event_scatter import LearnedScatter, learned_scatter
 from femupdate.inference.frf_data import FrfData, base_logs
@@ -292,7 +292,7 @@ def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
         over = check.ratios[0] ** 0.5
         if at := listed(check.missed):
             at, over = f" at {at}", max(check.ratios[1:]) ** 0.5
-        if at or (check.whole < 0.01 and over > 1.2):
+        if at or (check.whole < 0.01 and over > MISSED):
             notes.append(
                 f"The data miss the model{at} by {over:.2g} times what is allowed for (noise and "
                 "error of the model, rms): intervals are too narrow by about that factor."

@@ -46,7 +46,7 @@ def write_report(
     started, study = time.monotonic(), study_of(study)
     if not study.path(BUILDING_FILE).exists():
         raise StudyError(
-            f"the study {study.folder} holds no building; run `femupdate calibrate` first"
+            f"the study {study.folder} holds no building; run `{study.made_by('calibrate')}` first"
         )
     status = study_status(study)
     model = open_study(study, None, progress)

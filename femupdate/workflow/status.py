@@ -18,6 +18,7 @@ from femupdate.study import (
     REPAIRED,
     Artefact,
     Study,
+    as_written,
     file_hash,
     owner_of,
     typed,
@@ -134,7 +135,15 @@ def study_status(study: Study) -> StatusReport:
     told = dict[str, Any]()
     if any(item.name == "diagnosis" and item.state in (CURRENT, STALE) for item in holds):
         told = json.loads(study.path(artefacts["diagnosis"].file).read_text(encoding="utf-8"))
-    lacks = f"What the model lacks: {told.get('verdict')}. {told.get('sentence')}"
+    lacks = [f"What the model lacks: {told.get('verdict')}. {told.get('sentence')}"] * bool(told)
+    # The repair that made this study, or was made in it.
+    inside = study.folder.name == REPAIRED
+    kept_repair = (study.folder.parent if inside else study.folder) / "repair.json"
+    if kept_repair.is_file():
+        with as_written(kept_repair):
+            repair = json.loads(kept_repair.read_text(encoding="utf-8"))
+            added = "; ".join(step["in_words"] for step in repair["rounds"]) or "nothing"
+        lacks.append(f"The repair added {'to it ' * inside}{added}.")
     interrupted = "surrogate" not in artefacts and study.path("dataset").exists()
     goes_on = "A training was interrupted; `femupdate train` goes on where it stopped."
     studies = tuple(path.parent for path in sorted(study.folder.glob("*/study.json")))
@@ -152,13 +161,16 @@ def study_status(study: Study) -> StatusReport:
     if building is None:
         reason = "The study has no building yet; NAME is a file or one of `femupdate list`."
         following = ((_typed(study, "build-model NAME"), reason),)
+        if study.folder.name == REPAIRED:
+            reason = "It adds what the model lacks, and nothing was added yet."
+            following = ((study.made_by("repair"), reason),)
     return StatusReport(
         folder=study.folder,
         building=name,
         holds=holds,
         unfinished=(goes_on,) if interrupted else (),
         stale=tuple(stale),
-        first=(*kept.get("first", ()), *[lacks] * bool(told)),
+        first=(*kept.get("first", ()), *lacks),
         warnings=tuple(
             f"{capital(study.key('posterior'))}: {text}" for text in kept.get("warnings", ())
         ),

@@ -214,7 +214,7 @@ def test_channels_under_each_other_s_names_are_told(write, order):
     path = write(table(printed("{:.2f}"), ROWS[list(order)]), "x.csv")
     (finding,) = inspect_file(path).all_findings
     if order[0] == 0:
-        assert "are they swapped?" in finding
+        assert "are they swapped? (Beside each other" in finding
     else:
         assert f"channel {order.index(0) + 1} (" in finding
         assert finding.endswith("is it the base?")

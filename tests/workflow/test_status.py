@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+from femupdate.errors import StudyError
 from femupdate.study import Study, write_text
 from femupdate.workflow import study_status
 
@@ -125,6 +126,18 @@ def test_a_named_effect_asks_for_a_repair(look):
         found = study_status(study)
         assert found.next[0][0].startswith(f"femupdate {command}")
         assert found.first[-1] == f"What the model lacks: {verdict}. So."  # as on the page
+
+
+def test_a_repair_is_told_and_asked_for_where_it_was_not_made(look):
+    study, _ = look
+    inner = Study(study.path("repaired"))
+    asked = f"femupdate repair FILE --study {study.folder}"
+    assert study_status(inner).next[0][0] == asked
+    with pytest.raises(StudyError, match="repair FILE"):
+        inner.require("posterior", "calibrate")
+    write_text(study.path("repair.json"), '{"rounds": [{"in_words": "Added mass at RF"}]}')
+    for one, words in ((study, "added Added mass at RF."), (inner, "added to it Added mass")):
+        assert words in study_status(one).first[-1]
 
 
 def test_without_a_posterior_the_way_to_one_is_shown(tmp_path, tower_file):
