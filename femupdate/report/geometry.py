@@ -88,9 +88,9 @@ def at_levels(floors: Sequence[tuple[str, float]], size: float) -> list[tuple[st
 class Landmarks:
     """What says where things are: names at places (k, 3), and axes (3, 2, 3) from end to tip."""
 
-    names: tuple[str, ...] = ()
-    places: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    axes: Floats = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    names: tuple[str, ...]
+    places: Floats
+    axes: Floats
 
     @classmethod
     def of(

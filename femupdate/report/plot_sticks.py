@@ -25,9 +25,9 @@ def stick_mode_shapes(
     levels: Floats,
     shapes: Floats,
     headings: Sequence[str],
+    floors: Sequence[str],
     *,
     shapes_sd: Floats | None = None,
-    floors: Sequence[str] | None = None,
     title: str = "Mode shapes",
 ) -> Figure:
     """Draw the modes of a building that is a stick of masses, each with its top to the right.
@@ -36,8 +36,8 @@ def stick_mode_shapes(
         levels: (f,) heights of the floors, m, the base first.
         shapes: (k, f) mean mode shapes, any scale.
         headings: k texts over the modes: number, frequency, share of the mass.
+        floors: f names, the base first.
         shapes_sd: (k, f) standard deviations in the scale of the shapes, or None.
-        floors: f names, the base first, or None.
     """
     count, shown = len(shapes), upright(shapes)
     largest = np.maximum(np.abs(shapes).max(axis=1, keepdims=True), 1e-300)
@@ -58,10 +58,7 @@ def stick_mode_shapes(
         panel.set(xticks=(-1.0, 0.0, 1.0))
     widest = max(1.0, *(abs(bound) for bound in axes[0].get_xlim()))
     axes[0].set_xlim(-1.05 * widest, 1.05 * widest)
-    if floors is None:
-        axes[0].set_ylabel("Height, m")
-    else:
-        mark_floors(axes[0], levels, floors)
+    mark_floors(axes[0], levels, floors)
     figure.supxlabel("Displacement over its largest", fontsize=10.0)
     thin = "" if shapes_sd is None else thin_band_note(2.0 * nearly_all(shapes_sd / largest))
     add_head(figure, title, note=thin)

@@ -78,8 +78,6 @@ def draw(
 
 def mark(panel: Axes, marks: Landmarks) -> None:
     """Draw names and axes."""
-    if not marks.names:
-        return
     lines = [project(axis)[0] for axis in marks.axes]
     panel.add_collection(LineCollection(lines, colors=INK, linewidths=1.2))
     places = project(marks.places)[0]
@@ -109,7 +107,7 @@ def render(
     values: Floats,
     color_map: str,
     top: float,
-    marks: Landmarks = Landmarks(),  # noqa: B008 - frozen
+    marks: Landmarks,
 ) -> Pixels:
     """Return a picture (h, w, 3) of the building, white around.
 
@@ -173,14 +171,13 @@ def _plotter() -> Iterator[tuple[Any, Any]]:
 
 def _picture(pyvista: Any, plotter: Any, marks: Landmarks) -> Pixels:
     """The picture (h, w, 3) with names and axes, seen so that all of it fills the picture."""
-    if marks.names:
-        look = {"text_color": INK, "font_size": 34, "shape": None, "show_points": False}
-        plotter.add_point_labels(marks.places, list(marks.names), always_visible=True, **look)
-        # Labels do not widen what the camera takes in: points that nobody sees do.
-        plotter.add_mesh(pyvista.PolyData(marks.places), opacity=0.0)
-        ends = np.arange(2 * len(marks.axes)).reshape(-1, 2)
-        axes = _lines(pyvista, marks.axes.reshape(-1, 3), ends)
-        plotter.add_mesh(axes, color=INK, line_width=3.0, lighting=False)
+    look = {"text_color": INK, "font_size": 34, "shape": None, "show_points": False}
+    plotter.add_point_labels(marks.places, list(marks.names), always_visible=True, **look)
+    # Labels do not widen what the camera takes in: points that nobody sees do.
+    plotter.add_mesh(pyvista.PolyData(marks.places), opacity=0.0)
+    ends = np.arange(2 * len(marks.axes)).reshape(-1, 2)
+    axes = _lines(pyvista, marks.axes.reshape(-1, 3), ends)
+    plotter.add_mesh(axes, color=INK, line_width=3.0, lighting=False)
     plotter.enable_parallel_projection()
     plotter.view_vector(VIEW, viewup=(0.0, 0.0, 1.0))
     return np.asarray(plotter.screenshot(return_img=True))[..., :3]
@@ -261,9 +258,9 @@ def probe(command: tuple[str, ...], timeout: float = 60.0) -> str:
 def mode_shape_figure(
     geometry: Geometry,
     shape_mean: Floats,
+    floors: Sequence[tuple[str, float]],
     *,
     shape_sd: Floats | None = None,
-    floors: Sequence[tuple[str, float]] = (),
     title: str = "Mode shape",
     renderer: Renderer = "auto",
 ) -> Figure:
@@ -273,8 +270,8 @@ def mode_shape_figure(
 
     Args:
         shape_mean: (N, 3) displacement of every node, any scale.
+        floors: names and heights, m.
         shape_sd: (N,) standard deviation of the displacement, in the scale of the mean, or None.
-        floors: names and heights, m; without them no axes are drawn either.
         renderer: "auto", or one of the two by name.
     """
     magnitude, moved = np.linalg.norm(shape_mean, axis=1), deformed(geometry, shape_mean)
@@ -288,9 +285,7 @@ def mode_shape_figure(
         label = "Standard deviation, % of the largest displacement"
         top = percent.max() or 1.0
         fields.append(("Spread of the posterior", label, percent, top, SPREAD_MAP))
-    marks = Landmarks()
-    if floors:
-        marks = Landmarks.of(geometry, floors, 0.7 * DEFORMATION * geometry.size)
+    marks = Landmarks.of(geometry, floors, 0.7 * DEFORMATION * geometry.size)
     # As high as the building is, seen at this width, and the bar of colours.
     seen = np.ptp(project(np.concatenate([moved, marks.places]))[0], axis=0)
     high = float(np.clip(5.0 * seen[1] / seen[0] + 1.0, 3.0, 6.3))

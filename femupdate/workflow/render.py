@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -120,8 +119,8 @@ def mode_pictures(
             levels_with_base(model.building),
             mean,
             [_heading(mode) for mode in modes],
+            ("base", *model.reduced.floors),
             shapes_sd=sd if several else None,
-            floors=("base", *model.reduced.floors),
             title="Mode shapes of the posterior" if several else "Mode shapes, all factors 1",
         )
         return [Picture(f"{name}s", draw)]
@@ -134,8 +133,7 @@ def mode_pictures(
         floors = list(zip(("base", *model.building.floors), levels, strict=True))
         mean, spread = mean_shape(node_displacements(model.reduced, mode.tracked.recognised))
         sd = spread if several else None
-        shown: dict[str, Any] = {"shape_sd": sd, "floors": floors, "title": title}
-        return mode_shape_figure(geometry(), mean, **shown)
+        return mode_shape_figure(geometry(), mean, floors, shape_sd=sd, title=title)
 
     # A mode without a number of its own has its frequency in tenths of 1 Hz.
     labels = [mode.number or f"{mode.tracked.frequency_mean:.1f}_Hz" for mode in modes]

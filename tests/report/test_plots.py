@@ -118,7 +118,11 @@ def member_forces() -> Figure:
     return member_force_bands([("wall X2:S1", curves)], title="Forces")
 
 
-HEIGHTS = np.array([0.0, 3.0])
+def one_stick(heading: str = "Mode 1", sd: np.ndarray | None = None) -> Figure:
+    heights, shape = np.array([0.0, 3.0]), np.array([[0.0, -2.0]])
+    return stick_mode_shapes(heights, shape, [heading], ("base", "RF"), shapes_sd=sd)
+
+
 EDGES = np.geomspace(0.5, 20.0, 6)
 MISFIT = np.linspace(0.3, 40.0, 30).reshape(6, 5)
 RANKED = [("soft story in S2", 80.0, "0.30 ± 0.02", True), ("mass", -1.0, "", False)]
@@ -153,10 +157,10 @@ FIGURES = {
         np.arange(5) * 3.0,
         np.hstack([np.zeros((4, 1)), RNG.normal(size=(4, 4))]),
         ["Mode 1", "Mode 2\n3.4 Hz", "Mode 3 (X)\n5.1 Hz\n12.3 % of the mass", "Mode 4"],
+        ("base", "2F", "3F", "4F", "RF"),
         shapes_sd=np.full((4, 5), 0.03),
-        floors=("base", "2F", "3F", "4F", "RF"),
     ),
-    "one stick": lambda: stick_mode_shapes(HEIGHTS, np.array([[0.0, -2.0]]), ["Mode 1"]),
+    "one stick": lambda: one_stick(),
     "spectra": lambda: spectra(),
     "members": lambda: member_forces(),
     "residual map": lambda: residual_map(
@@ -301,17 +305,15 @@ def test_shear_and_drift_in_units_that_suit():
 
 def test_sticks_turn_their_top_to_the_right():
     sd = np.array([[0.0, 0.1]])
-    figure = stick_mode_shapes(HEIGHTS, np.array([[0.0, -2.0]]), ["Mode 1\n1.25 Hz"], shapes_sd=sd)
+    figure = one_stick("Mode 1\n1.25 Hz", sd)
     panel = figure.axes[0]
     np.testing.assert_allclose(line(panel, "Posterior mean"), [[0.0, 0.0], [1.0, 3.0]])
     assert panel.get_title(loc="left") == "Mode 1\n1.25 Hz"
     band = panel.collections[0].get_paths()[0].vertices[:, 0]
     assert (band.min(), band.max()) == pytest.approx((0.0, 1.1))
-    assert panel.get_ylabel() == "Height, m"
+    assert [text.get_text() for text in panel.get_yticklabels()] == ["base", "RF"]
     assert legend(figure) == ["Posterior mean", "± 2 sd", "At rest"]
-    named = stick_mode_shapes(HEIGHTS, np.array([[0.0, 1.0]]), ["Mode 1"], floors=("base", "RF"))
-    assert [text.get_text() for text in named.axes[0].get_yticklabels()] == ["base", "RF"]
-    assert legend(named) == ["Shape", "At rest"]
+    assert legend(one_stick()) == ["Shape", "At rest"]
 
 
 def test_residuals_over_the_noise():

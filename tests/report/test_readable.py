@@ -35,6 +35,7 @@ def test_a_stick_says_that_its_bands_are_thin():
             np.array([0.0, 3.0]),
             np.array([[0.0, 1.0]]),
             ["Mode 1"],
+            ("base", "RF"),
             shapes_sd=np.array([[0.0, sd]]),
         )
         texts = " ".join(text.get_text() for text in figure.texts)

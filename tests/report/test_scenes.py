@@ -11,6 +11,8 @@ from femupdate.report import Geometry
 from femupdate.report.geometry import at_levels, outline
 from femupdate.report.scenes import mode_shape_figure, probe, rendering
 
+FLOORS = (("base", 0.0), ("2F", 0.9), ("RF", 1.8))
+
 
 def frame(stories: int = 2) -> Geometry:
     """Two bays by one, slabs of 2 x 2 shells a bay, columns at the corners."""
@@ -52,13 +54,13 @@ def test_scene_drawn_by_matplotlib(spread):
     geometry = frame()
     sd = 0.02 * geometry.nodes[:, 2] if spread else None
     figure = mode_shape_figure(
-        geometry, sway(geometry), shape_sd=sd, title="Mode 1", renderer="matplotlib"
+        geometry, sway(geometry), FLOORS, shape_sd=sd, title="Mode 1", renderer="matplotlib"
     )
     count = 1 + spread
     headings = ["Mean shape" if spread else "Shape", "Spread of the posterior"][:count]
     for panel, heading in zip(panels_of(figure, count), headings, strict=True):
         assert panel.get_title(loc="left") == heading
-        rest, building = panel.collections
+        rest, building, _ = panel.collections
         assert len(rest.get_segments()) == len(outline(geometry))
         assert len(building.get_paths()) == len(geometry.shells) + len(geometry.beams)
         assert len(np.unique(building.get_facecolors(), axis=0)) > 3, "a field of many colours"
@@ -79,7 +81,7 @@ def test_scene_rendered_by_pyvista():
     needs_pyvista()
     geometry = frame()
     sd = 0.02 * geometry.nodes[:, 2]
-    figure = mode_shape_figure(geometry, sway(geometry), shape_sd=sd, renderer="pyvista")
+    figure = mode_shape_figure(geometry, sway(geometry), FLOORS, shape_sd=sd, renderer="pyvista")
     for panel in panels_of(figure, 2):
         picture = panel.images[0].get_array() / 255.0
         assert (picture.min(axis=-1) < 0.9).mean() > 0.15, "a building fills its panel"
@@ -92,10 +94,10 @@ def test_scene_of_shells_alone_and_of_beams_alone(part):
     whole = frame()
     parts = {"shells": whole.shells, "beams": whole.beams}
     geometry = Geometry.of(whole.nodes, **{k: v if k == part else [] for k, v in parts.items()})
-    figure = mode_shape_figure(geometry, sway(geometry), renderer="matplotlib")
+    figure = mode_shape_figure(geometry, sway(geometry), FLOORS, renderer="matplotlib")
     assert len(figure.axes[0].collections[1].get_paths()) == len(parts[part])
     needs_pyvista()
-    figure = mode_shape_figure(geometry, sway(geometry), renderer="pyvista")
+    figure = mode_shape_figure(geometry, sway(geometry), FLOORS, renderer="pyvista")
     assert (figure.axes[0].images[0].get_array().min(axis=-1) < 230).mean() > 0.02
 
 
@@ -121,7 +123,7 @@ def test_rendering_writes_nothing_to_the_terminal():
         "from femupdate.report.geometry import Geometry;"
         "from femupdate.report.scenes import mode_shape_figure;"
         "g = Geometry.of(np.eye(4, 3), [[0, 1, 2, 3]], [[0, 1]]);"
-        "mode_shape_figure(g, np.ones((4, 3)), renderer='pyvista')"
+        "mode_shape_figure(g, np.ones((4, 3)), [('base', 0.0)], renderer='pyvista')"
     )
     done = subprocess.run(
         [sys.executable, "-c", code],
