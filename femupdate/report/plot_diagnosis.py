@@ -185,7 +185,7 @@ def ranking(effects: Sequence[Ranked], needed: float, verdict: str) -> Figure:
         [_scaled(t) for t in kept], [f"{t:.3g}" if t < 1e3 else f"{t:,.0f}" for t in kept]
     )
     panel.set_xlim(left, right)
-    panel.set_xlabel("Log evidence over the model as it is (dashed: what a name needs)")
+    panel.set_xlabel("Log evidence over the model as it is\n(dashed: what a name needs)")
     panel.grid(axis="y", visible=False)
     add_head(figure, "What could be missing", note=verdict)
     return figure
