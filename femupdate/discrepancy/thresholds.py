@@ -93,8 +93,8 @@ class MESH_ERROR:
         0.035,
         "share",
         "of natural frequencies (rms), from which a mesh whose halving moves them gives no name",
-        "clean buildings on coarse meshes, truths of meshes a quarter as wide: false names at .066 "
-        "and .043; none at .031, .031 and .020",
+        "clean buildings, truths of meshes a quarter or an eighth as wide: 6 false names of 8 at "
+        ".066 and .043; none of 8 at .031, .020 and .019",
     )
     carried: int = entry(
         12,
