@@ -137,13 +137,14 @@ def study_status(study: Study) -> StatusReport:
         told = json.loads(study.path(artefacts["diagnosis"].file).read_text(encoding="utf-8"))
     lacks = [f"What the model lacks: {told.get('verdict')}. {told.get('sentence')}"] * bool(told)
     # The repair that made this study, or was made in it.
-    inside = study.folder.name == REPAIRED
-    kept_repair = (study.folder.parent if inside else study.folder) / "repair.json"
+    repaired = study.folder.name == REPAIRED
+    kept_repair = (study.folder.parent if repaired else study.folder) / "repair.json"
     if kept_repair.is_file():
         with as_written(kept_repair):
             repair = json.loads(kept_repair.read_text(encoding="utf-8"))
-            added = "; ".join(step["in_words"] for step in repair["rounds"]) or "nothing"
-        lacks.append(f"The repair added {'to it ' * inside}{added}.")
+            added = "; ".join(step["in_words"] for step in repair["rounds"])
+        nothing = f"A repair added nothing ({repair.get('verdict')}). {repair.get('sentence')}"
+        lacks.append(f"Added to it: {added}." if added else nothing)  # as on the page
     interrupted = "surrogate" not in artefacts and study.path("dataset").exists()
     goes_on = "A training was interrupted; `femupdate train` goes on where it stopped."
     studies = tuple(path.parent for path in sorted(study.folder.glob("*/study.json")))

@@ -136,8 +136,8 @@ def test_a_repair_is_told_and_asked_for_where_it_was_not_made(look):
     with pytest.raises(StudyError, match="repair FILE"):
         inner.require("posterior", "calibrate")
     write_text(study.path("repair.json"), '{"rounds": [{"in_words": "Added mass at RF"}]}')
-    for one, words in ((study, "added Added mass at RF."), (inner, "added to it Added mass")):
-        assert words in study_status(one).first[-1]
+    for each in (study, inner):
+        assert study_status(each).first[-1] == "Added to it: Added mass at RF."  # as on the page
 
 
 def test_without_a_posterior_the_way_to_one_is_shown(tmp_path, tower_file):
