@@ -328,9 +328,9 @@ class FrfData:
             mean = (weight * self.log_frf).sum(1, True) / weight.sum(1, True).clamp_min(1e-300)
             return torch.as_tensor((self.log_frf - mean) ** 2)
 
-        # Drift below the first frequency may seem to have no noise, so no point is known better than
-        # to a tenth of the variation: seven records of right models, three of them of stories that
-        # yield or pound, have .4 and more, nine of other buildings .23 at most.
+        # Drift below the first frequency may seem to have no noise, so no point is known better
+        # than to a tenth of the variation: seven records of right models, three of them of stories
+        # that yield or pound, have .4 and more, nine of other buildings .23 at most.
         spread = (known * about(known)).sum(1, True) / known.sum(1, True).clamp_min(1.0)
         weight = known / (self.sd**2 + 0.01 * spread).clamp_min(1e-300)
         share = (weight / self.weight.clamp_min(1e-300)).flatten()
