@@ -249,7 +249,7 @@ def _six_story_posterior(folders: Folders) -> Iterator[Run]:
     yield Run("six compare", ("compare", "posterior", "roof", "--study", SIX), read_nothing)
     file = folders.observation("six_clean")
     yield Run("six inspect", ("inspect", file), read_nothing)
-    modes = ("identify", file, "-o", str(folders.work / "modes.csv"), "--force")
+    modes = ("identify", file, "-o", str(folders.work / "modes.csv"), "--overwrite")
     yield Run("six identify", modes, read_nothing)
     yield Run("six status", ("status", "--study", SIX), read_nothing)
 
