@@ -16,9 +16,9 @@ from scipy.sparse import csr_matrix, diags, eye_array
 
 from femupdate.arrays import Floats, Singles
 from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, reduced_on
+from femupdate.dynamics.reduction import Space
 from femupdate.dynamics.snapshots import STATIC_WEIGHT, FeltModes, ReductionTarget, compressed
 from femupdate.effects.structure import TRANSLATION, Structure
-from femupdate.fe.factorization import factorize
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.fe.products import combined
 from femupdate.progress import SILENT, Progress
@@ -46,9 +46,13 @@ def on_finer_mesh(
     """
     progress.start("Carrying the model over to a finer mesh", len(thetas))
     assert reduced.node_shapes is not None
-    task = partial(_moved, fine, reduced, _loads(coarse, reduced.node_shapes, fine), target)
+    static = STATIC_WEIGHT * fine.rigid_force[:, [TRANSLATION]]
+    held = STATIC_WEIGHT * fine.dashpot_forces.T  # which lag behind what floors do
+    forces = np.column_stack([_loads(coarse, reduced.node_shapes, fine), static, held])
+    space = Space.of_forces(fine, forces)
+    task = partial(_moved, space, reduced, space.condensed(forces), target)
     shapes = everywhere(task, list(thetas), progress)
-    return reduced_on(fine, compressed(fine.mass, shapes, reduced.size))
+    return reduced_on(fine, space.expanded(compressed(space.mass, shapes, reduced.size)))
 
 
 def on_nodes_of(coarse: Structure, reduced: ReducedStructure) -> ReducedModel:
@@ -116,9 +120,13 @@ def _loads(coarse: Structure, shapes: NDArray[np.float32], fine: Structure) -> F
 
 
 def _moved(
-    fine: Structure, reduced: ReducedModel, loads: Floats, target: ReductionTarget, theta: Floats
+    space: Space, reduced: ReducedModel, forces: Floats, target: ReductionTarget, theta: Floats
 ) -> Singles:
-    """Weighted shapes (n, c) of the finer mesh at a theta (p,), to take a basis from."""
+    """Weighted shapes (q, c) of the finer mesh at a theta (p,), to take a basis from.
+
+    Args:
+        forces: (q, r + s) of the coarse shapes' inertia, then those whose own shapes are wanted.
+    """
     squared, vectors = np.linalg.eigh(reduced.stiffness(theta))
     felt = FeltModes(
         np.sqrt(np.maximum(squared, 0.0)),
@@ -127,8 +135,6 @@ def _moved(
         None if reduced.dashpots is None else reduced.dashpots @ vectors,
     )
     # Responses of less energy, of the largest, are left out.
-    forces = combined(loads, (vectors * squared) @ felt.combinations(target, 1e-5))
-    static = STATIC_WEIGHT * fine.rigid_force[:, [TRANSLATION]]
-    held = STATIC_WEIGHT * fine.dashpot_forces.T  # which lag behind what floors do
-    moved = factorize(fine.stiffness(theta)).apply(np.column_stack([forces, static, held]))
-    return moved.astype(np.float32)
+    inertia, others = np.hsplit(forces, [reduced.size])
+    moving = combined(inertia, (vectors * squared) @ felt.combinations(target, 1e-5))
+    return space.at(theta).apply(np.column_stack([moving, others])).astype(np.float32)

@@ -144,6 +144,10 @@ class Substructures:
         """
         base = self.structure.rigid_force[:, [TRANSLATION]]
         forces = np.column_stack([self.structure.mass @ self.expanded(shapes), base])
+        return self.with_forces(forces, shapes)
+
+    def with_forces(self, forces: Floats, shapes: Floats) -> tuple["Substructures", Floats]:
+        """With what forces (n, c) move inside each part; and shapes (q, k) in its coordinates."""
         parts, coordinates = [], [shapes[: len(self.joints)]]
         for part, modal in self.each():
             inside = shapes[modal]
@@ -210,7 +214,7 @@ class Joined:
 
 
 def substructures(structure: Structure, top_hz: float) -> Substructures | None:
-    """Parts of a frame with their modes up to a frequency; None where they would not pay.
+    """Parts of a frame with their modes up to a frequency, if any; None where they do not pay.
 
     Raises:
         StructureError: the structure is a mechanism.
@@ -256,16 +260,17 @@ def substructures(structure: Structure, top_hz: float) -> Substructures | None:
         if len(inner):  # what the joints move inside, and the modes with the joints held
             stiffness = rows[:, at].toarray()
             moved = -part.factors.apply(stiffness)
-            modes = modes_below(with_terms(alone, ()), np.zeros(0), top_hz, part.factors)
             both = coupling.T @ moved
             part = replace(
                 part,
                 moved=moved,
                 held=held + stiffness.T @ moved,
                 joint_mass=moved.T @ symmetric_times(alone.mass, moved) + both + both.T,
-                shapes=modes.shapes,
-                squared=(2.0 * np.pi * modes.frequency_hz) ** 2,
             )
+            if top_hz:
+                modes = modes_below(with_terms(alone, ()), np.zeros(0), top_hz, part.factors)
+                squared = (2.0 * np.pi * modes.frequency_hz) ** 2
+                part = replace(part, shapes=modes.shapes, squared=squared)
         parts.append(part)
     return Substructures(structure, tuple(parts), joints, structure.mass[joints][:, joints].tocsc())
 
@@ -425,7 +430,7 @@ def _log_frf(system: System, samples: Floats, target: ReductionTarget) -> Floats
 
 
 @dataclass(frozen=True, eq=False)
-class _Space:
+class Space:
     """What shapes are made of: q degrees of freedom, or coordinates of substructures."""
 
     structure: Structure
@@ -434,14 +439,12 @@ class _Space:
     @cached_property
     def force(self) -> Floats:
         """(q, 1) by which the base drives it."""
-        force = self.structure.rigid_force[:, [TRANSLATION]]
-        return force if self.parts is None else self.parts.condensed(force)
+        return self.condensed(self.structure.rigid_force[:, [TRANSLATION]])
 
     @cached_property
     def rows(self) -> Floats:
         """(f, q) what floors show of it."""
-        rows = self.structure.floor_rows
-        return rows if self.parts is None else self.parts.condensed(rows.T).T
+        return self.condensed(self.structure.floor_rows.T).T
 
     @property
     def mass(self) -> Any:
@@ -454,30 +457,42 @@ class _Space:
             return self.parts.at(theta)
         return factorize_held(self.structure.meshed[1], self.structure.stiffness(theta))
 
+    def condensed(self, loads: Floats) -> Floats:
+        """What loads (n, c) do along it, (q, c)."""
+        return loads if self.parts is None else self.parts.condensed(loads)
+
     def expanded(self, shapes: Floats) -> Floats:
         """Displacements (n, c) of shapes (q, c)."""
         return shapes if self.parts is None else self.parts.expanded(shapes)
 
-    def with_inertia(self, basis: Floats) -> tuple["_Space", Floats]:
+    def with_inertia(self, basis: Floats) -> tuple["Space", Floats]:
         """Where one step of inverse iteration from a basis (q, r) leads, and the basis there."""
         if self.parts is None:
             return self, basis
         parts, basis = self.parts.with_inertia(basis)
-        return _Space(self.structure, parts), basis
+        return Space(self.structure, parts), basis
+
+    @classmethod
+    def of_forces(cls, structure: Structure, forces: Floats) -> "Space":
+        """Of parts that follow what forces (n, c) do at rest, where the structure has such."""
+        parts = substructures(structure, 0.0)
+        if parts is not None:
+            parts = parts.with_forces(forces, np.zeros((len(parts.joints), 0)))[0]
+        return cls(structure, parts)
 
 
-def _space(structure: Structure, target: ReductionTarget, thetas: Floats) -> _Space:
+def _space(structure: Structure, target: ReductionTarget, thetas: Floats) -> Space:
     """Of parts that follow the structure's responses within the box, where it has such."""
     # Modes of a part are as low as the least factor makes them.
     top_hz = target.top_hz / float(np.sqrt(target.lower.min()))
-    space = _Space(structure, substructures(structure, top_hz))
+    space = Space(structure, substructures(structure, top_hz))
     if space.parts is None:
         return space
     shapes = [_driven(space, target, theta) for theta in thetas]
     return space.with_inertia(compressed(space.mass, shapes, _REFINED))[0]
 
 
-def _driven(space: _Space, target: ReductionTarget, theta: Floats) -> Floats:
+def _driven(space: Space, target: ReductionTarget, theta: Floats) -> Floats:
     """Weighted shapes (q, c) of the response at a theta (p,), to take a basis from."""
     force, rows = space.force, space.rows
     found = driven_shapes(space.at(theta), space.mass, force, rows, target.top_hz)
@@ -488,7 +503,7 @@ def _driven(space: _Space, target: ReductionTarget, theta: Floats) -> Floats:
 
 
 def _beyond(
-    space: _Space, basis: Floats, model: ReducedModel, target: ReductionTarget, theta: Floats
+    space: Space, basis: Floats, model: ReducedModel, target: ReductionTarget, theta: Floats
 ) -> Floats:
     """ln|H| (f, k) of the full model at a theta (p,), at the lowest damping.
 
