@@ -13,7 +13,7 @@ from femupdate.study import made_by
 _HEADINGS = {
     "What is read": (
         *("building", "record", "channel", "unit", "scale", "sensors", "band", "columns"),
-        *("mapping", "measured", "second", "holdout", "study", "force"),
+        *("mapping", "measured", "holdout", "study", "force"),
         "posterior",
     ),
     "What is written": (

@@ -66,7 +66,6 @@ def finder_options(function: F) -> F:
     """Add what both commands take beside files and building."""
     share, of = click.FloatRange(0.0, 1.0), "that is of consequence, as a ratio."
     return together(
-        option("--second", "Second record at another level of motion.", INPUT_FILE),
         option("--least-frequency", f"Change of a frequency {of}", share, 0.01),
         option("--least-response", f"Change or error of a response {of}", share, 0.02),
         reading_options,
@@ -89,7 +88,7 @@ def diagnose(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: 
     \b
     Examples:
       femupdate diagnose examples/run1.csv --building shear_4dof
-      femupdate diagnose run1.csv --second stronger_run.csv
+      femupdate diagnose run1.csv stronger_run.csv
       femupdate diagnose hammer.csv modes.csv
     """
     from femupdate import interface

@@ -256,7 +256,6 @@ def diagnose(
     study: Folder,
     *files: "File | Observation",
     building: File | None = None,
-    second: File | None = None,
     progress: Progress = SILENT,
     **settings: Unpack[Judging],
 ) -> "DiagnosisReport":
@@ -264,7 +263,6 @@ def diagnose(
 
     Args:
         files: of one building, of any kind that `calibrate` takes.
-        second: record at another level of motion.
         settings: how files are read (`Reading`) and judged (`Judging`).
 
     Raises:
@@ -277,11 +275,10 @@ def diagnose(
 
     opened, (how, rest) = study_of(study), _parted(settings, Judging)
     source = readable(opened, how, *_files(opened, files))
-    other = None if second is None else readable(opened, how, Path(second))
     chosen = DiagnosisSettings(**rest)
     with opened.whole():
         model = reduce(opened, building, progress=progress)
-        return diagnose_study(opened, model, source, chosen, progress, other)
+        return diagnose_study(opened, model, source, chosen, progress)
 
 
 def repair(
@@ -289,7 +286,6 @@ def repair(
     *files: "File | Observation",
     building: File | None = None,
     holdout: File | None = None,
-    second: File | None = None,
     progress: Progress = SILENT,
     **settings: Unpack[Judging],
 ) -> "RepairReport":
@@ -310,11 +306,10 @@ def repair(
     opened, (how, rest) = study_of(study), _parted(settings, Judging)
     source = readable(opened, how, *_files(opened, files))
     kept_out = None if holdout is None else readable(opened, how, Path(holdout))
-    other = None if second is None else readable(opened, how, Path(second))
     chosen = DiagnosisSettings(**rest)
     with opened.whole():
         model = reduce(opened, building, progress=progress)
-        return repair_study(opened, model, source, kept_out, chosen, progress, other)
+        return repair_study(opened, model, source, kept_out, chosen, progress)
 
 
 def compare(

@@ -123,7 +123,7 @@ class Artefact:
 REPAIRED = "repaired"
 """Folder of the study of a repaired building, inside that of the building as it was."""
 
-BESIDE = ("second", "holdout", "measured")
+BESIDE = ("holdout", "measured")
 """Options of commands that take files beside those which they are called with."""
 
 

@@ -200,8 +200,8 @@ class Agreement:
             f"{first.band_hz[0]:.3g} to {first.band_hz[1]:.3g} Hz, by {first.ratio:.1f} times the "
             f"noise of both (rms; {100.0 * np.expm1(first.mean):+.0f} % on average){others}. The "
             "posterior is that of their mean; calibrate each alone to see how they differ. Was the "
-            "motion stronger in one "
-            "(`femupdate diagnose ONE --second OTHER`), a sensor moved, the building changed?"
+            "motion stronger in one (`femupdate diagnose` of both takes each at its level), a "
+            "sensor moved, the building changed?"
         )
 
 

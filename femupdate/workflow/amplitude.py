@@ -58,12 +58,17 @@ def record_levels(model: StudyModel, source: ObservationSource) -> dict[str, flo
     Raises:
         MeasurementError: no file holds histories.
     """
-    direction, found = direction_of(model.building), {}
-    data = _histories(source, direction)
-    for channel, row in zip(data.channels, data.acceleration, strict=True):
-        if channel.floor != BASE and channel.direction == direction:
-            found[channel.floor] = float(motion_level(row))
-    return found
+    direction = direction_of(model.building)
+    return floor_levels(_histories(source, direction), direction)
+
+
+def floor_levels(data: Histories, direction: str) -> dict[str, float]:
+    """Level (m/s2) of every floor's acceleration along a direction (see `motion_level`)."""
+    return {
+        channel.floor: float(motion_level(row))
+        for channel, row in zip(data.channels, data.acceleration, strict=True)
+        if channel.floor != BASE and channel.direction == direction
+    }
 
 
 def run_levels(model: StudyModel, source: ObservationSource) -> RunLevels:

@@ -24,7 +24,7 @@ from femupdate.workflow.likelihoods import (
 )
 from femupdate.workflow.model import StudyModel, choose_building
 from femupdate.workflow.observed import ObservationSource, check_readable
-from femupdate.workflow.sampling import fitted_effects, sample_exact, sample_latent, with_levels
+from femupdate.workflow.sampling import fitted_effects, sample_exact, sample_latent
 
 
 def calibrate_study(
@@ -59,7 +59,6 @@ def calibrate_study(
     settings = replace(settings, exact=exact or bool(why))
     fitted = None
     if building_effects(model.building).placed:
-        measured = with_levels(model, source, measured)
         fitted = fitted_effects(study, model, measured, progress)
         model = fitted.model
     sampling, *drawing = spawn(settings.seed, 5)

@@ -45,7 +45,7 @@ from femupdate.study import Study, on_files, typed, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
 from femupdate.workflow.effects import finder_basis, open_mesh_error, with_finer_mesh
-from femupdate.workflow.kinds import Measured, read_both
+from femupdate.workflow.kinds import Measured, read_measured_of
 from femupdate.workflow.likelihoods import data_of
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource, direction_of
@@ -231,12 +231,8 @@ def diagnose_study(
     source: ObservationSource,
     settings: DiagnosisSettings | None = None,
     progress: Progress = SILENT,
-    second: ObservationSource | None = None,
 ) -> DiagnosisReport:
     """Find where the study's model fails and rank what it may lack; changes nothing in it.
-
-    Args:
-        second: another record at another level, to be explained together with the first.
 
     Raises:
         MeasurementError: the observation cannot be used.
@@ -244,8 +240,8 @@ def diagnose_study(
     """
     started = time.monotonic()
     chosen = settings or DiagnosisSettings()
-    source, second = source.opened(), None if second is None else second.opened()
-    given = read_both(study, model, source, second, progress)
+    source = source.opened()
+    given = read_measured_of(study, model, source, progress, apart=True)
     finder = finder_model(study, model, progress)
     data = data_of(given, model.system)
     problem, found = search(finder, data, chosen, progress, given.run)
@@ -268,7 +264,7 @@ def diagnose_study(
         files=source.paths,
     )
     origin = {**model.made_from(), **source.made_from()}
-    keep_found(study, "diagnose", report.path, report, origin, source, second=second)
+    keep_found(study, "diagnose", report.path, report, origin, source)
     return report
 
 
@@ -298,21 +294,21 @@ def keep_found(
     report: Result,
     made_from: Mapping[str, str],
     source: ObservationSource,
-    **others: ObservationSource | None,
+    holdout: ObservationSource | None = None,
 ) -> None:
     """Write what was found as JSON, with what the page shows of it, and record its files."""
     content = {**report.as_dict(), "page": kept_items(report.items())}
     write_text(path, json.dumps(content, indent=2) + "\n")
-    given = {option: file for option, file in others.items() if file is not None}
-    hashes = {option: file.made_from()["observation"] for option, file in given.items()}
-    beside = {option: str(file.path) for option, file in given.items()}
-    files = {**source.files_as_settings(), **beside}
+    files, hashes = source.files_as_settings(), {}
+    if holdout is not None:
+        files["holdout"] = str(holdout.path)
+        hashes["holdout"] = holdout.made_from()["observation"]
     study.record(path.stem, path.name, command, {**made_from, **hashes}, files)
 
 
 def _notes(given: Measured, data: Sequence[Data], found: Diagnosis) -> Iterator[str]:
     """What else is to be said of the data and their channels."""
-    yield from given.notes_of_levels
+    yield from given.notes_of_others
     if len(data) == 1 and not data[0].halves and data[0].name == "modes":
         yield (
             "One table of modes cannot be parted in two, so that a name rests on its evidence"

@@ -1,7 +1,7 @@
 """Observation files of any kind."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from torch import Tensor
 
 from femupdate.building.document import Building
 from femupdate.dynamics.force_response import RestFlexibility, rest_flexibility
+from femupdate.effects.registry import building_effects
 from femupdate.effects.structure import structure_of
 from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import FrfData, base_logs, forced_data, log_responses
@@ -32,7 +33,7 @@ from femupdate.progress import Progress
 from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
 from femupdate.units import STANDARD_GRAVITY, percent
-from femupdate.workflow.amplitude import level_between
+from femupdate.workflow.amplitude import changes_with_level, doublings, floor_levels
 from femupdate.workflow.model import FINER, REDUCED, StudyModel
 from femupdate.workflow.observed import ObservationSource, as_one, direction_of, runs_of
 
@@ -48,11 +49,8 @@ class Measured:
         rest: static displacement under forces that the reduced model lacks; None of a stick.
         runs: under base motion, an observation each at its level; `base` is all of them together.
         doubts: sentences on channels of a run that look wrong.
-        base_paths: files of the FRFs under base motion.
         notes_of_others: sentences on how all that is no FRF under base motion was read.
         left_out: sentences on identified modes that fit none of the model's.
-        second: what was measured at another level, to be explained together with the first.
-        level: of that above the first, in doublings; zero where they are alike.
     """
 
     base: Observation
@@ -62,11 +60,8 @@ class Measured:
     errors: ModalErrors = field(default_factory=ModalErrors)
     runs: tuple[Observation, ...] = ()
     doubts: tuple[str, ...] = ()
-    base_paths: tuple[Path, ...] = ()
     notes_of_others: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
-    second: "Measured | None" = None
-    level: float = 0.0
 
     @property
     def assumes_noise(self) -> bool:
@@ -104,27 +99,12 @@ class Measured:
     @property
     def run(self) -> Observation | None:
         """The run under base motion, where there is but one."""
-        return self.runs[0] if self.second is None and len(self.runs) == 1 else None
+        return self.runs[0] if len(self.runs) == 1 else None
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on how everything was read, and what was assumed."""
         return (*self.base.notes, *self.notes_of_others)
-
-    @property
-    def notes_of_levels(self) -> tuple[str, ...]:
-        """Sentences on the levels of two records, and on all that is no FRF under base motion."""
-        if self.second is None:
-            return self.notes_of_others
-        level = ["Both records have the same level: they are explained by one stiffness."]
-        if self.level != 0.0:
-            times = f"{2.0**self.level:.2g}"
-            level = [f"The second record has {times} times the level of the first."]
-            if self.modes:
-                level.append(
-                    "The identified modes are taken to be those at the level of the first record."
-                )
-        return (*level, *self.notes_of_others, *self.second.notes_of_others)
 
     @property
     def as_observation(self) -> Observation:
@@ -180,15 +160,22 @@ def _notes(
 
 
 def read_measured_of(
-    study: Study, model: StudyModel, source: ObservationSource, progress: Progress
+    study: Study,
+    model: StudyModel,
+    source: ObservationSource,
+    progress: Progress,
+    apart: bool = False,
 ) -> Measured:
     """Read the files of a source, of any kind.
+
+    Args:
+        apart: see `measured_of`.
 
     Raises:
         MeasurementError: a file cannot be used, belongs to another building, or is in another
             unit or quantity than it says.
     """
-    measured = measured_of(model.building, source)
+    measured = measured_of(model.building, source, apart)
     check_base_level(model, measured.base)
     return with_rest(study, model, measured, progress)
 
@@ -227,13 +214,16 @@ def _wrong_channels(
     yield from pair_findings(heard, places, beside=not chain)
 
 
-def measured_of(building: Building, source: ObservationSource, halves: bool = False) -> Measured:
+def measured_of(building: Building, source: ObservationSource, apart: bool = False) -> Measured:
     """Like `read_measured_of`, for a building that has no model yet.
 
     Args:
-        halves: part FRFs under base motion in two that err independently.
+        apart: for the finder, FRFs under base motion have halves that err independently, and
+            records their own levels, which else count where effects of the building ask for them.
     """
     base: list[tuple[Path, Histories | Observation]] = []
+    strengths: dict[Path, dict[str, float]] = {}
+    by_level = apart or changes_with_level(building_effects(building).placed)
     modes: list[IdentifiedModes] = []
     forced: list[Observation] = []
     doubts: list[str] = []
@@ -257,6 +247,8 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
             modes.append(read)
             doubts += [f"{path.name}: {words}." for words in read.doubts]
             continue
+        if by_level and isinstance(read, Histories):
+            strengths[path] = floor_levels(read, direction)
         found = (read,) if isinstance(read, Histories) else read
         if found[0].excitation.force:
             for given in found:
@@ -268,7 +260,8 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
                 else:
                     seen = in_band(given, building.floors, band)
                 wanted = [name for name in seen.floors if name in (asked or seen.floors)]
-                forced += [select_floors(seen, wanted)] if wanted else []
+                level = _doublings(strengths, path)
+                forced += [replace(select_floors(seen, wanted), level=level)] if wanted else []
         else:
             base.append((path, found[0]))
             if isinstance(read, Histories):
@@ -282,7 +275,10 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
         tuple(forced),
         None,
         errors,
-        notes_of_others=tuple(_notes(building, forced, modes, errors)),
+        notes_of_others=(
+            *_levels_told(strengths, source.paths),
+            *_notes(building, forced, modes, errors),
+        ),
         doubts=tuple(doubts),
     )
     if not base:
@@ -294,35 +290,41 @@ def measured_of(building: Building, source: ObservationSource, halves: bool = Fa
                 f" {', '.join(floors) or 'frequencies alone'} of what was asked for"
             )
         return others
-    runs = runs_of(building, source, base, halves)
-    return replace(
-        others,
-        base=as_one(building, runs),
-        runs=runs,
-        base_paths=tuple(path for path, _ in base),
+    runs = tuple(
+        replace(run, level=_doublings(strengths, path))
+        for run, (path, _) in zip(runs_of(building, source, base, apart), base, strict=True)
     )
+    whole = as_one(building, runs)
+    if any(run.level for run in runs) and len(runs) > 1:
+        # Whether they agree with one another is no question where the level may change them.
+        whole = replace(whole, notes=whole.notes[1:])
+    return replace(others, base=whole, runs=runs)
 
 
-def read_both(
-    study: Study,
-    model: StudyModel,
-    source: ObservationSource,
-    second: ObservationSource | None,
-    progress: Progress,
-) -> Measured:
-    """Read what is to be explained, of any kind, with its halves, which test names.
+LEAST_APART = 0.25
+"""Doublings by which levels of motion differ at least where they count."""
 
-    Raises:
-        MeasurementError: a file cannot be used, or that at another level says no level.
-    """
-    measured = measured_of(model.building, source, halves=True)
-    if second is None:
-        return with_rest(study, model, measured, progress)
-    other = measured_of(model.building, second, halves=True)
-    level = level_between(model, source, second)
-    first, further = (with_rest(study, model, seen, progress) for seen in (measured, other))
-    level = 0.0 if abs(level) < 0.25 else level
-    return replace(first, rest=first.rest or further.rest, second=further, level=level)
+
+def _doublings(strengths: Mapping[Path, Mapping[str, float]], path: Path) -> float:
+    """Of a file's level above the first; zero where it is alike or cannot be told."""
+    first = next(iter(strengths.values()), {})
+    own = strengths.get(path, {})
+    level = doublings(first, own) if set(first) & set(own) else 0.0
+    return level if abs(level) >= LEAST_APART else 0.0
+
+
+def _levels_told(
+    strengths: Mapping[Path, Mapping[str, float]], paths: Sequence[Path]
+) -> Iterator[str]:
+    """A sentence on the levels of records, where they are unlike."""
+    levels = {path.name: _doublings(strengths, path) for path in paths}
+    if any(levels.values()):
+        first, *_ = (path.name for path in strengths)
+        each = (f"{name} at {2.0**level:.2g} times" for name, level in levels.items() if level)
+        yield (
+            f"{len(strengths)} runs are explained together, each at its own level: "
+            f"{', '.join(each)} that of {first}, at which all others are taken to be."
+        )
 
 
 def no_base_motion(

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from itertools import chain
 
 import numpy as np
 import torch
@@ -208,13 +207,14 @@ def data_of_forces(
     system: System,
     *,
     use_phase: bool = False,
-    level: float = 0.0,
     table: ErrorTable = MODEL_ERROR,
 ) -> tuple[FrfData, ...]:
-    """Responses to forces, at a level in doublings above the first record's."""
+    """Responses to forces, each at its level."""
     floors, rest = system.floors, measured.rest
     return tuple(
-        forced_data(response, floors, rest, use_phase=use_phase, table=table).at_level(level)
+        forced_data(response, floors, rest, use_phase=use_phase, table=table).at_level(
+            response.level
+        )
         for response in measured.forced
     )
 
@@ -238,16 +238,10 @@ def data_of(measured: Measured, system: System) -> tuple[Data, ...]:
     Raises:
         InferenceError: more modes are identified than the model has.
     """
-    seen = [(measured, 0.0)]
-    if measured.second is not None:
-        seen.append((measured.second, measured.level))
-    based = [replace(each.base, level=level) for each, level in seen if each.has_base]
-    base = [base_data(based, system, True, COARSE_ERROR)] if based else []
-    forces = [
-        data_of_forces(each, system, use_phase=True, level=level, table=COARSE_ERROR)
-        for each, level in seen
-    ]
-    return (*base, *chain(*forces), *data_of_modes(measured, system))
+    runs = measured.runs if any(measured.levels) else (measured.base,)
+    base = [base_data(runs, system, True, COARSE_ERROR)] if measured.has_base else []
+    forces = data_of_forces(measured, system, use_phase=True, table=COARSE_ERROR)
+    return (*base, *forces, *data_of_modes(measured, system))
 
 
 def without_foreign_modes(model: StudyModel, measured: Measured) -> Measured:

@@ -128,7 +128,7 @@ def runs_of(
 
     Args:
         read: what every file holds.
-        halves: part a single run in two halves.
+        halves: part every run in two halves.
 
     Raises:
         MeasurementError: a file cannot be used, belongs to another building, or two are the same.
@@ -139,8 +139,8 @@ def runs_of(
     ]
     if any(run.rotation is not None for run in runs):
         require_heights(building)
-    if halves and len(runs) == 1:
-        runs = [with_halves(runs[0], direction)]
+    if halves:
+        runs = [with_halves(run, direction) for run in runs]
     if len({run.source for run in runs}) < len(runs):
         runs = [replace(run, source=str(path)) for run, (path, _) in zip(runs, read, strict=True)]
     for run, other in combinations(runs, 2):

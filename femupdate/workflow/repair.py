@@ -40,7 +40,7 @@ from femupdate.workflow.amplitude import level_between, level_settings
 from femupdate.workflow.conclusion import concluded
 from femupdate.workflow.diagnose import finder_model, keep_found, search
 from femupdate.workflow.effects import MESH_ERROR_PART, finder_origin, keep_basis
-from femupdate.workflow.kinds import Measured, measured_of, read_both, with_rest
+from femupdate.workflow.kinds import Measured, measured_of, read_measured_of, with_rest
 from femupdate.workflow.likelihoods import LEAST_EXPLAINED, CalibrationSettings, Sampled, data_of
 from femupdate.workflow.model import (
     FINER_PART,
@@ -248,7 +248,6 @@ def repair_study(
     holdout: ObservationSource | None = None,
     settings: DiagnosisSettings | None = None,
     progress: Progress = SILENT,
-    second: ObservationSource | None = None,
 ) -> RepairReport:
     """Diagnose, add what the evidence carries, update, and compare.
 
@@ -256,13 +255,12 @@ def repair_study(
 
     Args:
         holdout: other data of the same building, to be predicted before and after.
-        second: another record at another level, to be explained together with the first.
 
     Raises:
         MeasurementError: an observation cannot be used.
     """
     started, settings = time.monotonic(), settings or DiagnosisSettings()
-    given, other = read_both(study, model, source, second, progress), None
+    given, other = read_measured_of(study, model, source, progress, apart=True), None
     if holdout is not None:
         other = with_rest(study, model, measured_of(model.building, holdout), progress)
     finder, model = finder_model(study, model, progress), on_kept_finer(study, model)
@@ -270,7 +268,7 @@ def repair_study(
     problem, found = search(finder, data, settings, progress, given.run)
     kept_out = None
     if holdout is not None and other is not None:
-        kept_out = _kept_out(model, finder, holdout, other, source if second else None)
+        kept_out = _kept_out(model, finder, holdout, other, source if any(given.levels) else None)
         _check_explained(kept_out, problem, found, source)
     elsewhere = None if kept_out is None else kept_out.gain
     mended, done = mend(finder, problem, found, settings, progress, elsewhere)
@@ -309,8 +307,8 @@ def repair_study(
         path=study.path("repair.json"),
         seconds=time.monotonic() - started,
     )
-    origin, others = {**model.made_from(), **source.made_from()}, {"second": second}
-    keep_found(study, "repair", report.path, report, origin, source, holdout=holdout, **others)
+    origin = {**model.made_from(), **source.made_from()}
+    keep_found(study, "repair", report.path, report, origin, source, holdout)
     return report
 
 
@@ -329,7 +327,7 @@ def _kept_out(
     held: Measured,
     first: ObservationSource | None,
 ) -> KeptOut:
-    """Data kept out, at their level where there are two records, the first of which is given."""
+    """Data kept out, at their level above the first of records at several, where it is given."""
     # The level of modes is taken to be the first's.
     level = 0.0 if first is None or held.modes else level_between(model, first, source)
     read = source.read_base_motion() if held.has_base else None

@@ -32,7 +32,6 @@ from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.study import Study
 from femupdate.surrogate.storage import find_surrogate, require_surrogate
 from femupdate.units import percent
-from femupdate.workflow.amplitude import changes_with_level, level_between
 from femupdate.workflow.conclusion import calibration_notes, noise_notes
 from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.effects import keep_basis
@@ -49,7 +48,6 @@ from femupdate.workflow.likelihoods import (
     smooth_likelihood,
 )
 from femupdate.workflow.model import StudyModel
-from femupdate.workflow.observed import ObservationSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,30 +116,6 @@ def with_fitted(
         prior=model.prior.of("stiffness") + effect_parameters(fitted.placed),
         shared=None if mesh is None else left_open(mesh, problem.reduced),
     )
-
-
-def with_levels(model: StudyModel, source: ObservationSource, measured: Measured) -> Measured:
-    """What was measured, with every run's level where effects of the building depend on it.
-
-    Raises:
-        MeasurementError: a file says no level.
-    """
-    changes = changes_with_level(building_effects(model.building).placed)
-    if not changes or len(measured.runs) < 2:
-        return measured
-    first, *others = (replace(source, path=path, further=()) for path in measured.base_paths)
-    levels = [0.0, *(level_between(model, first, other) for other in others)]
-    runs = tuple(
-        replace(run, level=level) for run, level in zip(measured.runs, levels, strict=True)
-    )
-    each = ", ".join(f"{run.source} at {2.0**run.level:.2g} times" for run in runs[1:])
-    said = (
-        f"{len(runs)} runs are explained together, each at its own level: {each} that of "
-        f"{runs[0].source}."
-    )
-    # Whether they agree with one another is no question where the level changes the building.
-    base = replace(measured.base, notes=(said, *measured.base.notes[1:]))
-    return replace(measured, runs=runs, base=base)
 
 
 FROM_FIT, FROM_LATENT, FROM_PRIOR = "the fit", "the latent", "the prior"

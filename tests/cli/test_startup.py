@@ -106,7 +106,6 @@ MISSPELT = {
     "observation": ["calibrate", "nowhere.csv"],
     "second observation": ["calibrate", __file__, "nowhere.csv"],
     "observation to diagnose": ["diagnose", "nowhere.csv"],
-    "second record": ["diagnose", __file__, "--second", "nowhere.csv"],
     "holdout": ["repair", __file__, "--holdout", "nowhere.csv"],
     "record": ["predict", "--record", "nowhere.csv"],
     "base motion": ["simulate", "-o", "new.csv", "--record", "nowhere.csv"],

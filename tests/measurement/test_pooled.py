@@ -150,4 +150,4 @@ def test_a_run_that_differs_is_named_with_floor_and_band():
     assert worst.mean > 0.1
     told = found.sentence()
     assert "They do not agree: b.csv differs from a.csv, c.csv at RF" in told
-    assert "--second" in told
+    assert "each at its level" in told

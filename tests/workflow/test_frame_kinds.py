@@ -18,7 +18,7 @@ from femupdate.dynamics import equations_at
 from femupdate.effects import CATALOGUE
 from femupdate.progress import SILENT
 from femupdate.workflow import ObservationSource, open_study
-from femupdate.workflow.kinds import read_both
+from femupdate.workflow.kinds import read_measured_of
 from femupdate.workflow.likelihoods import data_of
 
 THETA, ZETA, MASS = np.array([0.9, 1.2]), 0.03, 0.3
@@ -66,7 +66,7 @@ def _hit(path, structure, hidden):
 
 
 def _found(cabin, path):
-    given = read_both(cabin.study, cabin.model, _source(path), None, SILENT)
+    given = read_measured_of(cabin.study, cabin.model, _source(path), SILENT, True)
     posed = prepared(cabin.finder, data_of(given, cabin.model.system))
     return sought(cabin.finder, *posed)[1]
 

@@ -26,12 +26,12 @@ def path(tower_observation, tmp_path):
 
 def test_a_file_that_changes_on_the_way_changes_nothing(path, tower_model):
     building, source = tower_model.building, ObservationSource(path).opened()
-    before = measured_of(building, ObservationSource(path), halves=True)
+    before = measured_of(building, ObservationSource(path), apart=True)
     levels = record_levels(tower_model, source)
     origin = source.made_from()
     assert origin == {"observation": file_hash(path)}
     path.write_text("time_s,base,2F,RF\n0,1,2,3\n", encoding="utf-8")
-    after = measured_of(building, source, halves=True)
+    after = measured_of(building, source, apart=True)
     whole, again = (before.base, *before.base.halves), (after.base, *after.base.halves)
     for own, other in zip(whole, again, strict=True):
         assert np.array_equal(own.log_frf, other.log_frf, equal_nan=True)

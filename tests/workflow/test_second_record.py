@@ -6,7 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from femupdate.errors import BuildingError, MeasurementError
+from femupdate.errors import BuildingError
 from femupdate.measurement import GroundMotion
 from femupdate.simulation import parse_effect
 from femupdate.study import Study
@@ -16,6 +16,7 @@ from femupdate.workflow import (
     RecordSource,
     diagnose_study,
     level_between,
+    measured_of,
     open_study,
     predict_study,
     repair_study,
@@ -38,9 +39,6 @@ def home(tmp_path_factory):
     write_shaken(folder / "weak.csv", _chain(THETA, 0.04), 1, 0.3)
     write_shaken(folder / "strong.csv", _chain(SOFTER * THETA, 0.05), 2, TIMES * 0.3)
     write_shaken(folder / "same.csv", _chain(THETA, 0.04), 4, TIMES * 0.3)
-    (folder / "table.csv").write_text(
-        "frequency_hz,2F,3F,RF\n" + "".join(f"{f},1,1,1\n" for f in range(1, 16))
-    )
     (folder / "modes.csv").write_text("mode,frequency_hz\n1,4.0\n2,11.0\n")
     return folder
 
@@ -58,8 +56,8 @@ def _open(study, home):
 def repaired(home):
     """What repair made of the weak and the strong record; its study is only read."""
     study = Study(home / "softened")
-    weak, strong = (ObservationSource(home / name) for name in ("weak.csv", "strong.csv"))
-    return repair_study(study, _open(study, home), weak, second=strong)
+    both = ObservationSource(home / "weak.csv", further=(home / "strong.csv",))
+    return repair_study(study, _open(study, home), both)
 
 
 def test_softening_is_named_repaired_and_of_the_right_size(repaired, study, home):
@@ -88,18 +86,21 @@ def test_softening_is_named_repaired_and_of_the_right_size(repaired, study, home
 
 
 def test_a_stronger_record_of_the_same_building_names_nothing(study, home):
-    weak, same = (ObservationSource(home / name) for name in ("weak.csv", "same.csv"))
-    report = diagnose_study(study, _open(study, home), weak, second=same)
+    both = ObservationSource(home / "weak.csv", further=(home / "same.csv",))
+    report = diagnose_study(study, _open(study, home), both)
     assert report.diagnosis.verdict == "none"
     tested = [one.placed.effect.name for one in report.diagnosis.scores]
     assert "amplitude_softening" in tested
 
 
-@pytest.mark.parametrize("name", ["table.csv", "modes.csv"])
-def test_neither_a_table_nor_modes_have_a_level(study, home, name):
-    table, weak = (ObservationSource(home / one) for one in (name, "weak.csv"))
-    with pytest.raises(MeasurementError, match="do not say at which level"):
-        diagnose_study(study, _open(study, home), weak, second=table)
+def test_what_states_no_level_is_taken_at_that_of_the_first_record(study, home):
+    """Modes after two records at unlike levels."""
+    files = (home / "strong.csv", home / "modes.csv")
+    source, model = ObservationSource(home / "weak.csv", further=files), _open(study, home)
+    told, *_ = measured_of(model.building, source, apart=True).notes_of_others
+    weak, strong = (ObservationSource(home / name) for name in ("weak.csv", "strong.csv"))
+    times = 2.0 ** level_between(model, weak, strong)
+    assert f"strong.csv at {times:.2g} times that of weak.csv, at which all others" in told
 
 
 def test_one_simulation_has_one_level(study, home):

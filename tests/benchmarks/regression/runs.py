@@ -209,9 +209,9 @@ def _stick_posteriors(folders: Folders) -> Iterator[Run]:
 
 def _repairs(folders: Folders) -> Iterator[Run]:
     """Effects that are added to the model, and what the repaired model says."""
-    for name, option in (("mass", "--holdout"), ("softer", "--second")):
+    for name, option in (("mass", ("--holdout",)), ("softer", ())):
         first, second = (folders.observation(f"{name}_{k}") for k in (1, 2))
-        options = (option, second, "--building", "shear_4dof", "--study", name)
+        options = (*option, second, "--building", "shear_4dof", "--study", name)
         yield Run(f"{name} repair", ("repair", first, *options), read_repair)
         predict = ("predict", *folders.ground_motion(), "--study", f"{name}/repaired")
         yield Run(f"{name} repaired predict", predict, read_prediction)
