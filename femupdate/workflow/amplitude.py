@@ -7,6 +7,7 @@ stiffness in turn: each draw is put at the level at which its own response has t
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,25 @@ def doublings(first: Mapping[str, float], second: Mapping[str, float]) -> float:
     levels = np.array([[of[floor] for floor in common] for of in (first, second)])
     before, after = np.maximum(levels, 1e-300)  # a floor may be silent
     return float(np.log2(np.median(after / before)))
+
+
+def level_above_first(strengths: Mapping[Path, Mapping[str, float]], path: Path) -> float:
+    """Doublings of a file's levels by floor above the first file's; zero where they are alike."""
+    first, this = next(iter(strengths.values()), {}), strengths.get(path, {})
+    level = doublings(first, this) if set(first) & set(this) else 0.0
+    return level if abs(level) >= 0.25 else 0.0
+
+
+def levels_told(strengths: Mapping[Path, Mapping[str, float]]) -> tuple[str, ...]:
+    """A sentence on the levels of files, where they are unlike."""
+    levels = {path.name: level_above_first(strengths, path) for path in strengths}
+    each = [f"{name} at {2.0**level:.2g} times" for name, level in levels.items() if level]
+    if not each:
+        return ()
+    return (
+        f"{len(levels)} runs are explained together, each at its own level: {', '.join(each)} that "
+        f"of {next(iter(levels))}, at which all others are taken to be.",
+    )
 
 
 def record_levels(model: StudyModel, source: ObservationSource) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Observation files of any kind."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,12 @@ from femupdate.progress import Progress
 from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart
 from femupdate.units import STANDARD_GRAVITY, percent
-from femupdate.workflow.amplitude import changes_with_level, doublings, floor_levels
+from femupdate.workflow.amplitude import (
+    changes_with_level,
+    floor_levels,
+    level_above_first,
+    levels_told,
+)
 from femupdate.workflow.model import FINER, REDUCED, StudyModel
 from femupdate.workflow.observed import ObservationSource, as_one, direction_of, runs_of
 
@@ -235,16 +240,7 @@ def measured_of(building: Building, source: ObservationSource, apart: bool = Fal
         read = source.read(path, direction, noise=building.observation.noise_sd)
         if isinstance(read, IdentifiedModes):
             require_floors_of_building(read.source, read.floors, building.floors)
-            if source.sensors:
-                read = read.of_floors([name for name in read.floors if name in source.sensors])
-            if source.band_hz is not None:
-                within = (read.frequency_hz >= low) & (read.frequency_hz <= high)
-                if not within.any():
-                    raise MeasurementError(
-                        f"{path}: no mode lies between {low:g} and {high:g} Hz; widen --band"
-                    )
-                read = read.some(np.flatnonzero(within).tolist())
-            modes.append(read)
+            modes.append(source.asked_of(read, path))
             doubts += [f"{path.name}: {words}." for words in read.doubts]
             continue
         if by_level and isinstance(read, Histories):
@@ -260,7 +256,7 @@ def measured_of(building: Building, source: ObservationSource, apart: bool = Fal
                 else:
                     seen = in_band(given, building.floors, band)
                 wanted = [name for name in seen.floors if name in (asked or seen.floors)]
-                level = _doublings(strengths, path)
+                level = level_above_first(strengths, path)
                 forced += [replace(select_floors(seen, wanted), level=level)] if wanted else []
         else:
             base.append((path, found[0]))
@@ -276,7 +272,7 @@ def measured_of(building: Building, source: ObservationSource, apart: bool = Fal
         None,
         errors,
         notes_of_others=(
-            *_levels_told(strengths, source.paths),
+            *levels_told(strengths),
             *_notes(building, forced, modes, errors),
         ),
         doubts=tuple(doubts),
@@ -291,7 +287,7 @@ def measured_of(building: Building, source: ObservationSource, apart: bool = Fal
             )
         return others
     runs = tuple(
-        replace(run, level=_doublings(strengths, path))
+        replace(run, level=level_above_first(strengths, path))
         for run, (path, _) in zip(runs_of(building, source, base, apart), base, strict=True)
     )
     whole = as_one(building, runs)
@@ -299,32 +295,6 @@ def measured_of(building: Building, source: ObservationSource, apart: bool = Fal
         # Whether they agree with one another is no question where the level may change them.
         whole = replace(whole, notes=whole.notes[1:])
     return replace(others, base=whole, runs=runs)
-
-
-LEAST_APART = 0.25
-"""Doublings by which levels of motion differ at least where they count."""
-
-
-def _doublings(strengths: Mapping[Path, Mapping[str, float]], path: Path) -> float:
-    """Of a file's level above the first; zero where it is alike or cannot be told."""
-    first = next(iter(strengths.values()), {})
-    own = strengths.get(path, {})
-    level = doublings(first, own) if set(first) & set(own) else 0.0
-    return level if abs(level) >= LEAST_APART else 0.0
-
-
-def _levels_told(
-    strengths: Mapping[Path, Mapping[str, float]], paths: Sequence[Path]
-) -> Iterator[str]:
-    """A sentence on the levels of records, where they are unlike."""
-    levels = {path.name: _doublings(strengths, path) for path in paths}
-    if any(levels.values()):
-        first, *_ = (path.name for path in strengths)
-        each = (f"{name} at {2.0**level:.2g} times" for name, level in levels.items() if level)
-        yield (
-            f"{len(strengths)} runs are explained together, each at its own level: "
-            f"{', '.join(each)} that of {first}, at which all others are taken to be."
-        )
 
 
 def no_base_motion(

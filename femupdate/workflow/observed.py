@@ -12,6 +12,7 @@ from femupdate.building.document import Building
 from femupdate.building.kinds import require_heights
 from femupdate.errors import MeasurementError
 from femupdate.measurement.frf import observation_for, with_halves
+from femupdate.measurement.modes import IdentifiedModes
 from femupdate.measurement.observation import Histories, Observation, select_floors
 from femupdate.measurement.reader import AnyKind, base_motion_in, kind_in, read_measured
 from femupdate.measurement.recording import Recording
@@ -87,6 +88,24 @@ class ObservationSource:
             MeasurementError: the file cannot be used, or is of another kind.
         """
         return base_motion_in(self._recording(self.path), self.unit, self.columns)
+
+    def asked_of(self, modes: IdentifiedModes, path: Path) -> IdentifiedModes:
+        """Identified modes on the floors and in the band that are asked for.
+
+        Raises:
+            MeasurementError: no mode lies in the band.
+        """
+        if self.sensors:
+            modes = modes.of_floors([name for name in modes.floors if name in self.sensors])
+        if self.band_hz is None:
+            return modes
+        low, high = self.band_hz
+        within = (modes.frequency_hz >= low) & (modes.frequency_hz <= high)
+        if not within.any():
+            raise MeasurementError(
+                f"{path}: no mode lies between {low:g} and {high:g} Hz; widen --band"
+            )
+        return modes.some(np.flatnonzero(within).tolist())
 
     def _recording(self, path: Path) -> Recording:
         return self.files[path][1] if path in self.files else read_measured(path)
