@@ -10,9 +10,7 @@ __all__, __getattr__ = public(
         "excitation": "Excitation",
         "finer_mesh": "on_finer_mesh on_nodes_of",
         "force_response": "rest_flexibility",
-        "history": (
-            "floor_histories history_batches OwnLevel ResponseHistories transformed_sensors"
-        ),
+        "history": "floor_histories history_batches ResponseHistories transformed_sensors",
         "level": "motion_level",
         "local_basis": "local_structure",
         "members": ("choose_members CutMember member_forces MemberForces write_member_forces"),

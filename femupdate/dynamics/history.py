@@ -1,14 +1,11 @@
 """Floor accelerations, story shears and story drifts of many parameter samples under one record.
 
 Where modes are real the motion is followed mode by mode, exactly for a record that is linear
-between its points. Stiffness that changes in the run changes by one factor throughout, so that the
-modes keep their shapes: each is followed with the frequency and the damping of the level that the
-motion has about then. The level follows from the response and the response from the level, in a few
-rounds.
+between its points.
 
 Dampers and appendages make modes complex, and instruments are known by their FRFs: there the
 response is the inverse Fourier transform of the FRFs times the record's spectrum, with silence
-behind the record until the motion has died down. For a linear structure that is exact.
+behind the record until the motion has died down.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,11 +16,10 @@ import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
 
-from femupdate.arrays import Floats, Integers
+from femupdate.arrays import Floats
 from femupdate.dynamics.excitation import Excitation
-from femupdate.dynamics.level import PERIODS, SPAN, level_of_moment, motion_level
 from femupdate.dynamics.modes import Modes, response
-from femupdate.dynamics.recurrence import ModalOutputs, Steps, record_points
+from femupdate.dynamics.recurrence import ModalOutputs
 from femupdate.dynamics.system import Rows, Sample, System
 from femupdate.effects.effect import split_sizes
 from femupdate.errors import StructureError
@@ -39,12 +35,6 @@ _OVERSAMPLING = 8
 # this share of the base acceleration (likewise a shear, a drift).
 _TOLERANCE = 1e-4
 BATCH = 50  # samples at a time
-_STEP = 0.05  # doublings between the levels that are told apart
-_WINDOW = 0.5  # periods of the first mode, in which the structure stays
-# Rounds of response and level: a swelling oscillator is off by a tenth with four, a fourteenth with
-# eight. Samples go on from the level that one of them has found.
-_ROUNDS, _LAST_ROUNDS = 8, 2
-_MOST = round(SPAN / _STEP)  # levels to either side of the mean one
 REST = 1e-4  # share to which motion has decayed behind the record
 _SHORTEST_S, _LONGEST_S = 5.0, 600.0  # of that silence
 
@@ -66,16 +56,6 @@ class ResponseHistories:
     def time(self) -> Floats:
         """The n instants, s."""
         return self.time_step * np.arange(self.floor_acceleration.shape[-1], dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class OwnLevel:
-    """That a structure follows the level of its motion where effects let it change in a run."""
-
-    # (f,) level of the run that the factors are of, m/s2 (see `motion_level`), NaN where a floor
-    # was not measured; None where it is not known: then it is that of this motion
-    mean: Floats | None = None
-    keep_damping: bool = False  # whether damping ratios stay as they are
 
 
 def floor_histories(
@@ -131,20 +111,16 @@ def history_batches(
     *,
     oversampling: int = _OVERSAMPLING,
     tolerance: float = _TOLERANCE,
-    level: OwnLevel | None = None,
     progress: Progress = SILENT,
 ) -> Iterator[ResponseHistories]:
     """Yield the histories of fifty samples at a time.
 
-    Arguments and errors as for `floor_histories`; `progress` advances by one a sample. With a
-    `level` a structure whose modes are real follows it; else it stays as at the mean level.
+    Arguments and errors as for `floor_histories`; `progress` advances by one a sample.
     """
     samples = torch.as_tensor(parameters, dtype=torch.float64)
     ratios = torch.as_tensor(zeta, dtype=torch.float64).expand(len(samples))
     record = np.atleast_2d(np.asarray(acceleration, dtype=np.float64))
     task = _Task(system, record, float(time_step), oversampling, tolerance)
-    if level is not None and system.changes_in_run and not system.complex_modes:
-        return _follow(task, samples, ratios, level, progress)
     return _walk(task, samples, ratios, progress)
 
 
@@ -187,11 +163,8 @@ class _Task:
 
     def outputs(self, modes: ModalOutputs, ratio: Tensor) -> Floats:
         """Outputs (S, o, n) of modes that stay as they are."""
-        factor = self.oversampling
-        levels = modes.omega[None], ratio[None]
-        steps = Steps.of(*levels, modes.participation, self.time_step, factor)
-        windows = steps.windows(record_points(self.record, factor))
-        return np.asarray(modes.project(windows, torch.from_numpy(self.record)).numpy())
+        found = modes.outputs(ratio, self.record, self.time_step, self.oversampling)
+        return np.asarray(found.numpy())
 
     def named(self, response: Floats) -> ResponseHistories:
         """Tell the rows of (S, o, n) apart; they come in the order of `story_rows`."""
@@ -216,61 +189,6 @@ def _walk(
             outputs = task.outputs(*task.modes(some, ratios, start))
         yield task.named(outputs)
         progress.advance(len(some))
-
-
-def _follow(
-    task: _Task, parameters: Tensor, zeta: Tensor, level: OwnLevel, progress: Progress
-) -> Iterator[ResponseHistories]:
-    """Histories batch by batch, at the level that each has itself."""
-    theta, sizes = task.system.split(parameters[:1])
-    period = 1.0 / task.system.first_hz(theta, sizes)
-    window = max(1, round(_WINDOW * period / task.time_step))
-    begun = np.zeros((1, -(-(task.record.shape[1] - 1) // window)), dtype=np.int64)
-    # All samples have much the same level: one finds it, and the others go on from there.
-    _, begun = _settled(task, parameters[:1], zeta[:1], level, period, begun, _ROUNDS, 0)
-    for start in range(0, len(parameters), BATCH):
-        rows = slice(start, start + BATCH)
-        some, ratios = parameters[rows], zeta[rows]
-        doublings = np.repeat(begun, len(some), axis=0)
-        yield _settled(task, some, ratios, level, period, doublings, _LAST_ROUNDS, start)[0]
-        progress.advance(len(some))
-
-
-def _settled(
-    task: _Task,
-    parameters: Tensor,
-    zeta: Tensor,
-    level: OwnLevel,
-    period: float,
-    doublings_at: Integers,
-    rounds: int,
-    first: int,
-) -> tuple[ResponseHistories, Integers]:
-    """Histories of samples, and the number (S, w) of the level in each window."""
-    sizes, factor = task.system.split(parameters)[1], task.oversampling
-    modes, ratio = task.modes(parameters, zeta, first)
-    omegas, ratios = [], []
-    for k in range(-_MOST, _MOST + 1):
-        change = task.system.run_change(sizes, k * _STEP)
-        omegas.append(modes.omega * change.stiffness.sqrt()[:, None])
-        ratios.append(ratio if level.keep_damping else ratio * change.damping[:, None])
-    levels = torch.stack(omegas), torch.stack(ratios)
-    steps = Steps.of(*levels, modes.participation, task.time_step, factor)
-    record, points = torch.from_numpy(task.record), record_points(task.record, factor)
-    window = max(1, round(_WINDOW * period / task.time_step))
-    across = max(1, round(PERIODS * period / task.time_step))
-    last = len(points)
-    middles = np.minimum(np.arange(-(-last // window)) * window + window // 2, last)
-    for _ in range(rounds):
-        response = modes.project(steps.windows(points, doublings_at + _MOST, window), record)
-        found = task.named(np.asarray(response.numpy()))
-        moved = found.floor_acceleration
-        mean = motion_level(moved) if level.mean is None else level.mean
-        doublings = level_of_moment(moved, mean, across)[:, middles]
-        before, doublings_at = doublings_at, np.asarray(np.rint(doublings / _STEP), dtype=np.int64)
-        if (doublings_at == before).all():
-            break
-    return found, doublings_at
 
 
 def displacement_histories(

@@ -22,7 +22,7 @@ from femupdate.dynamics.damping import DampingLaw, damping_law
 from femupdate.dynamics.equations import SensorRows, driven_system
 from femupdate.dynamics.history import displacement_histories
 from femupdate.dynamics.summary import Statistics, statistics
-from femupdate.dynamics.system import Rows, changes_in_run
+from femupdate.dynamics.system import Rows
 from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.registry import building_effects
 from femupdate.effects.structure import Structure, structure_of
@@ -244,7 +244,7 @@ def choose_members(building: Building, wanted: Sequence[Place | str]) -> ChosenM
     added = tuple((listed, listed.effect.terms(structure, listed.place)) for listed in placed)
     for listed, terms in added:
         changed = bool(terms.stiffness) or terms.hinges is not None or terms.port is not None
-        if changed or listed.effect.needs_levels or changes_in_run(listed.effect):
+        if changed or listed.effect.needs_levels:
             raise BuildingError(
                 f"{building.name}: forces of members are not found beside the effect "
                 f"{listed.label}, which changes members, makes modes complex or changes with "

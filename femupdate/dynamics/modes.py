@@ -52,16 +52,6 @@ class Modes:
         """(N, m) natural frequencies."""
         return self.omega / (2.0 * torch.pi)
 
-    def stiffer(self, factor: Tensor) -> "Modes":
-        """The modes with the stiffness of everything multiplied by factors (N,)."""
-        root = factor.rsqrt()[:, None]
-        return Modes(
-            self.inverse * root.square(),
-            self.rows * root[:, None],
-            self.participation * root[:, None],
-            self.direct,
-        )
-
     @property
     def effect(self) -> Tensor:
         """(N, o, m) motion of the rows in modes of unit mass, times that of translation."""

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.arrays import Floats, Integers
+from femupdate.arrays import Floats
 
 
 def interpolate_record(acceleration: Floats, factor: int) -> Floats:
@@ -138,87 +137,42 @@ class ModalOutputs:
         error = torch.where(squared > 1.5**-2, 100.0, squared / (1.0 - squared))
         return share.abs().amax(dim=(1, 2)) * error
 
-    def project(self, windows: Iterator["Window"], record: Tensor) -> Tensor:
-        """Return the outputs (S, o, n) from the states of the modes, from rest.
+    def outputs(self, ratio: Tensor, record: Floats, time_step: float, factor: int) -> Tensor:
+        """Outputs (S, o, n) of modes with damping ratios (S, m), from rest.
 
         Args:
-            windows: from whose states q'' = -participation a - 2 zeta omega q' - omega^2 q.
-            record: (e, n) base acceleration.
+            record: (e, n) base acceleration, linear between `factor` points a step.
         """
-        result = (self.base - self.acceleration @ self.participation.mT) @ record
-        start = 1
-        for omega, ratio, states in windows:
-            stop, wide = start + len(states), omega[:, None, :]
-            of_first = self.displacement / wide - self.acceleration * wide
-            of_second = -2.0 * ratio[:, None, :] * wide * self.acceleration
+        motion, wide = torch.from_numpy(record), self.omega[:, None, :]
+        result = (self.base - self.acceleration @ self.participation.mT) @ motion
+        # q'' = -participation a - 2 zeta omega q' - omega^2 q.
+        of_first = self.displacement / wide - self.acceleration * wide
+        of_second = -2.0 * ratio[:, None, :] * wide * self.acceleration
+        both, start = torch.cat([of_first, of_second], -1), 1
+        for states in self._states(ratio, record_points(record, factor), time_step, factor):
             columns = states.flatten(2).permute(1, 2, 0)
-            result[..., start:stop] += torch.bmm(torch.cat([of_first, of_second], -1), columns)
-            start = stop
+            result[..., start : start + len(states)] += torch.bmm(both, columns)
+            start += len(states)
         return result
 
-
-class Window(NamedTuple):
-    """Modes during t steps."""
-
-    omega: Tensor  # (S, m) rad/s and damping ratios
-    ratio: Tensor
-    states: Tensor  # (t, S, 2, m) states (omega eta, eta') after each step
-
-
-@dataclass(frozen=True, eq=False)
-class Steps:
-    """What a step does to modes, at each of the levels of the motion that are told apart."""
-
-    omega: Tensor  # (l, S, m) rad/s and damping ratios
-    ratio: Tensor
-    transition: Tensor  # (l, S, 2, 2, m) of the state, by what it comes from
-    load: Tensor  # (l, S, e (factor + 1), 2, m) by the points of every column of the excitation
-
-    @staticmethod
-    def of(
-        omega: Tensor, ratio: Tensor, participation: Tensor, time_step: float, factor: int
-    ) -> "Steps":
-        """For omega and ratio (l, S, m) of modes that the base drives by participation (S, e, m).
-
-        The excitation is linear between factor + 1 points.
-        """
-        found = []
-        for level in zip(omega, ratio, strict=True):
-            transition, load = join_steps(*step_matrices(*level, time_step / factor), factor)
-            each = load.permute(0, 3, 2, 1)[:, None] * participation[:, :, None, None]
-            found.append((transition.permute(0, 3, 2, 1), each.flatten(1, 2)))
-        transition, load = (torch.stack(parts) for parts in zip(*found, strict=True))
-        return Steps(omega, ratio, transition, load)
-
-    def windows(
-        self, points: Tensor, level: Integers | None = None, length: int = 256
-    ) -> Iterator[Window]:
-        """Yield the states of all modes, a window of steps after the other, starting from rest.
-
-        Args:
-            points: (n - 1, e (factor + 1)) base acceleration, linear between its points.
-            level: (S, w) number of the level in each window; the first throughout where None.
-            length: steps of a window; 256 keep 50 samples of 60 modes within a few ten megabytes.
-        """
-        parts, samples = points.split(length), torch.arange(self.omega.shape[1])
-        same = torch.zeros(len(samples), len(parts), dtype=torch.long)
-        chosen = same if level is None else torch.from_numpy(level)
-        before = self.omega[chosen[:, 0], samples]
-        state = torch.zeros_like(self.transition[0, :, 0])
-        for number, block in enumerate(parts):
-            chunk = chosen[:, number], samples
-            omega = self.omega[chunk]
-            # The displacement goes on; the first part of the state is omega times it.
-            state = torch.stack([state[:, 0] * (omega / before), state[:, 1]], dim=1)
-            # (S, 2, m) slices: the loop below then needs two fused operations a step.
-            from_first, from_second = (
-                part.contiguous() for part in self.transition[chunk].unbind(1)
-            )
-            loads = self.load[chunk].transpose(0, 1).flatten(1)
+    def _states(
+        self, ratio: Tensor, points: Tensor, time_step: float, factor: int
+    ) -> Iterator[Tensor]:
+        """States (omega eta, eta') after t steps, (t, S, 2, m), a window after the other."""
+        matrices = step_matrices(self.omega, ratio, time_step / factor)
+        transition, load = join_steps(*matrices, factor)
+        each = load.permute(0, 3, 2, 1)[:, None] * self.participation[:, :, None, None]
+        loads = each.flatten(1, 2).transpose(0, 1).flatten(1)
+        # (S, 2, m) slices: the loop below then needs two fused operations a step.
+        steps = transition.permute(0, 3, 2, 1).unbind(1)
+        from_first, from_second = (part.contiguous() for part in steps)
+        state = torch.zeros_like(from_first)
+        # 256 steps keep 50 samples of 60 modes within a few ten megabytes.
+        for block in points.split(256):
             states = (block @ loads).view(len(block), *state.shape)
             for following in states:
                 following.addcmul_(from_first, state[:, :1]).addcmul_(from_second, state[:, 1:])
                 state = following
-            yield Window(omega, self.ratio[chunk], states)
+            yield states
             # Motion that died away would sink into denormal numbers, a hundred times slower.
-            state, before = torch.where(state.abs() < 1e-200, 0.0, state), omega
+            state = torch.where(state.abs() < 1e-200, 0.0, state)

@@ -18,15 +18,12 @@ from torch import Tensor
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw
 from femupdate.dynamics.excitation import BASE_MOTION, Excitation
 from femupdate.dynamics.force_response import RestFlexibility
-from femupdate.dynamics.level import RUN_LEVELS
 from femupdate.dynamics.modes import ModalData, Modes, joined, keep_modes, normal_modes, response
 from femupdate.dynamics.reduced import ReducedModel
 from femupdate.effects.effect import (
     ALL_STORIES,
     UNSCALED,
-    Effect,
     EffectParameter,
-    LevelChange,
     Placed,
     Terms,
     observed,
@@ -97,9 +94,6 @@ class System:
     law: DampingLaw = field(default_factory=ConstantDamping)  # of the damping
     placed: tuple[Placed, ...] = ()  # the effects; none by default
     terms: tuple[Terms, ...] = ()  # of each, on the model's basis
-    # of parts of equal energy of the run that FRFs are estimated from, in doublings above their
-    # mean (see `level.levels_in_run`), for what changes in the run
-    run_levels: tuple[float, ...] = RUN_LEVELS
 
     @property
     def factors(self) -> int:
@@ -322,7 +316,7 @@ class System:
             return theta, zeta
         by_effect = split_sizes(self.placed, sizes)
         for listed, terms, size in zip(self.placed, self.terms, by_effect, strict=True):
-            change = listed.effect.at_level(size, level) if listed.effect.needs_levels else None
+            change = listed.effect.at_level(size, level)
             if change is not None:
                 story, softer = int(terms.constants[0]), torch.ones_like(theta)
                 own_story = slice(None) if story == ALL_STORIES else [story]
@@ -397,30 +391,7 @@ class System:
             return moved - omega**2 * (1.0 / theta @ terms)[:, :, None, None]
         modes = self.modes(theta[rows], sizes[rows])[same]
         ratio = self.ratio(modes.omega, zeta, sizes)
-        if not self.changes_in_run:
-            return response(modes, ratio, omega, ports, columns=1 + excitation.turns)
-        frf = torch.zeros((), dtype=torch.complex128)
-        for level in self.run_levels:
-            change = self.run_change(sizes, level)
-            known = modes.stiffer(change.stiffness), ratio * change.damping[:, None], omega, ports
-            frf = frf + response(*known, columns=1 + excitation.turns)
-        return frf / len(self.run_levels)
-
-    @property
-    def changes_in_run(self) -> bool:
-        """Whether the structure differs between parts of a run."""
-        return any(changes_in_run(listed.effect) for listed in self.placed)
-
-    def run_change(self, sizes: Tensor, level: float) -> LevelChange:
-        """What all effects together change at a level, in doublings above the run's mean."""
-        whole = LevelChange(*(torch.ones(len(sizes), dtype=sizes.dtype) for _ in range(2)))
-        for listed, size in zip(self.placed, split_sizes(self.placed, sizes), strict=True):
-            change = None if listed.effect.needs_levels else listed.effect.at_level(size, level)
-            if change is not None:
-                whole = LevelChange(
-                    whole.stiffness * change.stiffness, whole.damping * change.damping
-                )
-        return whole
+        return response(modes, ratio, omega, ports, columns=1 + excitation.turns)
 
     def _log_frf(
         self,
@@ -430,7 +401,7 @@ class System:
         how: "Responses",
     ) -> Tensor:
         turns = how.seen is not None and how.seen.turns
-        if self.complex_modes or self.changes_in_run or turns:
+        if self.complex_modes or turns:
             theta, sizes = self.split(parameters)
             whole = self.seen_frf(theta, zeta, sizes, frequency_hz, how.seen)
             frf = whole if how.floors is None else whole[:, list(how.floors)]
@@ -508,11 +479,6 @@ class System:
             shapes = torch.cat([shapes, lines], dim=1)
             rigid = torch.cat([rigid, with_base], dim=1)
         return shapes, rigid
-
-
-def changes_in_run(effect: Effect) -> bool:
-    """Whether the structure differs between parts of a run: then no one set of modes serves."""
-    return type(effect).at_level is not Effect.at_level and not effect.needs_levels
 
 
 def _different(values: Tensor) -> tuple[Tensor | slice, Tensor | slice]:

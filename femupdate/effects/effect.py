@@ -473,9 +473,6 @@ class Effect(ABC):
     def at_level(self, sizes: Tensor, level: float | Tensor) -> LevelChange | None:
         """How the structure differs at another level of motion; None where it is always the same.
 
-        With `needs_levels` the level is that of one run against another. Else it is that of a part
-        of a run, against the mean of the run, and changes the whole structure.
-
         Args:
             level: doublings of the amplitude, one or (N,).
         """

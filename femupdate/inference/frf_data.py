@@ -227,7 +227,7 @@ class FrfData:
         if self.logs is not None:
             seen, both = self.blocks[0].estimator, torch.cat([theta, sizes], dim=1).double()
             asked = self.frequency_hz if seen is None else torch.from_numpy(seen.frequency_hz)
-            return _as_run(system, seen).log_frf(both, zeta.double(), asked, self.logs)
+            return system.log_frf(both, zeta.double(), asked, self.logs)
         parts, first = [], 0
         for block in self.blocks:
             frequency = self.frequency_hz[first : first + block.points]
@@ -236,12 +236,11 @@ class FrfData:
             if block.estimator is None:
                 parts.append(self._frf(system, *moved, sizes, frequency))
                 continue
-            moving = _as_run(system, block.estimator)
             known = *moved, sizes, torch.from_numpy(block.estimator.frequency_hz)
             if block.estimator.turns:
-                parts.append(moving.seen_frf(*known, block.estimator))
+                parts.append(system.seen_frf(*known, block.estimator))
                 continue
-            parts.append(block.estimator(self._frf(moving, *known)))
+            parts.append(block.estimator(self._frf(system, *known)))
         return torch.cat(parts, dim=2)
 
     def _frf(
@@ -469,13 +468,6 @@ class FrfData:
         change = torch.where(self.valid, (after.abs() - plain) ** 2, 0.0).sum(1)
         whole = torch.where(self.valid, plain**2, 0.0).sum(1).clamp_min(1e-300)
         return float((change / whole).sqrt().max())
-
-
-def _as_run(system: System, seen: Estimator | None) -> System:
-    """The system as in the run that an estimate was made of, where it changes in a run."""
-    if seen is None or not (system.changes_in_run and seen.run_levels):
-        return system
-    return replace(system, run_levels=seen.run_levels)
 
 
 def _rms(values: np.ndarray) -> float:

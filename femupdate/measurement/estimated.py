@@ -184,15 +184,12 @@ class Estimator:
         frequency_hz: (e,) at which the FRF is asked for, evenly spaced.
         columns: (k, e) complex means that give the estimate on a grid, of FRFs to every column of
             the excitation: translation of the base or a force, and rotation where it was measured.
-        run_levels: of the motion in parts of the run (see `dynamics.level.levels_in_run`); none
-            where it is not known.
         shared: (k,) standard deviation of ln|H| that all floors have in common; none where it is
             not known.
     """
 
     frequency_hz: Floats
     columns: tuple[csr_array, ...]
-    run_levels: tuple[float, ...] = ()
     shared: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
@@ -366,13 +363,11 @@ def mean_estimator(
         onto = csr_array((np.ones(len(at)), (np.arange(len(at)), at)), shape=(len(at), len(dense)))
         for number, means in enumerate(columns):
             totals[number] = csr_array(totals[number] + diags_array(share) @ means @ onto)
-    levels = [part.run_levels for part in known if part.run_levels]
-    middle = tuple(float(level) for level in np.mean(levels, axis=0)) if levels else ()
     shared = np.zeros(len(grid))
     for part, share in zip(parts, shares, strict=True):
         if part is not None and part.shared.size:
             shared += (share * part.shared) ** 2
-    return Estimator(dense, tuple(totals), middle, np.sqrt(shared))
+    return Estimator(dense, tuple(totals), np.sqrt(shared))
 
 
 def _window_spectrum(angle: Floats, total: int) -> Complexes:

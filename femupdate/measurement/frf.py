@@ -26,7 +26,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from femupdate.arrays import Complexes, Flags, Floats
-from femupdate.dynamics.level import levels_in_run, strongest_hz
+from femupdate.dynamics.level import strongest_hz
 from femupdate.errors import MeasurementError
 from femupdate.measurement.estimated import (
     PADDING,
@@ -113,7 +113,6 @@ def estimate_frf(
     frf = frf * at_grid(1.0 / (1.0 - share))
     estimator = replace(
         estimator_of(inputs, step, segments, grid, between, share),
-        run_levels=levels_in_run(base, floors, step).parts,
         shared=np.sqrt(np.maximum(np.nan_to_num(shared), 0.0)),
     )
     return Observation(

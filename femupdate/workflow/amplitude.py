@@ -15,8 +15,8 @@ import torch
 
 from femupdate.arrays import Floats, Integers
 from femupdate.dynamics.history import BATCH, floor_histories
-from femupdate.dynamics.level import RunLevels, levels_in_run, motion_level
-from femupdate.dynamics.system import System, changes_in_run
+from femupdate.dynamics.level import motion_level
+from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.errors import MeasurementError
 from femupdate.inference.parameters import Values
@@ -91,18 +91,6 @@ def floor_levels(data: Histories, direction: str) -> dict[str, float]:
     }
 
 
-def run_levels(model: StudyModel, source: ObservationSource) -> RunLevels:
-    """How the motion along the building's direction is spread about its mean level.
-
-    Raises:
-        MeasurementError: no file holds histories of the base.
-    """
-    direction = direction_of(model.building)
-    data = _histories(source, direction)
-    base, floors, _ = data.means(direction)
-    return levels_in_run(base, floors, data.time_step)
-
-
 def _histories(source: ObservationSource, direction: str) -> Histories:
     for path in source.paths:
         read = source.read(path, direction)
@@ -131,14 +119,10 @@ def level_settings(
         span: levels of the records from which the effect was found, doublings above the first.
     """
     kept = {_PEAK: base_peak(model, source)}
-    if not (changes_with_level(placed) or any(changes_in_run(place.effect) for place in placed)):
+    if not changes_with_level(placed):
         return kept
     try:
         levels = record_levels(model, source)
-        if not changes_with_level(placed):
-            # Factors are those at the middle of the run's own levels.
-            middle = 2.0 ** run_levels(model, source).middle
-            levels = {floor: middle * level for floor, level in levels.items()}
     except MeasurementError:  # a table of FRFs has none
         return kept
     return {**kept, _LEVELS: levels, _SPAN: [min(span, default=0.0), max(span, default=0.0)]}
@@ -171,32 +155,6 @@ def far_stronger(settings: Mapping[str, Any], peak: float) -> tuple[str, ...]:
 def changes_with_level(placed: tuple[Placed, ...]) -> bool:
     """Whether one of some effects makes stiffness or damping depend on the level."""
     return any(place.effect.needs_levels for place in placed)
-
-
-def mean_level(system: System, settings: Mapping[str, Any]) -> Floats | None:
-    """Level (f,) at which a structure that changes in a run has its factors, m/s2.
-
-    None where the posterior does not know it, and where another effect has moved the factors to
-    the mean level of the motion itself.
-    """
-    kept = settings.get(_LEVELS)
-    if not kept or changes_with_level(system.placed):
-        return None
-    return np.array([kept.get(floor, np.nan) for floor in system.floors])
-
-
-UNFOLLOWED = (
-    "Beside a damper or an appendage no stiffness that changes in the run is followed: all is as at"
-    " the mean level.",
-)
-
-
-def changing_note(known: bool) -> str:
-    """How a structure that changes in a run is followed, in words."""
-    of_what = "of the run from which it was found" if known else "of this motion itself"
-    return (
-        f"Stiffness and damping follow the motion, between half and twice the mean level {of_what}."
-    )
 
 
 def at_own_level(

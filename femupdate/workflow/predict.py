@@ -11,7 +11,7 @@ import torch
 
 from femupdate.arrays import Floats, Integers
 from femupdate.building.kinds import require_heights
-from femupdate.dynamics.history import OwnLevel, history_batches
+from femupdate.dynamics.history import history_batches
 from femupdate.dynamics.members import (
     MemberForces,
     Place,
@@ -38,12 +38,9 @@ from femupdate.seeds import spawn
 from femupdate.study import Study, file_hash
 from femupdate.units import percent
 from femupdate.workflow.amplitude import (
-    UNFOLLOWED,
     at_own_level,
     changes_with_level,
-    changing_note,
     far_stronger,
-    mean_level,
 )
 from femupdate.workflow.calibration_report import kept_posterior
 from femupdate.workflow.effects import open_system
@@ -231,15 +228,8 @@ def _summary(
         )
         theta, zeta = there.of_structure, there.zeta
         told.append(note)
-    level = None
-    if system.changes_in_run and system.complex_modes:
-        told += UNFOLLOWED
-    elif system.changes_in_run:
-        mean = mean_level(system, posterior.settings)
-        level = OwnLevel(mean, settings.damping is not None)
-        told.append(changing_note(mean is not None))
     histories = history_batches(
-        system, theta, zeta, motion.inputs, motion.time_step, level=level, progress=progress
+        system, theta, zeta, motion.inputs, motion.time_step, progress=progress
     )
     return summarise(errors.applied(histories) if errors else histories, 100), told
 

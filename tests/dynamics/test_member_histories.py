@@ -206,7 +206,6 @@ def test_columns_carry_the_inertia_of_an_added_mass(table):
         ("cracked_columns", "S1"),
         ("joint_flexibility", "all"),
         ("story_damper", "2F"),
-        ("softening_in_run", "all"),
         ("amplitude_softening", "all"),
     ],
 )

@@ -72,15 +72,3 @@ def test_a_drifting_clock_is_the_mean_over_its_delays(stick, growth):
     exact[2] *= turns
     ours = stick.frf("drifting_clock@4F", sizes=[growth, start], zeta=ZETA)
     np.testing.assert_allclose(ours, exact, rtol=1e-5, atol=1e-7)
-
-
-def test_softening_in_a_run_is_the_mean_of_its_parts(case):
-    """Every part by itself: the same structure, softer and more damped."""
-    softening, damping = -0.12, 0.4
-    parts = []
-    for level in (2.0 * np.arange(7) - 6.0) / 7.0:
-        K = case.equations.K * (1.0 + softening) ** level
-        ratio = ZETA * (1.0 + damping) ** level
-        parts.append(case.equations.but(K=K).frf(case.frequency_hz, ratio))
-    ours = case.frf("softening_in_run@all", sizes=[softening, damping], zeta=ZETA)
-    agree(ours, np.mean(parts, axis=0))

@@ -6,7 +6,6 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building.document import Building
-from femupdate.dynamics.system import changes_in_run
 from femupdate.effects import CATALOGUE, Effect, Placed
 from femupdate.effects.structure import Structure
 from femupdate.inference.parameters import damping_parameter, theta_prior
@@ -47,8 +46,6 @@ def draw_effects(
         for effect in (UNCATALOGUED if kind == OUTSIDE else CATALOGUE.values())
         if effect.name not in _NOT_HIDDEN
         and not effect.needs_levels
-        # What changes in the run is followed by itself.
-        and not (kind == TWO and changes_in_run(effect))
         and effect.places(structure)
         and shows(effect)
     ]

@@ -21,11 +21,10 @@ _ACCELERANCE, _FIRST_HZ, _SPACING_HZ = 0.05, 0.3, 0.1
 # Whatever their size; dampers and appendages leave no real modes that could be identified.
 _UNSEEN = {
     BASE: (),
-    FORCE: ("base_gain", "table_pitch", "softening_in_run"),
+    FORCE: ("base_gain", "table_pitch"),
     MODES: (
         "base_gain",
         "table_pitch",
-        "softening_in_run",
         "channel_delay",
         "drifting_clock",
         "roll_off",

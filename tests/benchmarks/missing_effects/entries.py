@@ -31,7 +31,6 @@ KINDS = {
     "cracked_columns": "columns",
     "wall_stiffness": "walls",
     "non_structural_walls": "walls",
-    "softening_in_run": "nonlinear",
 }
 _DIRECTION = "x"
 _SECONDS = "seconds"
