@@ -171,7 +171,6 @@ def records(job: Job, records: int) -> Report:
     show_default=True,
     help="Records of base motion, identified modes, or a hammer test.",
 )
-@click.option("--opensees", is_flag=True, help="OpenSees makes the truths, not our finer mesh.")
 @click.option(
     "--minutes", type=click.FloatRange(min=0), help="Minutes after which no trial is started."
 )
@@ -186,19 +185,17 @@ def hidden_effects(
     building: str,
     data: str,
     mesh_size: float | None,
-    opensees: bool,
     minutes: float | None,
     quick: bool,
     dask: str | None,
     **counts: int,
 ) -> Report:
     """What the effect finder makes of effects that were hidden."""
-    from .hidden_effects.measurement import OPENSEES, OURS, TrialSettings
+    from .hidden_effects.measurement import TrialSettings
     from .hidden_effects.run import QUICK, TrialPlan, run_hidden_effects
 
     plan = QUICK if quick else TrialPlan(**counts)
-    truth = OPENSEES if opensees else OURS
-    settings = TrialSettings(mesh_size=mesh_size, truth=truth)
+    settings = TrialSettings(mesh_size=mesh_size)
     limit = float("inf") if minutes is None else minutes
     with shared_out(dask):
         return run_hidden_effects(job, building, plan, settings, limit, data)

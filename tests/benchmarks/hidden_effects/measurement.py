@@ -26,9 +26,6 @@ WHITE, SIMULATED, RECORDED = "white", "simulated", "recorded"
 SHAKINGS = (WHITE, SIMULATED, WHITE, RECORDED)
 RECORD = Path(__file__).parents[3] / "examples" / "records" / "ridgecrest_2019_clc_90.csv"
 
-# What makes truths.
-OURS, OPENSEES = "ours", "opensees"
-
 # What is put into a building: an effect at its place, with the values of its parameters.
 HiddenEffect = tuple[Placed, tuple[float, ...]]
 
@@ -46,7 +43,6 @@ class TrialSettings:
     quantisation_m_s2: float = 5e-4  # step of the recorder
     # M, of the truth of a frame; two fifths of the building's own where None
     mesh_size: float | None = None
-    truth: str = OURS  # `OURS`, by the solver of this project on a finer mesh, or `OPENSEES`
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from ..log import ResumableLog
 from ..result import Job, Report
 from .draw import CLEAN, ONE, OUTSIDE, TWO
 from .kinds import BASE
-from .measurement import OURS, TrialSettings
+from .measurement import TrialSettings
 from .summary import summary, summary_text
 from .trial import Outcome, Trial, TrialModels, run_trial, trial_models
 
@@ -61,8 +61,7 @@ def run_hidden_effects(
     settings, name = settings or TrialSettings(), load_building(building).name
     study = Study(job.folder / f"study_{name}")
     model = open_study(study, building, job.progress)
-    kind = ("" if data == BASE else f"_{data}") + ("" if settings.truth == OURS else "_opensees")
-    files = f"hidden_effects_{name}{kind}"
+    files = f"hidden_effects_{name}" + ("" if data == BASE else f"_{data}")
     header = {"building": model.hash, "settings": settings}
     log = ResumableLog(job.folder / f"{files}.jsonl", header)
     trials = plan.trials(job.seed)

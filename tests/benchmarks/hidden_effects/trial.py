@@ -27,12 +27,9 @@ from femupdate.workflow.diagnose import finder_model, search
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import data_of
 
-from .by_opensees import MESH, made_by_opensees, opensees_truth, possible, shell_of
 from .draw import KINDS, TWO, draw_effects, draw_parameters
 from .kinds import BASE, given, shown
 from .measurement import (
-    OPENSEES,
-    OURS,
     SHAKINGS,
     HiddenEffect,
     MeasuredBuilding,
@@ -55,9 +52,8 @@ class TrialModels:
     data: str = BASE  # what is measured, one of `kinds.DATA`
 
     def shows(self, effect: Effect) -> bool:
-        """Whether the data show an effect, and what makes the truth can have it."""
-        made = self.settings.truth == OURS or made_by_opensees(effect)
-        return made and shown(effect, self.data)
+        """Whether the data show an effect."""
+        return shown(effect, self.data)
 
     def measure(
         self, measured: MeasuredBuilding, truth: Truth, rng: np.random.Generator
@@ -78,11 +74,6 @@ def trial_models(
 ) -> TrialModels:
     """Mesh the truth, and open the finder's model."""
     building = model.building
-    if settings.truth == OPENSEES and not isinstance(building, FrameBuilding):
-        raise ReportError(
-            f"{building.name}: OpenSees rebuilds frames, and this is a stick; leave --opensees out"
-            " or choose a frame"
-        )
     if data != BASE and isinstance(building, FrameBuilding):
         raise ReportError(
             f"{building.name}: trials with {data} data are made with sticks, and this is a frame;"
@@ -92,8 +83,7 @@ def trial_models(
     finder = replace(finder_model(study, model, progress), bases=None)
     if not isinstance(building, FrameBuilding):
         return TrialModels(model, finder, fine_model(building, settings.mesh_size), settings, data)
-    finer = _TRUTH_MESH if settings.truth == OURS else MESH
-    size = settings.mesh_size or finer * building.mesh.size
+    size = settings.mesh_size or _TRUTH_MESH * building.mesh.size
     return TrialModels(model, finder, fine_model(building, size, building.sensors.points), settings)
 
 
@@ -184,13 +174,8 @@ def run_trial(trial: Trial, models: TrialModels) -> Outcome:
     turn, which = divmod(trial.number, len(SHAKINGS))
     shaking, durations = SHAKINGS[which], settings.durations_s
     duration = durations[turn % len(durations)]
-    others = settings.truth == OPENSEES
-    effects = possible(effects) if others else effects
     measured = MeasuredBuilding(building, settings, theta, zeta, effects, shaking, duration)
-    if others:
-        truth = opensees_truth(models.fine, measured, shell_of(trial.number))
-    else:
-        truth = measured.truth(models.fine)
+    truth = measured.truth(models.fine)
     found = _find(trial, models, models.measure(measured, truth, streams[2]))
     diagnosis, leading = found.diagnosis, found.diagnosis.leading
     hidden = tuple(placed.label for placed, _ in effects)

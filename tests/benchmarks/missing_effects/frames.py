@@ -3,7 +3,7 @@
 import os
 import subprocess
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -11,13 +11,16 @@ import numpy as np
 
 from femupdate.arrays import Floats
 from femupdate.building import FrameBuilding
-from femupdate.effects import CATALOGUE
-from femupdate.fe import FiniteElementModel, assemble
+from femupdate.effects import CATALOGUE, Effect
+from femupdate.effects.catalogue.added_mass import AddedMass
+from femupdate.effects.families import MemberStiffness
+from femupdate.effects.structure import Structure
+from femupdate.fe import Beams, Elements, FiniteElementModel, PointMasses, assemble
 from femupdate.fe.export_nastran import bulk_data
+from femupdate.fe.model import DOF_PER_NODE
 from femupdate.simulation import fine_model
 
 from ..frame_coverage.opensees import opensees_modes
-from ..hidden_effects.by_opensees import changed
 from .stick import STEP_S
 
 MYSTRAN = "MYSTRAN"  # environment variable with the path of the program
@@ -82,6 +85,41 @@ def frame_modes(
     axis = structure.direction
     floors = [shapes[:, own, axis].mean(axis=1) * share for own in nodes.values()]
     return Modes(omega, np.array(floors))
+
+
+def changed(
+    structure: Structure, model: FiniteElementModel, effect: Effect, place: str, size: float
+) -> FiniteElementModel:
+    """A model with an effect in it."""
+    if isinstance(effect, AddedMass):
+        values = size * effect.masses(structure, place)
+        values = values[structure.direction :: DOF_PER_NODE]
+        node = np.flatnonzero(values)
+        own = model.masses
+        return replace(
+            model,
+            masses=PointMasses(
+                node=np.concatenate([own.node, node]),
+                mass=np.concatenate([own.mass, np.repeat(values[node][:, None], 3, axis=1)]),
+                inertia=np.concatenate([own.inertia, np.zeros((len(node), 3))]),
+            ),
+        )
+    assert isinstance(effect, MemberStiffness)
+    names = structure.building.story_names
+    stories = range(len(names)) if place == "all" else [names.index(place)]
+
+    def scaled(block: Elements) -> Elements:
+        chosen = np.isin(block.kind, effect.kinds) & np.isin(block.group, stories)
+        factor = np.where(chosen, 1.0 + size, 1.0)
+        if not effect.bending_only:
+            return block.scaled(factor)
+        if not isinstance(block, Beams):
+            return block
+        return replace(
+            block, inertia_y=factor * block.inertia_y, inertia_z=factor * block.inertia_z
+        )
+
+    return model.mapped(scaled)
 
 
 def _by_mystran(model: FiniteElementModel, theta: Floats, shell: str) -> tuple[Floats, Floats]:

@@ -5,18 +5,21 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from femupdate.benchmarks.frame_coverage import BUILDING
 from femupdate.benchmarks.hidden_effects.draw import CLEAN, ONE, OUTSIDE
 from femupdate.benchmarks.hidden_effects.kinds import FORCE, MODES
 from femupdate.benchmarks.hidden_effects.measurement import TrialSettings
 from femupdate.benchmarks.hidden_effects.run import TrialPlan, run_hidden_effects
 from femupdate.benchmarks.hidden_effects.summary import summary, summary_text
 from femupdate.benchmarks.hidden_effects.trial import Outcome, Trial, run_trial, trial_models
+from femupdate.benchmarks.hidden_effects.uncatalogued import UNCATALOGUED
 from femupdate.benchmarks.log import restored
 from femupdate.benchmarks.result import Job
 
 from femupdate.building import load_building
 from femupdate.effects import CATALOGUE
 from femupdate.errors import ReportError
+from femupdate.simulation import fine_model
 from femupdate.study import Study
 from femupdate.workflow import open_study
 from tests import sticks
@@ -145,3 +148,16 @@ def test_trials_with_other_data_are_made_with_sticks(tmp_path, cabin_file):
     frame = replace(model, building=load_building(str(cabin_file)))
     with pytest.raises(ReportError, match="modes data are made with sticks, and this is a frame"):
         trial_models(study, frame, TrialSettings(), data=MODES)
+
+
+def test_a_mass_at_a_corner_is_that_of_the_floor():
+    building = load_building(BUILDING)
+    structure = fine_model(building, 1.0, building.sensors.points).structure
+    effect = next(one for one in UNCATALOGUED if one.name == "corner_mass")
+    values = effect.masses(structure, "RF")
+    along = structure.points.axis == structure.direction
+    whole = CATALOGUE["added_mass"].masses(structure, "RF")
+    assert values[along].sum() == pytest.approx(whole[along].sum(), rel=1e-12)
+    heavy = structure.points.position[values > 0.0]
+    assert heavy[:, 0].max() <= 4.5
+    assert heavy[:, 1].max() <= 3.0

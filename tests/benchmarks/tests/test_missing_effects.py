@@ -5,12 +5,18 @@ import shutil
 
 import numpy as np
 import pytest
+from femupdate.benchmarks.frame_coverage import BUILDING
+from femupdate.benchmarks.missing_effects.frames import frame_modes
 from femupdate.benchmarks.missing_effects.fresh import make_case, write_buildings
 from femupdate.benchmarks.missing_effects.score import FOLDER, figures, score, task_numbers
 from femupdate.benchmarks.missing_effects.stick import STEP_S, Stick
 from scipy.linalg import eigh
 
 import femupdate
+from femupdate.building import load_building
+from femupdate.dynamics import ConstantDamping
+from femupdate.effects import CATALOGUE, Placed
+from femupdate.simulation import fine_model, truth_of
 
 MASS = {"kind": "mass", "places": ["4F"]}
 BRACE = {"kind": "brace", "places": ["5F-RF"]}
@@ -93,3 +99,24 @@ def test_a_linear_stick_whose_masses_are_off_is_not_nonlinear(tmp_path):
     run = tmp_path / "clean-steel5-12.csv"
     told = femupdate.diagnose(tmp_path / "study", run, building=building).diagnosis
     assert told.verdict == "none"
+
+
+@pytest.mark.parametrize(
+    ("label", "size"),
+    [("added_mass@3F", 0.3), ("wall_stiffness@S1", -0.4), ("cracked_columns@S2", -0.5)],
+)
+def test_an_effect_moves_a_frame_of_opensees_as_our_own(label, size, opensees):
+    building, theta = load_building(BUILDING), np.array([1.1, 0.9, 1.0])
+    fine = fine_model(building, 1.0, building.sensors.points)
+    name, place = label.split("@")
+    how = {"mesh_size": 1.0, "shell": "ASDShellQ4"}
+    moved = []
+    for effects in ((), ((name, place, size),)):
+        placed = tuple((Placed(CATALOGUE[of], at), (by,)) for of, at, by in effects)
+        ours = truth_of(fine, theta, ConstantDamping(), 12.0, placed).frequency_hz[:3]
+        theirs = frame_modes(building, theta, effects, **how).omega[:3] / (2.0 * np.pi)
+        moved.append((theirs, ours))
+    theirs, ours = np.divide(*moved[::-1]) - 1.0
+    assert abs(ours).max() > 0.002
+    # Shells of two kinds differ; what an effect changes differs by a tenth of itself.
+    np.testing.assert_allclose(theirs, ours, atol=0.1 * abs(ours).max() + 2e-4)
