@@ -141,7 +141,6 @@ class LatentLikelihood:
             hundreds of responses are asked.
         observation: on the surrogate's frequency grid.
         device: where to evaluate; the search before it, of few points, is on the processor.
-        power: that the likelihood is raised to; default the surrogate's own, from its calibration.
         least_noise: standard deviation of ln|H| below which the file's noise is not believed:
             idealisation errs as well; default that of the surrogate's training.
         learning: of the error of the model; None where the noise as stated is all there is.
@@ -165,7 +164,6 @@ class LatentLikelihood:
         observation: Observation,
         *,
         device: torch.device | str = "cpu",
-        power: float | None = None,
         least_noise: float | None = None,
         learning: Learning | None = None,
     ) -> None:
@@ -175,7 +173,6 @@ class LatentLikelihood:
                 f"has {observation.frequency_hz.size}; use the building's frequency grid"
             )
         log_frf, self.visibility, self.notes = encoder_input(observation, surrogate.info.floors)
-        self.power = surrogate.info.likelihood_power if power is None else power
         mvae = copy.deepcopy(surrogate.mvae).requires_grad_(False)
         floor = surrogate.info.noise_sd if least_noise is None else least_noise
         clean = latent_data(observation, surrogate.info.floors, floor)
@@ -217,7 +214,7 @@ class LatentLikelihood:
         free = self._mvae.sizes.coordinates - known.shape[1]
         places = (pad(self._mvae.encode_parameters(rows), (0, free)) for rows in parts)
         values = torch.cat([self._quadratics(rows) for rows in places])
-        return self.power * values.to(theta.device)
+        return values.to(theta.device)
 
     @torch.no_grad()
     def solutions(self) -> Tensor:

@@ -51,9 +51,7 @@ class SurrogateInfo:
         noise_sd: standard deviation of ln|H| that it was trained with.
         settings: of data set and training.
         metrics: losses and times of the training.
-        likelihood_power: power of the latent likelihood with which its regions contain the truth
-            as often as stated, on held-out simulations; 1 before that is found.
-        calibration: how that power was found.
+        calibration: how often its regions held the truth, on simulations; empty where not counted.
     """
 
     building: str
@@ -63,7 +61,6 @@ class SurrogateInfo:
     version: str
     settings: Mapping[str, Any]
     metrics: Mapping[str, float]
-    likelihood_power: float = 1.0
     calibration: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -92,8 +89,6 @@ def save_surrogate(surrogate: Surrogate, path: Path) -> None:
         kind = torch.float16 if name.startswith(_HALF_PRECISION) else torch.float32
         tensors[name] = tensor.detach().to("cpu", kind).contiguous()
     header = {"sizes": asdict(surrogate.mvae.sizes), **asdict(surrogate.info)}
-    if not surrogate.info.calibration:
-        del header["calibration"], header["likelihood_power"]
     write_bytes(path, save(tensors, metadata={"femupdate": json.dumps(header)}))
 
 
@@ -118,6 +113,7 @@ def load_surrogate(path: Path) -> Surrogate:
         wrong = [name for name, value in state.items() if not torch.isfinite(value).all()]
         if wrong:
             raise ValueError(f"{wrong[0]} holds a value that is no number")
+        header.pop("likelihood_power", None)  # in shipped weights; it was 1 within its error
         info = SurrogateInfo(**{**header, "floors": tuple(header["floors"])})
         return Surrogate(mvae.eval(), info)
     except _UNREADABLE as error:

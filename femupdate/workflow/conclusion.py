@@ -241,16 +241,9 @@ def calibration_notes(info: SurrogateInfo, observation: Observation) -> tuple[st
     notes, floors = [], observation.floors
     kept = info.calibration
     if kept:
-        power = info.likelihood_power
         notes.append(
             f"In {kept['cases']} simulations the 90 % region contained "
-            f"{percent(kept['coverage_90_after'])} of the truths"
-            + (
-                "."
-                if power == 1.0
-                else f", after the latent likelihood was raised to the power {power:.2f} "
-                f"({percent(kept['coverage_90_before'])} before)."
-            )
+            f"{percent(kept['coverage_90_before'])} of the truths."
         )
     if kept and kept["floors"] != [ANY_FLOORS] and set(floors) != set(kept["floors"]):
         notes.append(

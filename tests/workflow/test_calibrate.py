@@ -220,8 +220,7 @@ def learned(tmp_path_factory, tower_file):
 CHECKED = {
     "cases": 40,
     "floors": ["2F", "RF"],
-    "coverage_90_before": 0.97,
-    "coverage_90_after": 0.91,
+    "coverage_90_before": 0.91,
 }
 
 
@@ -247,17 +246,12 @@ def test_the_latent_posterior(learned, tower_observation, tmp_path):
     prior_sd = 1.5 / np.sqrt(12)
     assert (posterior.samples.std(axis=0) < 0.7 * prior_sd).all()
     assert posterior.samples[:, 0].mean() < 1.0 < posterior.samples[:, 1].mean()
-    # Half the log likelihood is twice the variance, where the prior's box leaves room.
     surrogate = require_surrogate(study, model.building)
-    power = {"likelihood_power": 0.5, "calibration": CHECKED}
-    marked = Surrogate(surrogate.mvae, replace(surrogate.info, **power))
+    marked = Surrogate(surrogate.mvae, replace(surrogate.info, calibration=CHECKED))
     other = Study(tmp_path)
     other.keep(TRAINED, model.made_from(), marked)
-    wide = calibrated(other, model, tower_observation.path, settings, sensors=("RF", "2F"))
-    assert (wide.posterior.samples.std(0) > 1.1 * posterior.samples.std(0)).all()
-    notes = " ".join(wide.notes)
-    assert "In 40 simulations the 90 % region contained 91 %" in notes
-    assert "power 0.50" in notes
+    again = calibrated(other, model, tower_observation.path, settings, sensors=("RF", "2F"))
+    assert "In 40 simulations the 90 % region contained 91 % of" in " ".join(again.notes)
 
 
 def test_an_observation_unlike_the_training_is_told(learned, tmp_path, frf_table):

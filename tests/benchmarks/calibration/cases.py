@@ -22,7 +22,6 @@ from femupdate.workflow.conclusion import latent_zeta
 from femupdate.workflow.likelihoods import on_fewer_modes
 
 from .coverage import density_level, ranks, tarp_level
-from .coverage_power import SimulatedCase
 
 _MODES = 40
 _CHECKED = 100
@@ -35,6 +34,14 @@ class SimulatedBuilding:
     theta: Floats  # (p,) stiffness factors
     zeta: float  # damping ratio
     observation: Observation  # of the chosen floors
+
+
+@dataclass(frozen=True)
+class DrawnLikelihoods:
+    """Log likelihoods of posterior draws and of the truth."""
+
+    draws: Floats  # (n,) equally weighted
+    truth: float  # at the parameters that made the data
 
 
 @dataclass(frozen=True)
@@ -63,7 +70,6 @@ class CalibrationCase:
     # latent, exact: where its truth lies; `exact` is None where it was not asked for
     latent: Judged
     exact: Judged | None
-    likelihoods: SimulatedCase  # of the latent draws and of the truth
     misfit: float  # of the best response, see `FoundLatent`
     responses: int  # of the building that the latent likelihood took
     effective_share: float  # of the bridge's importance draws; NaN without it
@@ -140,7 +146,6 @@ def calibration_case(
     return CalibrationCase(
         latent=judge(start.theta, _zeta(model, latent, start, seed), likelihoods),
         exact=exact,
-        likelihoods=likelihoods,
         misfit=latent.found.misfit,
         responses=latent.found.responses,
         effective_share=share,
@@ -150,7 +155,7 @@ def calibration_case(
 
 def _exact(
     model: StudyModel, building: SimulatedBuilding, start: SamplerRun, seed: int
-) -> tuple[torch.Tensor, SimulatedCase, float]:
+) -> tuple[torch.Tensor, DrawnLikelihoods, float]:
     """Draws from the data-space posterior, its likelihoods and effective share.
 
     The draws are of theta (n, p), with the damping ratio as one more column where it is unknown.
@@ -174,10 +179,10 @@ def stated_likelihood(model: StudyModel, observation: Observation) -> Likelihood
     return likelihood_of((data,), model.system, model.parameters, cost)
 
 
-def _simulated(found: SamplerRun, log_likelihood: LogLikelihood, truth: Floats) -> SimulatedCase:
+def _simulated(found: SamplerRun, log_likelihood: LogLikelihood, truth: Floats) -> DrawnLikelihoods:
     """Log likelihoods of draws and of the true parameters (p,)."""
     at_truth = float(log_likelihood(torch.from_numpy(truth)[None])[0])
-    return SimulatedCase(found.log_likelihood.numpy(), at_truth)
+    return DrawnLikelihoods(found.log_likelihood.numpy(), at_truth)
 
 
 def _zeta(
@@ -206,14 +211,12 @@ class _Judge:
     seed: int  # of the draws that the predictive check takes
 
     def __call__(
-        self, theta: torch.Tensor, zeta: torch.Tensor, likelihoods: SimulatedCase
+        self, theta: torch.Tensor, zeta: torch.Tensor, likelihoods: DrawnLikelihoods
     ) -> Judged:
         """Judge draws theta (n, p) and zeta (n, 1), or (n, 0) where it is known."""
         unit = self.model.prior.to_unit(theta).numpy()
         truth = self.model.prior.to_unit(torch.from_numpy(self.building.theta)).numpy()
-        level = density_level(
-            likelihoods.log_likelihood, likelihoods.log_likelihood_of_truth, np.ones(len(unit))
-        )
+        level = density_level(likelihoods.draws, likelihoods.truth)
         tarp = tarp_level(unit, truth, self.reference)
         return Judged(level, ranks(unit, truth), tarp, self._check(theta, zeta))
 

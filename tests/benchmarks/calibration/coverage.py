@@ -34,11 +34,9 @@ def coverage(level: ArrayLike, nominal: Sequence[float] = REGIONS) -> Coverage:
     return Coverage(regions, found, error, len(levels))
 
 
-def density_level(log_density: ArrayLike, log_density_of_truth: float, weight: ArrayLike) -> float:
+def density_level(log_density: ArrayLike, log_density_of_truth: float) -> float:
     """Credibility level of the highest-density region that just holds the truth."""
-    share = np.asarray(weight, dtype=float)
-    above = np.asarray(log_density) > log_density_of_truth
-    return float(share[above].sum() / share.sum())
+    return float((np.asarray(log_density) > log_density_of_truth).mean())
 
 
 def ranks(draws: ArrayLike, truth: ArrayLike) -> Floats:

@@ -14,7 +14,6 @@ from ..log import ResumableLog
 from ..result import Job, Report
 from ..shipped import benchmark_model, shipped_surrogate, surrogate_mark
 from .cases import CalibrationCase, CalibrationPlan, calibration_case
-from .coverage_power import fit_power
 from .tables import calibration_text, scores
 
 NAME = "calibration"
@@ -37,13 +36,10 @@ def run_calibration(job: Job, plan: CalibrationPlan) -> Report:
     exact_cases = [case.exact for case in cases if case.exact is not None]
     latent = scores([case.latent for case in cases])
     exact = scores(exact_cases) if exact_cases else None
-    fit = fit_power([case.likelihoods for case in cases], job.seed)
     content = {
         "plan": plan,
         "latent": latent,
         "exact": exact,
-        "power": fit.power,
-        "power_error": fit.error,
         "misfits": [case.misfit for case in cases],
         "responses": [case.responses for case in cases],
         "density_levels": [case.latent.density for case in cases],
@@ -61,8 +57,8 @@ def run_calibration(job: Job, plan: CalibrationPlan) -> Report:
     return job.write(
         name,
         content,
-        f"{_intro(plan)}\n\n{calibration_text(model.prior.names, cases, fit)}",
-        answer={"coverage": coverage, "power": fit.power, "power_error": fit.error},
+        f"{_intro(plan)}\n\n{calibration_text(model.prior.names, cases)}",
+        answer={"coverage": coverage},
     )
 
 

@@ -15,7 +15,6 @@ from .coverage import (
     rank_histogram_p_value,
     uniformity_p_value,
 )
-from .coverage_power import PowerFit
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ def scores(judged: Sequence[Judged]) -> Scores:
     )
 
 
-def calibration_text(names: Sequence[str], cases: Sequence[CalibrationCase], fit: PowerFit) -> str:
+def calibration_text(names: Sequence[str], cases: Sequence[CalibrationCase]) -> str:
     """All tables in Markdown."""
     kinds = {
         "latent": [case.latent for case in cases],
@@ -56,10 +55,8 @@ def calibration_text(names: Sequence[str], cases: Sequence[CalibrationCase], fit
     if checks:
         parts += [markdown_table(_CHECK_HEAD, checks), _CHECK_NOTE]
     parts.append(
-        f"The power that would calibrate the latent likelihood, beside the one in use: "
-        f"{fit.power:.2f} ± {fit.error:.2f}; with it the 90 % region holds "
-        f"{(fit.level <= 0.9).mean():.1%}. Responses of the building that a latent likelihood "
-        f"took: {np.median([case.responses for case in cases]):.0f} (median)."
+        "Responses of the building that a latent likelihood took: "
+        f"{np.median([case.responses for case in cases]):.0f} (median)."
     )
     return "\n\n".join(parts)
 

@@ -24,7 +24,7 @@ def levels(width):
 
     return np.array(
         [
-            coverage.density_level(log_density(d, m), log_density(t, m), np.ones(len(d)))
+            coverage.density_level(log_density(d, m), log_density(t, m))
             for t, d, m in zip(truth, draws, mean, strict=True)
         ]
     )
@@ -70,9 +70,3 @@ def test_tarp_levels(width):
     )
     p_value = coverage.uniformity_p_value(found)
     assert p_value > 1e-3 if width == 1.0 else p_value < 1e-6
-
-
-def test_weights_count():
-    log_density = np.array([0.0, -1.0, -2.0])
-    level = coverage.density_level(log_density, -1.5, np.array([1.0, 2.0, 5.0]))
-    assert level == pytest.approx(3.0 / 8.0)
