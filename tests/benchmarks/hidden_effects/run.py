@@ -79,7 +79,7 @@ def run_hidden_effects(
     return job.write(
         files,
         {"building": name, "data": data, "settings": settings, "rows": rows, "outcomes": outcomes},
-        summary_text(name, settings, outcomes, rows, data),
+        summary_text(name, settings, rows, data),
         answer={"rows": [{"what": r.what, "found": r.found, "cases": r.of} for r in rows]},
     )
 

@@ -1,9 +1,7 @@
 """What the trials of the effect finder come to."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from operator import attrgetter
 
 import numpy as np
@@ -12,12 +10,11 @@ from femupdate.discrepancy.thresholds import VERDICT
 
 from ..result import markdown_table
 from .draw import CLEAN, ONE, OUTSIDE, TWO
-from .kinds import BASE, DESCRIBED
+from .kinds import DESCRIBED
 from .measurement import TrialSettings
 from .trial import Outcome
 
 _SEEN = 0.99  # absorbed beyond this an effect is theta itself
-_STRENGTHS = (5.0, 10.0, 20.0, 50.0, 100.0)  # D at which the table is cut
 
 
 @dataclass(frozen=True)
@@ -86,7 +83,6 @@ def _names(outcomes: Sequence[Outcome], clear: Sequence[Outcome]) -> list[Row]:
             [o for o in given if not _doubtful(o)],
             lambda o: o.named not in o.hidden,
         ),
-        _localisation(outcomes),
         _share("among the first three, D >= 5", strong, attrgetter("in_first_three")),
         _share(
             "what theta absorbs is not named",
@@ -122,24 +118,6 @@ def _of_two(outcomes: Sequence[Outcome]) -> list[Row]:
             lambda o: set(o.pair) == set(o.hidden),
         ),
     ]
-
-
-def _localisation(outcomes: Sequence[Outcome]) -> Row:
-    """F1 score of effects with their places: each that is hidden, against the first that is named.
-
-    As LISDD reports it (arXiv 2606.23215), over clean cases and those with effects of the
-    catalogue; of two effects one can be named first.
-    """
-    cases = [o for o in outcomes if o.kind in (CLEAN, ONE) and (o.kind == CLEAN or _visible(o))]
-    given = [o.named if o.verdict in ("named", "partly") else "" for o in cases]
-    right = sum(bool(name) and name in o.hidden for name, o in zip(given, cases, strict=True))
-    wrong = sum(bool(name) for name in given) - right
-    missed = sum(bool(o.hidden) for o in cases) - right
-    what = "localisation F1 of all single effects, however weak"
-    if not right + wrong + missed:
-        return Row(what, "-", len(cases))
-    found = 2.0 * right / (2.0 * right + wrong + missed)
-    return Row(what, f"{found:.2f}", len(cases))
 
 
 def _repairs(right: Sequence[Outcome]) -> list[Row]:
@@ -204,62 +182,12 @@ def _median(what: str, values: Sequence[float], unit: str = "") -> Row:
     return Row(what, found, len(finite))
 
 
-def summary_text(
-    building: str,
-    settings: TrialSettings,
-    outcomes: Sequence[Outcome],
-    rows: Sequence[Row],
-    data: str = BASE,
-) -> str:
-    """All tables in Markdown."""
-    table = markdown_table(("", "found", "cases"), [(r.what, r.found, str(r.of)) for r in rows])
-    seconds = ", ".join(f"{one:g}" for one in settings.durations_s)
+def summary_text(building: str, settings: TrialSettings, rows: Sequence[Row], data: str) -> str:
+    """How it was measured, and the table in Markdown; outcomes are in the JSON file."""
+    seconds = ", ".join(f"{length:g}" for length in settings.durations_s)
     measured = (
         f"{seconds} s at {settings.sampling_hz:g} Hz, sensor noise "
         f"{settings.sensor_noise_m_s2:g} m/s2"
     )
-    return (
-        f"Building {building}. {DESCRIBED.get(data, measured)}.\n\n{table}\n\n"
-        f"By strength of the hidden effect (D as the finder measures it):\n\n"
-        f"{_by_strength(outcomes)}\n\n"
-        f"What was hidden (rows, D >= 6) and what was named:\n\n{_confusion(outcomes)}\n"
-    )
-
-
-def _by_strength(outcomes: Sequence[Outcome]) -> str:
-    """Detection and naming of single effects against their strength."""
-    rows = []
-    seen = [o for o in outcomes if _visible(o)]
-    for low, high in pairwise((0.0, *_STRENGTHS, np.inf)):
-        own = [o for o in seen if low <= o.strength < high]
-        if own:
-            counts = (
-                sum(getattr(o, name) for o in own)
-                for name in ("detected", "named_right", "in_first_three")
-            )
-            band = f"{low:g} to {high:g}" if np.isfinite(high) else f"from {low:g}"
-            rows.append((band, str(len(own)), *map(str, counts)))
-    return markdown_table(
-        ("D", "cases", "detected", "first name right", "in the first three"), rows
-    )
-
-
-def _confusion(outcomes: Sequence[Outcome]) -> str:
-    """Named right, right effect at another place, other effect, not named, by hidden effect."""
-    head = ("hidden", "right", "other place", "other effect", "not named", "which")
-    rows = []
-    clear = [o for o in outcomes if o.kind == ONE and o.strength >= 6.0]
-    for effect in sorted({_effect(o.hidden[0]) for o in clear}):
-        own = [o for o in clear if _effect(o.hidden[0]) == effect]
-        right = sum(o.named_right for o in own)
-        place = sum(not o.named_right and _effect(o.named) == effect for o in own)
-        missed = sum(not o.named for o in own)
-        wrong = Counter(_effect(o.named) for o in own if o.named and _effect(o.named) != effect)
-        listed = ", ".join(f"{name} {count}" for name, count in wrong.most_common(3))
-        counts = (right, place, sum(wrong.values()), missed)
-        rows.append((effect, *map(str, counts), listed))
-    return markdown_table(head, rows)
-
-
-def _effect(label: str) -> str:
-    return label.split("@")[0]
+    table = markdown_table(("", "found", "cases"), [(r.what, r.found, str(r.of)) for r in rows])
+    return f"Building {building}. {DESCRIBED.get(data, measured)}.\n\n{table}\n"

@@ -10,7 +10,7 @@ from femupdate.benchmarks.hidden_effects.draw import CLEAN, ONE, OUTSIDE
 from femupdate.benchmarks.hidden_effects.kinds import FORCE, MODES
 from femupdate.benchmarks.hidden_effects.measurement import TrialSettings
 from femupdate.benchmarks.hidden_effects.run import TrialPlan, run_hidden_effects
-from femupdate.benchmarks.hidden_effects.summary import summary, summary_text
+from femupdate.benchmarks.hidden_effects.summary import summary
 from femupdate.benchmarks.hidden_effects.trial import Outcome, Trial, run_trial, trial_models
 from femupdate.benchmarks.hidden_effects.uncatalogued import UNCATALOGUED
 from femupdate.benchmarks.log import restored
@@ -108,20 +108,6 @@ def test_names_that_are_wrong_are_counted_whatever_was_hidden(one):
     assert rows["right among all names given"].startswith("33.3%")
     assert rows["verdict 'named' and the name right, D >= 6"].startswith("33.3%")
     assert rows["outside the catalogue, D >= 10: something is said to be left"].startswith("33.3%")
-
-
-def test_names_are_counted_by_strength(one):
-    cases = [
-        replace(one, strength=3.0, verdict="none", named="", ranking=()),
-        replace(one, strength=12.0, absorbed=0.2),
-        replace(one, strength=12.0, absorbed=0.2, named="roll_off@floors"),
-        replace(one, strength=12.0, absorbed=1.0),  # theta itself
-        replace(one, strength=400.0),
-    ]
-    text = summary_text("shear_4dof", TrialSettings(), cases, summary(cases))
-    assert "| 0 to 5 | 1 | 0 | 0 | 0 |" in text
-    assert "| 10 to 20 | 2 | 2 | 1 | 2 |" in text
-    assert "| from 100 | 1 | 1 | 1 | 1 |" in text
 
 
 def test_the_result_is_written_with_machine_and_seed(run):
