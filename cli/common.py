@@ -16,7 +16,7 @@ import click
 from femupdate.errors import FemupdateError
 from femupdate.progress import SILENT
 from femupdate.result import Result, plain
-from femupdate.study import MAIN_POSTERIOR, Study, copied, locked, timed
+from femupdate.study import MAIN_POSTERIOR, Study, locked, timed
 from femupdate.tables import write_tables
 
 from .bars import Bars
@@ -115,11 +115,6 @@ _POSTERIOR = option(
     default=MAIN_POSTERIOR,
     metavar="NAME",
 )
-_OUTPUT = option(
-    "--output copy",
-    "Only read the study; work in a copy of it in this new folder.",
-    click.Path(file_okay=False, path_type=Path),
-)
 _DASK = option(
     "--dask",
     "Share the work out by Dask: address of a scheduler, or local for processes.",
@@ -145,14 +140,13 @@ def study_options(
         needs: artefact that the study must hold, made by `femupdate calibrate`; of a posterior,
             whose name is asked for as well.
         posterior: ask for the name of a posterior, which the study may lack.
-        writes: the command writes into the study; add --output, which leaves the study as it is.
+        writes: the command writes into the study.
         draws: add --no-pictures.
         shares: add --dask, which says where the work is done.
         seeded: add --seed.
     """
     asked = {
         _POSTERIOR: posterior or bool(needs),
-        _OUTPUT: writes,
         no_pictures_option: draws,
         _DASK: shares,
     }
@@ -167,8 +161,6 @@ def study_options(
                 study.require(needs, "calibrate")
             pictures = draws and not kwargs.pop("no_pictures")
             with ExitStack() as stack:
-                if copy := kwargs.pop("copy", None):
-                    study = copied(study, copy)
                 if writes:
                     study.check_writable()
                     what = click.get_current_context().info_name or "command"

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shlex
-import shutil
 import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -281,10 +280,10 @@ class Study:
         """
         folder = self.check_folder()
         if not os.access(folder, os.W_OK | os.X_OK):
-            elsewhere = "choose another"
-            if self.path(MANIFEST).exists():
-                elsewhere = "only read the study by --output"
-            raise StudyError(f"cannot write into {folder}; check its permissions or {elsewhere}")
+            raise StudyError(
+                f"cannot write into {folder}; check its permissions, or copy it to another folder "
+                "and name that"
+            )
 
     def artefacts(self) -> dict[str, Artefact]:
         """All recorded artefacts by name.
@@ -477,41 +476,6 @@ def timed(columns: Mapping[str, str] | None, rate: float | None) -> Mapping[str,
     """Names of columns as commands read them, with the rate of a table without times."""
     named = {ours: str(theirs) for ours, theirs in (columns or {}).items()}
     return (named if rate is None else {**named, "time_s": f"{rate:.9g} Hz"}) or None
-
-
-_BESIDE = (BUILDING_FILE, SUMMARY, f"posteriors/*/{SUMMARY}")
-
-
-def copied(study: Study, folder: Path) -> Study:
-    """Copy what commands read of a study; pictures, tables and pages stay behind.
-
-    Args:
-        study: only read.
-        folder: new, or without a study.
-
-    Raises:
-        StudyError: there is nothing to copy, the folder holds a study, or it cannot be written.
-    """
-    if not study.path(MANIFEST).exists():
-        raise StudyError(
-            f"{study.folder} holds no study to copy; choose one with --study, or begin a new one "
-            f"by --study {folder}"
-        )
-    copy = Study(folder, study.posterior)
-    copy.check_writable()
-    if copy.path(MANIFEST).exists():
-        raise StudyError(
-            f"{folder} holds a study already; go on with it by --study {folder}, or choose another "
-            "folder with --output"
-        )
-    beside = [path for name in _BESIDE for path in study.folder.glob(name)]
-    recorded = [study.path(artefact.file) for artefact in study.artefacts().values()]
-    # The record comes last: a copy that was cut short is no study.
-    for path in (*beside, *recorded, study.path(MANIFEST)):
-        if path.is_file():
-            with atomic_path(folder / path.relative_to(study.folder)) as temporary:
-                shutil.copyfile(path, temporary)
-    return copy
 
 
 _LOCK = ".lock"

@@ -372,17 +372,3 @@ def test_files_that_cannot_grow_are_not_left_half(script, bench, calibrated, sna
     assert "cannot write" in done.complaint
     assert ".nc: files may not grow that large here" in done.complaint
     assert snapshot(calibrated) == before
-
-
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda b: ["diagnose", b.observation()], "has no building yet"),
-        (lambda b: ["predict", "--record", plain(b)], "run `femupdate calibrate` first"),
-    ],
-    ids=["diagnose", "predict"],
-)
-def test_through_the_script(script, bench, tmp_path, make, words):
-    done = script(*make(bench), "--json", cwd=tmp_path)
-    assert words in done.complaint
-    assert not (tmp_path / "study").exists()

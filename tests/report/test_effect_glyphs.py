@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from femupdate.building import load_building
 from femupdate.effects import CATALOGUE, DrawnBuilding, structure_of
 from femupdate.report import Geometry, drawn
-from femupdate.report.scenes import draw_marked
 
 
 @pytest.fixture(scope="module", params=["shear_4dof", "two_story_openings"])
@@ -67,14 +65,3 @@ def test_the_walls_of_one_story_are_those_of_that_story():
     low, high = structure.levels
     assert faces[..., 2].min() == pytest.approx(low)
     assert faces[..., 2].max() == pytest.approx(high)
-
-
-def test_a_marked_building_has_its_floors_and_axes():
-    building = drawn_building("shear_4dof")
-    geometry = Geometry.of_building(building)
-    glyphs = drawn(CATALOGUE["tuned_appendage"].glyphs(building, "3F"))
-    panel = Figure().subplots()
-    floors = list(zip(building.structure.floors, building.structure.levels, strict=True))
-    draw_marked(panel, geometry, glyphs, floors)
-    assert [text.get_text() for text in panel.texts] == ["2F", "3F", "4F", "RF", *"xyz"]
-    assert sum(len(c.get_paths()) for c in panel.collections) >= len(geometry.shells) + 2

@@ -141,13 +141,6 @@ def test_a_killed_training_goes_on_to_the_same_surrogate(trained, tmp_path, towe
     assert left == {path.name for path in straight.path.parent.iterdir()}
 
 
-def test_a_checkpoint_of_another_training_is_named(copy):
-    """As left by a training with other settings that was killed."""
-    copy.path("training.safetensors").write_bytes(b"not a checkpoint")
-    with pytest.raises(SurrogateError, match=r"training\.safetensors .* delete it"):
-        train_study(copy, open_study(copy), SAMPLES, SMALL, fresh=True)
-
-
 @pytest.mark.parametrize(("samples", "batch", "fits"), [(110, 105, False), (111, 105, True)])
 def test_samples_must_fill_a_batch(samples, batch, fits):
     """A twentieth is held out: 6 of 110 and of 111."""
