@@ -4,15 +4,11 @@ A page holds `<!-- made from the code: NAME -->` where a list of the code belong
 such a page says where the same list is printed.
 """
 
-import dataclasses
-import importlib
 import inspect
 import json
-import pkgutil
 import re
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import click
 from mkdocs.config.defaults import MkDocsConfig
@@ -25,8 +21,6 @@ _FROM_ROOT = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md"}
 _FROM_ROOT["CHANGELOG.md"] = "changelog.md"
 _MARK = re.compile(r"<!-- made from the code: (\w+) -->")
 _NAMES = {"RF|[0-9]+F": "FLOOR", "theta_[0-9]+": "PARAMETER", "[0-9]+": "STORY"}
-# Where importing a module would run it.
-_NOT_READ = ("__main__", "cli", "examples", "models")
 _CODE = re.compile(r"`[^`\n]+`")
 # A menu whose label is but a sign, and its title.
 _MENU = re.compile(
@@ -190,32 +184,6 @@ def _named(key: str) -> str:
     return key
 
 
-def _thresholds() -> Iterator[str]:
-    """Every table of numbers that the code keeps with their meaning and source."""
-    seen: set[str] = set()
-    for info in pkgutil.walk_packages([str(ROOT / "femupdate")], "femupdate."):
-        if info.name.split(".")[1] in _NOT_READ:
-            continue
-        for value in vars(importlib.import_module(info.name)).values():
-            if dataclasses.is_dataclass(value):
-                yield from _table(value, seen)
-
-
-def _table(group: Any, seen: set[str]) -> Iterator[str]:
-    kind = group if isinstance(group, type) else type(group)
-    entries = [entry for entry in dataclasses.fields(group) if "meaning" in entry.metadata]
-    if not entries or kind.__qualname__ in seen:
-        return
-    seen.add(kind.__qualname__)
-    yield f"## {(kind.__doc__ or kind.__name__).splitlines()[0].rstrip('.')}\n"
-    yield "| name | value | unit | meaning | source |\n|---|---|---|---|---|"
-    for entry in entries:
-        told = [entry.metadata[part] for part in ("unit", "meaning", "source")]
-        cells = [f"`{entry.name}`", str(entry.default), *told]
-        yield "| " + " | ".join(map(_cell, cells)) + " |"
-    yield ""
-
-
 def _records() -> Iterator[str]:
     """Every record of a decision, by its title."""
     for path in sorted((ROOT / "docs" / "adr").glob("[0-9]*.md")):
@@ -234,6 +202,5 @@ _LISTS = {
     "python": _python,
     "keys": _keys,
     "columns": _columns,
-    "thresholds": _thresholds,
     "records": _records,
 }

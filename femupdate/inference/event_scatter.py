@@ -17,7 +17,6 @@ from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
 from femupdate.seeds import Seed
-from femupdate.thresholds import entry
 from femupdate.units import percent
 
 QUANTITIES = ("stiffness", "damping")
@@ -25,19 +24,19 @@ QUANTITIES = ("stiffness", "damping")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EventScatter:
-    """How much a building differs from event to event; one value, or one for every draw (n,)."""
+    """How much a building differs from event to event; one value, or one for every draw (n,).
 
-    stiffness: float | Floats = entry(
-        0.05,
-        "ln",
-        "standard deviation of all stiffness factors together",
-        "a hotel in quakes of 7 to 90 gal: frequencies 2.8 %; an overpass: factors 6 %",
-    )
-    damping: float | Floats = entry(0.2, "ln", "standard deviation of the damping ratio")
-    stiffer: float | Floats = entry(
-        0.0, "ln", "by which mean stiffness factors of events lie above the calibrated ones"
-    )
-    damped: float | Floats = entry(0.0, "ln", "by which the mean damping ratio does")
+    Attributes:
+        stiffness, damping: standard deviations of the logarithms of all stiffness factors together
+            and of the damping ratio. A hotel in quakes of 7 to 90 gal: frequencies 2.8 %; an
+            overpass: factors 6 %.
+        stiffer, damped: by which their means over events lie above the calibrated ones, ln.
+    """
+
+    stiffness: float | Floats = 0.05
+    damping: float | Floats = 0.2
+    stiffer: float | Floats = 0.0
+    damped: float | Floats = 0.0
 
     def next_event(
         self, theta: Tensor, zeta: Tensor, box: tuple[Tensor, Tensor], seed: Seed

@@ -8,7 +8,7 @@ __all__, __getattr__ = public(
         "ambient": "identify_modes",
         "checks": "channel_findings pair_findings shape_findings",
         "estimated": "effective_averages mean_estimator noise_of_lines Segments",
-        "frf": "estimate_frf observation_for on_grid",
+        "frf": "estimate_frf LEAST_NOISE observation_for on_grid",
         "frf_table": "in_band",
         "inspection": "inspect_file",
         "modes": "identified_modes IdentifiedModes mode_findings",
@@ -20,7 +20,6 @@ __all__, __getattr__ = public(
         "recording": "azimuth_of RecordedChannel RecordedMode",
         "runs": "agreement pooled",
         "text": "TextFile",
-        "thresholds": "SPECTRUM",
         "write": "read_mapping write_mapping write_modes write_observation_histories",
     },
 )

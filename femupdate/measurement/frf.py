@@ -48,11 +48,11 @@ from femupdate.measurement.observation import (
     said_of_rotation,
     select_floors,
 )
-from femupdate.measurement.thresholds import SPECTRUM
 
 # Figures by which files are judged.
 # independent bins to either side over which the noise is averaged; with seven segments, mean square
 # of error over noise falls from 1.2 to 1.05
+LEAST_NOISE = 0.003  # of ln|H|, that is stated: less gains no truth, and thins tolerances
 _NOISE_BINS = 3
 
 _TINY = float(np.finfo(np.float64).tiny)
@@ -318,7 +318,7 @@ def _noise(spectra: Spectra, coherence: Floats, incoherent: Floats, averages: fl
     """sd(ln|H|) at the bins (f, b)."""
     # (1 - g2) / g2 is the ratio of incoherent to coherent power.
     ratio = np.minimum(incoherent / np.maximum(coherence * spectra.floors, _TINY), 1e6)
-    return np.maximum(np.sqrt(ratio / (2.0 * averages)), SPECTRUM.least_noise)
+    return np.maximum(np.sqrt(ratio / (2.0 * averages)), LEAST_NOISE)
 
 
 def _left(
@@ -367,7 +367,7 @@ def _parts_of_noise(
     # motion of 20 to 120 s, damping 1 and 2 %: as much, or a third of it.
     brought = early * np.maximum(leaking**2 - left / counted, 0.0).min(axis=0) / averages**2
     share = np.minimum(of_base / np.maximum(spectra.base, _TINY), 0.5)
-    return np.maximum(alone, SPECTRUM.least_noise**2), of_base / counted + brought, share
+    return np.maximum(alone, LEAST_NOISE**2), of_base / counted + brought, share
 
 
 def _of_base(across: Complexes, valid: Flags) -> float:

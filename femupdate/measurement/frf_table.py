@@ -22,6 +22,7 @@ from femupdate.measurement.names import (
     force_unit,
 )
 from femupdate.measurement.observation import (
+    DEFAULT_NOISE,
     Observation,
     at_frequencies,
     require_floors_of_building,
@@ -30,7 +31,6 @@ from femupdate.measurement.observation import (
 from femupdate.measurement.recording import RecordedFunction, Recording
 from femupdate.measurement.resolve import in_parts, positions, whole_or_parts
 from femupdate.measurement.table import ColumnTable
-from femupdate.measurement.thresholds import SPECTRUM
 
 SOMEWHERE = "a force somewhere"
 _RESPONSES = ("frequency response", "transmissibility")
@@ -42,7 +42,7 @@ def frfs_in_table(
     table: ColumnTable,
     force: str | None = None,
     unit: str | None = None,
-    noise: float = SPECTRUM.default_noise,
+    noise: float = DEFAULT_NOISE,
 ) -> tuple[Observation, ...]:
     """The FRFs in a table, an observation for each excitation, at the table's own frequencies."""
     frfs = table.frfs

@@ -26,20 +26,22 @@ from femupdate.measurement.names import (
     si_factor,
 )
 from femupdate.measurement.recording import RecordedChannel, Recording, acceleration_unit, in_step
-from femupdate.measurement.resolve import placed_channels
+from femupdate.measurement.resolve import FEWEST_OF_SPECTRUM, placed_channels
 from femupdate.measurement.text import TextFile
-from femupdate.measurement.thresholds import RECORD, SPECTRUM
 from femupdate.units import STANDARD_GRAVITY, factor, percent
 
 if TYPE_CHECKING:
     from femupdate.measurement.estimated import Estimator
 
 
+# Peaks of the ground: the largest recorded is about 4 g (2008, Iwate); no accelerograph resolves
+# less than the smallest.
+LARGEST_G, SMALLEST_G = 5.0, 1e-6
 # m/s2.
-LARGEST_PEAK = RECORD.largest_g * STANDARD_GRAVITY
-SMALLEST_PEAK = RECORD.smallest_g * STANDARD_GRAVITY
+LARGEST_PEAK, SMALLEST_PEAK = LARGEST_G * STANDARD_GRAVITY, SMALLEST_G * STANDARD_GRAVITY
 # A floor feels forty times the largest peak of the ground; beyond it is a spike or a wrong unit.
 LARGEST_RESPONSE = 40.0 * LARGEST_PEAK
+DEFAULT_NOISE = 0.2  # of ln|H|, where neither the file nor the coherence says
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,10 +168,10 @@ def _at_same_times(
     """The channels at the same times, and sentences on what was done for that."""
     channels = in_step(file, channels, one_rate=True)
     first = next(iter(channels.values()))
-    if first.values.size < RECORD.fewest_of_spectrum:
+    if first.values.size < FEWEST_OF_SPECTRUM:
         raise file.error(
             f"{first.values.size} rows are too short for a spectrum; give at least"
-            f" {RECORD.fewest_of_spectrum}"
+            f" {FEWEST_OF_SPECTRUM}"
         )
     check_step(file, first.time_step, repr(first.name))
     for each in channels.values():
@@ -202,7 +204,7 @@ def _acceleration(
     if channel.floor == BASE and peak > LARGEST_PEAK:
         raise file.error(
             f"the base peaks at {peak / STANDARD_GRAVITY:.3g} g when read in {stated}, which no"
-            f" strong-motion record has (up to {RECORD.largest_g:g} g); is the unit wrong?",
+            f" strong-motion record has (up to {LARGEST_G:g} g); is the unit wrong?",
             column=title,
         )
     if peak > LARGEST_RESPONSE:
@@ -371,7 +373,7 @@ class Observation:
         cls,
         frequency_hz: ArrayLike,
         responses: Mapping[str, ArrayLike],
-        noise_sd: ArrayLike = SPECTRUM.default_noise,
+        noise_sd: ArrayLike = DEFAULT_NOISE,
         source: str = "arrays",
     ) -> "Observation":
         """FRFs under base motion, |H| or complex H, which `calibrate` takes as it takes a file.

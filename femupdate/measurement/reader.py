@@ -16,11 +16,15 @@ from femupdate.measurement.clock import impossible_days
 from femupdate.measurement.frf_table import frfs_in_table, table_of_functions
 from femupdate.measurement.modes import IdentifiedModes, identified_modes
 from femupdate.measurement.names import TIME
-from femupdate.measurement.observation import Histories, Observation, histories_of
+from femupdate.measurement.observation import (
+    DEFAULT_NOISE,
+    Histories,
+    Observation,
+    histories_of,
+)
 from femupdate.measurement.recording import Recording, in_step
 from femupdate.measurement.resolve import placed_channels, resolved, table_channels
 from femupdate.measurement.text import read_head, read_text
-from femupdate.measurement.thresholds import SPECTRUM
 
 
 class Reader(Protocol):
@@ -145,7 +149,7 @@ def kind_in(
     columns: Mapping[str, str] | None = None,
     direction: str = "x",
     force: str | None = None,
-    noise: float = SPECTRUM.default_noise,
+    noise: float = DEFAULT_NOISE,
 ) -> AnyKind:
     """What a file holds; of FRFs an observation for each excitation, at the file's frequencies.
 

@@ -13,7 +13,14 @@ from femupdate.arrays import Floats
 from femupdate.errors import MeasurementError, brief
 from femupdate.measurement.clock import check_step, rate_ratio, resampled
 from femupdate.measurement.names import BASE, FloorChannel, parse_channel, plain_unit
-from femupdate.measurement.observation import LARGEST_PEAK, SMALLEST_PEAK, fault_of, rotation_of
+from femupdate.measurement.observation import (
+    LARGEST_G,
+    LARGEST_PEAK,
+    SMALLEST_G,
+    SMALLEST_PEAK,
+    fault_of,
+    rotation_of,
+)
 from femupdate.measurement.reader import read_measured
 from femupdate.measurement.recording import (
     RecordedChannel,
@@ -23,7 +30,6 @@ from femupdate.measurement.recording import (
 )
 from femupdate.measurement.resolve import given_channels, positions, require_horizontal
 from femupdate.measurement.text import TextFile
-from femupdate.measurement.thresholds import RECORD
 from femupdate.units import STANDARD_GRAVITY
 from femupdate.units import factor as unit_factor
 
@@ -217,7 +223,7 @@ def read_record(
         raise file.error(
             f"the peak is {peak / STANDARD_GRAVITY:.3g} g when the values are read in"
             f" {plain_unit(acceleration_unit(file, chosen, unit)).lower()}, which no strong-motion"
-            f" record has ({RECORD.smallest_g:g} to {RECORD.largest_g:g} g); is the unit wrong?",
+            f" record has ({SMALLEST_G:g} to {LARGEST_G:g} g); is the unit wrong?",
             column=where,
         )
     if offset := float((motion.acceleration - without_offset(motion.acceleration))[0]):

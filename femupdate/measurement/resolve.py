@@ -38,10 +38,10 @@ from femupdate.measurement.recording import (
 )
 from femupdate.measurement.table import ColumnTable
 from femupdate.measurement.text import TextFile, closest
-from femupdate.measurement.thresholds import RECORD
 
 logger = logging.getLogger(__name__)
 
+FEWEST_OF_SPECTRUM = 64  # samples of histories, four segments of 32: less is no spectrum
 _Column = TypeVar("_Column")
 Known = FloorChannel | FrfColumn
 _ON_BASE = re.compile(rf"^{BASE}/|/{BASE}\b|/{BASE}_", re.IGNORECASE)
@@ -185,7 +185,7 @@ def placed_channels(
 
 def table_channels(table: ColumnTable) -> dict[FloorChannel, RecordedChannel]:
     """The columns of histories in a table."""
-    read = channels_of(table, table.at, RECORD.fewest_of_spectrum, "spectrum")
+    read = channels_of(table, table.at, FEWEST_OF_SPECTRUM, "spectrum")
     return {ours: read[i] for i, ours in table.known.items() if isinstance(ours, FloorChannel)}
 
 

@@ -7,7 +7,7 @@ from scipy import signal
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement import (
-    SPECTRUM,
+    LEAST_NOISE,
     FloorChannel,
     Histories,
     Observation,
@@ -79,7 +79,7 @@ def test_stated_noise_covers_the_error(sensor_noise):
         seen = observation.estimator
         asked = np.array([closed_form(system, seen.frequency_hz) for system in TWO])
         truth = np.log(np.abs(seen(torch.from_numpy(asked)[None])[0].numpy()))
-        above_floor = observation.noise_sd > 1.5 * SPECTRUM.least_noise
+        above_floor = observation.noise_sd > 1.5 * LEAST_NOISE
         error = (observation.log_frf - truth) / observation.noise_sd
         ratios.append(error[observation.valid & above_floor & BAND])
         usable.append(observation.valid[audible].mean())
