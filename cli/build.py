@@ -40,12 +40,6 @@ from .parameters import BUILDING_NAME
     "Also write the model for another program: a script for OpenSeesPy, or bulk data.",
     click.Choice(["opensees", "nastran"]),
 )
-@option(
-    "--shell",
-    "Shell element of the exported script.",
-    click.Choice(["ASDShellQ4", "ShellMITC4", "ShellDKGQ"]),
-    "ASDShellQ4",
-)
 @overwrite_option
 @study_options(shares=True)
 def build_model(
@@ -53,7 +47,6 @@ def build_model(
     units: str | None,
     draft: Path | None,
     export: str | None,
-    shell: Any,
     overwrite: bool,
     study: Study,
     seed: int,
@@ -82,7 +75,7 @@ def build_model(
         files.append(draft)
     if export is not None:
         files.append(study.path(EXPORTS[export]))
-    how: dict[str, Any] = {"units": units, "draft": draft, "export": export, "shell": shell}
+    how: dict[str, Any] = {"units": units, "draft": draft, "export": export}
     report = build(study, building, progress=bars, **how)
     return Answer(report, {"exported": files, "study": study.folder}, files=tuple(files))
 

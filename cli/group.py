@@ -17,7 +17,7 @@ _HEADINGS = {
         "posterior",
     ),
     "What is written": (
-        *("name", "output", "no-pictures", "picture", "export", "shell"),
+        *("name", "output", "no-pictures", "picture", "export"),
         *("write-mapping", "json", "overwrite"),
     ),
     "General": ("seed", "verbose", "quiet", "help", "version"),

@@ -135,7 +135,6 @@ def build_model(
     units: str | None = None,
     draft: Path | str | None = None,
     export: str | None = None,
-    shell: str = "ASDShellQ4",
     progress: Progress = SILENT,
 ) -> BuildReport:
     """Build, check and reduce the model of a building; its modes and what was checked.
@@ -146,7 +145,6 @@ def build_model(
         units: force and length of another program's model, such as "N,mm".
         draft: building file to write for such a model, and to build.
         export: "opensees" or "nastran": write the model for it, into the study.
-        shell: element of the OpenSees script.
 
     Raises:
         BuildingError, StructureError: the building cannot be read or cannot stand.
@@ -164,7 +162,7 @@ def build_model(
             Path(draft).expanduser().unlink(missing_ok=True)
         raise
     if export is not None:
-        _export(study, report.model.building, export, shell)
+        _export(study, report.model.building, export)
     return report
 
 
@@ -259,7 +257,7 @@ EXPORTS = {"nastran": "model.bdf", "opensees": "opensees_model.py"}
 """Files of a study that other programs read, by the program."""
 
 
-def _export(study: Study, building: Building, program: str, shell: str) -> None:
+def _export(study: Study, building: Building, program: str) -> None:
     """Write bulk data in N and m, or a Python script for OpenSeesPy, all stiffness factors 1.
 
     Raises:
@@ -276,6 +274,5 @@ def _export(study: Study, building: Building, program: str, shell: str) -> None:
     if program == "nastran":
         text = bulk_data(model)
     else:
-        types = {"shell": shell}
-        text = opensees_script(model, np.ones(model.groups), name=name, modes=12, types=types)
+        text = opensees_script(model, np.ones(model.groups), name=name, modes=12)
     write_text(study.path(EXPORTS[program]), text)

@@ -128,7 +128,6 @@ def shear4dof(job: Job, observations: int, quick: bool) -> Report:
 )
 @count("--cases", 200, 10, "Simulated buildings.")
 @count("--particles", 1000, 200, "Posterior draws for each.")
-@click.option("--latent", is_flag=True, help="Leave out the data-space posteriors.")
 @count("--beside", None, 0, "Number of cases with data-space posteriors; default: all.")
 @click.option(
     "--noise",
@@ -136,7 +135,7 @@ def shear4dof(job: Job, observations: int, quick: bool) -> Report:
     type=click.FloatRange(min=1e-3),
     help="Noise on ln|H|; default: that of the training.",
 )
-def calibration(job: Job, latent: bool, beside: int | None, **plan: Any) -> Report:
+def calibration(job: Job, **plan: Any) -> Report:
     """Whether posteriors hold the truth as often as they say.
 
     Coverage, ranks and TARP of latent and data-space posteriors. The binomial error of the coverage
@@ -144,8 +143,7 @@ def calibration(job: Job, latent: bool, beside: int | None, **plan: Any) -> Repo
     """
     from .calibration.run import CalibrationPlan, run_calibration
 
-    compared = 0 if latent and beside is None else beside
-    return run_calibration(job, CalibrationPlan(beside=compared, **plan))
+    return run_calibration(job, CalibrationPlan(**plan))
 
 
 @benchmark("records")
@@ -163,16 +161,12 @@ def records(job: Job, records: int) -> Report:
 @count("--one", 150, 0, "Cases with one effect.")
 @count("--two", 30, 0, "Cases with two effects.")
 @count("--outside", 30, 0, "Cases with an effect outside the catalogue.")
-@click.option("--mesh-size", type=float, help="Mesh size of the truth, m; default: .4 of its own.")
 @click.option(
     "--data",
     type=click.Choice(["base", "modes", "force"]),
     default="base",
     show_default=True,
     help="Records of base motion, identified modes, or a hammer test.",
-)
-@click.option(
-    "--minutes", type=click.FloatRange(min=0), help="Minutes after which no trial is started."
 )
 @click.option("--quick", is_flag=True, help="A dozen trials, to try it out.")
 @click.option(
@@ -184,21 +178,15 @@ def hidden_effects(
     job: Job,
     building: str,
     data: str,
-    mesh_size: float | None,
-    minutes: float | None,
     quick: bool,
     dask: str | None,
     **counts: int,
 ) -> Report:
     """What the effect finder makes of effects that were hidden."""
-    from .hidden_effects.measurement import TrialSettings
     from .hidden_effects.run import QUICK, TrialPlan, run_hidden_effects
 
-    plan = QUICK if quick else TrialPlan(**counts)
-    settings = TrialSettings(mesh_size=mesh_size)
-    limit = float("inf") if minutes is None else minutes
     with shared_out(dask):
-        return run_hidden_effects(job, building, plan, settings, limit, data)
+        return run_hidden_effects(job, building, QUICK if quick else TrialPlan(**counts), data=data)
 
 
 @benchmark("missing-effects")
@@ -238,8 +226,7 @@ def changes(job: Job, pairs: int) -> Report:
 @building_option(str(BUILDING), "Shipped name or file; default: three stories.")
 @count("--cases", 40, 1, "Simulated buildings.")
 @count("--particles", 1000, 200, "Posterior draws for each.")
-@click.option("--latent", is_flag=True, help="Latent posteriors in place of the data-space ones.")
-def frame_coverage(job: Job, latent: bool, **plan: Any) -> Report:
+def frame_coverage(job: Job, **plan: Any) -> Report:
     """Whether intervals of frames hold the truth of another mesh or program.
 
     Truths are of a mesh of .4 or .6 times the building's own, or of OpenSees with two kinds of
@@ -247,7 +234,7 @@ def frame_coverage(job: Job, latent: bool, **plan: Any) -> Report:
     """
     from .frame_coverage.run import CoveragePlan, run_coverage
 
-    return run_coverage(job, CoveragePlan(exact=not latent, **plan))
+    return run_coverage(job, CoveragePlan(**plan))
 
 
 @benchmark("measured")

@@ -1,5 +1,6 @@
 """What the commands answer: the keys that scripts rely on, and the tables that people read."""
 
+import ast
 import json
 import re
 from pathlib import Path
@@ -42,6 +43,13 @@ def test_build_model(femupdate, tmp_path, cabin_file, name):
     assert len(answer["pictures"]) == (3 if name == "cabin" else 1)
     assert all(not_blank(Path(picture)) for picture in answer["pictures"])
     assert done.err.startswith("Building ")
+
+
+def test_build_model_exports_a_script(femupdate, tmp_path, cabin_file):
+    arguments = ("--export", "opensees", "--study", tmp_path, "--json")
+    answer = femupdate("build-model", cabin_file, *arguments).answer
+    assert answer["exported"] == [str(tmp_path / "opensees_model.py")]
+    ast.parse((tmp_path / "opensees_model.py").read_text(encoding="utf-8"))
 
 
 def test_simulate(femupdate, tmp_path, tower_file):

@@ -24,10 +24,8 @@ from femupdate.workflow import (
     ObservationSource,
     calibrate_study,
     open_study,
-    train_study,
     with_finer_mesh,
 )
-from femupdate.workflow.train import default_settings
 
 from ..log import ResumableLog
 from ..result import Job, Report, markdown_table
@@ -39,8 +37,6 @@ _FINER = (0.4, 0.6)  # of the building's own mesh size
 _LIKE_OURS = 0.5  # mesh of OpenSees' models
 _THETA, _ZETA = (0.65, 1.5), (0.005, 0.03)
 _NOISE = (0.002, 0.01)  # of a sensor, over the rms of the base
-# Of the surrogate: its search ends with the building's own responses, so that a rough one serves.
-_SAMPLES, _EPOCHS, _BATCH = 12_000, 8, 256
 _MOTIONS = (WHITE, RECORDED, WHITE, SIMULATED)
 
 Make = Callable[[FrameBuilding, Floats], ReducedModel]
@@ -53,7 +49,6 @@ class CoveragePlan:
     building: str  # shipped name or file of a frame
     cases: int  # simulated buildings
     particles: int  # posterior draws for each
-    exact: bool = True  # the data-space posterior, not the latent one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,9 +90,9 @@ def run_coverage(job: Job, plan: CoveragePlan) -> Report:
     """Simulate and calibrate every case, and count."""
     building = load_building(plan.building)
     assert isinstance(building, FrameBuilding)
-    way = "exact" if plan.exact else "latent"
-    name = f"{_NAME}_{building.name}_{way}"
-    model = _prepared(job, plan.building, job.folder / f"{_NAME}_{building.name}")
+    name = f"{_NAME}_{building.name}_exact"
+    study = Study(job.folder / f"{_NAME}_{building.name}")
+    with_finer_mesh(study, open_study(study, plan.building, job.progress), job.progress)
     makers = list(_truths().items())
     job.progress.start("Calibrating", plan.cases)
     log = ResumableLog(job.folder / f"{name}_cases.jsonl", [replace(plan, cases=0), job.seed])
@@ -105,21 +100,11 @@ def run_coverage(job: Job, plan: CoveragePlan) -> Report:
     for number, rng in enumerate(np.random.default_rng(job.seed).spawn(plan.cases)):
         kind = makers[(number // len(_MOTIONS)) % len(makers)]
         motion = _MOTIONS[number % len(_MOTIONS)]
-        make = partial(_case, plan, model, building, kind, motion, rng)
+        make = partial(_case, plan, study, building, kind, motion, rng)
         cases.append(log.get_or_make(str(number), Case, make))
         job.progress.advance()
-    content = {"building": building.name, "likelihood": way, "cases": cases}
-    answer = {"likelihood": way, **counted(cases)}
-    return job.write(name, content, _text(cases), packages=("openseespy",), answer=answer)
-
-
-def _prepared(job: Job, building: str, folder: Path) -> Study:
-    """A study with the building's model on the finer mesh and a surrogate, both made once."""
-    study = Study(folder)
-    model = with_finer_mesh(study, open_study(study, building, job.progress), job.progress)
-    settings = default_settings(model, batch=_BATCH, epochs=_EPOCHS)
-    train_study(study, model, _SAMPLES, settings, progress=job.progress)
-    return study
+    content = {"building": building.name, "cases": cases}
+    return job.write(name, content, _text(cases), packages=("openseespy",), answer=counted(cases))
 
 
 def _truths() -> dict[str, Make]:
@@ -169,7 +154,7 @@ def _case(
     with TemporaryDirectory() as name:
         study = Study(shutil.copytree(model.folder, Path(name) / "study"))
         path = written(Path(name), truth, zeta, base, rng)
-        settings = CalibrationSettings(particles=plan.particles, exact=plan.exact, anyway=True)
+        settings = CalibrationSettings(particles=plan.particles, exact=True, anyway=True)
         source = ObservationSource(path)
         report = calibrate_study(study, open_study(study), source, settings)
     draws, ratio = report.posterior.samples, report.posterior.zeta_samples

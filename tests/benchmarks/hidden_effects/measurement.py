@@ -41,8 +41,6 @@ class TrialSettings:
     rms_m_s2: float = 0.3
     sensor_noise_m_s2: float = 0.003  # rms on every channel
     quantisation_m_s2: float = 5e-4  # step of the recorder
-    # M, of the truth of a frame; two fifths of the building's own where None
-    mesh_size: float | None = None
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """The trials of the effect finder, counted: false alarms, detection, names, sizes, gaps closed."""
 
-import time
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,7 +14,7 @@ from .draw import CLEAN, ONE, OUTSIDE, TWO
 from .kinds import BASE
 from .measurement import TrialSettings
 from .summary import summary, summary_text
-from .trial import Outcome, Trial, TrialModels, run_trial, trial_models
+from .trial import Outcome, Trial, run_trial, trial_models
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,6 @@ def run_hidden_effects(
     building: str,
     plan: TrialPlan,
     settings: TrialSettings | None = None,
-    minutes: float = float("inf"),
     data: str = BASE,
 ) -> Report:
     """Run the trials wherever work is done and write the result.
@@ -69,10 +67,9 @@ def run_hidden_effects(
     if left:
         models = trial_models(study, model, settings, job.progress, data)
         job.progress.start("Hidden-effect trials", len(left))
-        for _, outcome in completed(partial(_run, models, time.time() + 60.0 * minutes), left):
-            if outcome is not None:
-                log.add(_key(outcome), outcome)
-                job.progress.advance(1, outcome.verdict)
+        for _, outcome in completed(partial(run_trial, models=models), left):
+            log.add(_key(outcome), outcome)
+            job.progress.advance(1, outcome.verdict)
     known = (log.get(_key(trial), Outcome) for trial in trials)
     outcomes = [outcome for outcome in known if outcome is not None]
     rows = summary(outcomes)
@@ -86,8 +83,3 @@ def run_hidden_effects(
 
 def _key(trial: Trial | Outcome) -> str:
     return f"{trial.kind} {trial.number}"
-
-
-def _run(models: TrialModels, deadline: float, trial: Trial) -> Outcome | None:
-    """The outcome of a trial; None after a time of the clock (s)."""
-    return run_trial(trial, models) if time.time() < deadline else None

@@ -82,9 +82,9 @@ def trial_models(
     # Every trial has other stiffness factors: to keep its basis would help none.
     finder = replace(finder_model(study, model, progress), bases=None)
     if not isinstance(building, FrameBuilding):
-        return TrialModels(model, finder, fine_model(building, settings.mesh_size), settings, data)
-    size = settings.mesh_size or _TRUTH_MESH * building.mesh.size
-    return TrialModels(model, finder, fine_model(building, size, building.sensors.points), settings)
+        return TrialModels(model, finder, fine_model(building), settings, data)
+    fine = fine_model(building, _TRUTH_MESH * building.mesh.size, building.sensors.points)
+    return TrialModels(model, finder, fine, settings)
 
 
 @dataclass(frozen=True)
