@@ -8,7 +8,8 @@ itself, its neighbours, and each effect alone.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh
@@ -23,7 +24,7 @@ from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.assembly import with_terms
 from femupdate.fe.driven import Factored
-from femupdate.fe.factorization import factorize
+from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.mechanism import factorize_held
 from femupdate.fe.products import along, combined, symmetric_times
 from femupdate.fe.solve import NaturalModes, modes_below
@@ -136,6 +137,14 @@ class KnownModes:
     stiffness: Floats  # (m, m) of the equations on the shapes
     mass: Floats
 
+    @cached_property
+    def factors(self) -> Factorization:
+        """Of the stiffness, which serves what changes none; never sent to other processes."""
+        return factorize(self.equations.stiffness)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "factors"}
+
     @staticmethod
     def of(equations: Equations, modes: NaturalModes) -> "KnownModes":
         """From the modes of the equations."""
@@ -193,7 +202,9 @@ def nearby_shapes(
         dashpots: (j, n) as those of a `Structure`.
     """
     lines = dashpots if dashpots is not None and len(dashpots) else None
-    factors = WithSprings(factorize(equations.stiffness), equations.springs)
+    same = (equations.stiffness != known.equations.stiffness).nnz == 0
+    solved = known.factors if same else factorize(equations.stiffness)
+    factors = WithSprings(solved, equations.springs)
     force, modes = equations.force[:, TRANSLATION], known.shapes
     static = factors.apply(force[:, None])[:, 0]
     stiffness, mass, image = known.of_changed(equations)

@@ -44,7 +44,7 @@ from femupdate.fe.products import along, combined, symmetric_times
 from femupdate.fe.solve import modes_below
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
-from femupdate.workers import everywhere
+from femupdate.workers import everywhere, in_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,15 +148,16 @@ class Substructures:
 
     def with_forces(self, forces: Floats, shapes: Floats) -> tuple["Substructures", Floats]:
         """With what forces (n, c) move inside each part; and shapes (q, k) in its coordinates."""
-        parts, coordinates = [], [shapes[: len(self.joints)]]
-        for part, modal in self.each():
-            inside = shapes[modal]
-            if len(part.inner):
-                part, old = part.with_forces(forces[part.inner])
-                inside = old.T @ inside
-            parts.append(part)
-            coordinates.append(inside)
-        return replace(self, parts=tuple(parts)), np.vstack(coordinates)
+
+        def moved(known: tuple[Substructure, slice]) -> tuple[Substructure, Floats]:
+            part, modal = known
+            if not len(part.inner):
+                return part, shapes[modal]
+            part, old = part.with_forces(forces[part.inner])
+            return part, old.T @ shapes[modal]
+
+        parts, inside = zip(*in_threads(moved, self.each()), strict=True)
+        return replace(self, parts=parts), np.vstack([shapes[: len(self.joints)], *inside])
 
     @cached_property
     def _triangles(self) -> tuple[tuple[int, int], list[tuple[Integers, Floats]]]:
@@ -240,8 +241,9 @@ def substructures(structure: Structure, top_hz: float) -> Substructures | None:
     # In the order in which the parts begin and end, near ones have numbers near to each other.
     ends = touched[::-1, joints].argmax(axis=0), touched[:, joints].argmax(axis=0)
     joints = joints[np.lexsort((-ends[0], ends[1]))]
-    parts = []
-    for number, term in enumerate(terms):
+
+    def part_of(number: int) -> Substructure:
+        term = terms[number]
         inner = np.flatnonzero(owner == number)
         rows, masses = term[inner], structure.mass[inner]
         coupled = np.diff(masses.indptr) > 0
@@ -271,8 +273,10 @@ def substructures(structure: Structure, top_hz: float) -> Substructures | None:
                 modes = modes_below(with_terms(alone, ()), np.zeros(0), top_hz, part.factors)
                 squared = (2.0 * np.pi * modes.frequency_hz) ** 2
                 part = replace(part, shapes=modes.shapes, squared=squared)
-        parts.append(part)
-    return Substructures(structure, tuple(parts), joints, structure.mass[joints][:, joints].tocsc())
+        return part
+
+    parts = tuple(in_threads(part_of, range(len(terms))))
+    return Substructures(structure, parts, joints, structure.mass[joints][:, joints].tocsc())
 
 
 _SIZES = 40, 60, 80, 100, 120, 140, 160, 180, 200, 230, 260, 300  # shapes that are tried

@@ -234,7 +234,7 @@ def test_an_interrupted_command_says_how_to_go_on(tmp_path):
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({}, {"GOMP_SPINCOUNT": "1000", "OPENBLAS_NUM_THREADS": "1"}),
+        ({}, {"GOMP_SPINCOUNT": "1000", "OMP_NUM_THREADS": "1"}),
         ({"OMP_WAIT_POLICY": "active", "OMP_NUM_THREADS": "2"},) * 2,
     ],
     ids=["nothing said", "a policy"],
