@@ -284,6 +284,9 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
     target = Path(path)
     if target.suffix.lower() != ".png":
         raise ReportError(f"{target} is not the name of a picture; let it end in .png")
+    if figure.axes:  # Matplotlib draws all of a figure to lay it out, and then again
+        _layout(figure).execute(figure)
+        figure.set_layout_engine(None)
     with atomic_path(target, ReportError) as temporary:
         figure.savefig(temporary, format="png", dpi=DOTS_PER_INCH)
     return target
