@@ -65,7 +65,7 @@ def test_modes_may_be_damped_about_the_law(tmp_path):
     own.write_text(PLAIN + '[tolerances]\ndamping_of_modes = "20 %"\n')
     run = tmp_path / "run.csv"
     femupdate.simulate(truth, run, theta=FACTORS, zeta=0.02, duration_s=60.0, seed=3)
-    how = {"exact": True, "particles": 400, "building": str(own)}
+    how = {"exact": True, "particles": 200, "building": str(own)}
     report = femupdate.calibrate(tmp_path / "study", run, **how)
     # A constant ratio leaves factors known to a thousandth and less; now it is a tenth of that.
     known = report.posterior.of("stiffness").samples
