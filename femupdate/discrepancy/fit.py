@@ -26,7 +26,7 @@ from femupdate.maximise import Search, maximise
 from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.workers import in_threads
 
-FIRST_STEPS, STEPS, FAR_STEPS = 5, 15, 25  # of every candidate, of one that is followed, from afar
+FIRST_STEPS, STEPS, FAR_STEPS = 5, 15, 60  # of every candidate, of one that is followed, from afar
 DIFFERENCE = 1e-3  # of an unknown, for derivatives
 COARSE_NOISE = 0.3  # in ln|H|, so that peaks that do not meet show a distance
 FEWER_SHAPES = 140  # of a basis in searches: ln|H| errs by .01 rms, in a third of the time
@@ -376,13 +376,12 @@ def fit_baseline(
     """
     of = likelihood.with_effects(placed)
     known, rough = of.prior.steps.sizes(sizes), coarse(of).with_effects(placed)
-    wide = of.at_row(of.error.start)  # no few points decide while the model may err much
 
     def best_first(fits: list[Fit]) -> list[Fit]:
         return sorted(fits, key=lambda fitted: -log_posterior(likelihood, fitted))
 
-    def settled(near: Fit) -> Fit:
-        return settle(of, fit(wide, placed, near.z, FAR_STEPS))
+    def settled(near: Fit, row: Row = of.error.start) -> Fit:
+        return settle(of, fit(of.at_row(row), placed, near.z, FAR_STEPS), FAR_STEPS)
 
     def searched(stream: Seed) -> list[Fit]:
         # Far from the data every point is many times the noise off, whichever way is better: first
@@ -391,7 +390,9 @@ def fit_baseline(
         best = z[misfits(rough, z).argsort()[:starts]]
         near = _searched(rough, placed, best, replace(_SEARCH, iterations=10))
         near.sort(key=lambda fitted: fitted.misfit)
-        return best_first(in_threads(settled, near[: max(2, starts // 3)]))
+        fits = best_first(in_threads(settled, near[: max(2, starts // 3)]))
+        # A fit and its row hold each other; the largest errors let go what smaller ones hold.
+        return best_first([*fits, *(settled(fits[0], row) for row in of.error.largest)])
 
     fits = searched(seed)
     for stream in spawn(seed, 3):

@@ -68,6 +68,13 @@ class ModelError:
         return tuple(part.start for part in self.parts)
 
     @property
+    def largest(self) -> list[Row]:
+        """The rows of the largest errors, one for every noise."""
+        kinds = [part.largest for part in self.parts]
+        count = max(len(rows) for rows in kinds)
+        return [tuple(rows[min(k, len(rows) - 1)] for rows in kinds) for k in range(count)]
+
+    @property
     def knows(self) -> bool:
         """Whether there are errors that are known beforehand."""
         return any(part.knows for part in self.parts)

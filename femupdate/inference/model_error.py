@@ -200,6 +200,7 @@ class _Factor:
 
     Attributes:
         kind: (r,) which of u kinds of groups each row has.
+        firsts: (u,) the first row of each kind.
         groups: (u, g, j, j) of each.
         across: (u, g, j, s) of these and the shared ones, were their common process of size one.
         sizes: (r, 1, s) by which these are larger.
@@ -207,26 +208,32 @@ class _Factor:
     """
 
     kind: Tensor
+    firsts: Tensor
     groups: Tensor
     across: Tensor
     sizes: Tensor
     shared: Tensor
 
     def forward(self, alone: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
-        """The factors' inverses times values of all coefficients, (r, g, j, n) and (r, s, n)."""
-        first = torch.linalg.solve_triangular(self._each(self.groups), alone, upper=False)
-        tied = self._each(self.across).flatten(1, 2).mT @ first.flatten(1, 2)
-        rest = shared - self.sizes.mT * tied
+        """The factors' inverses times values of all coefficients, (r, g, j, n) and (r, s, n).
+
+        Where the rows of a kind have the same values of floors alone, (u, g, j, n) are enough.
+        """
+        groups, across = self.groups, self.across
+        if len(alone) != len(groups):
+            groups, across = groups[self.kind], across[self.kind]
+        first = torch.linalg.solve_triangular(groups, alone, upper=False)
+        rest = shared - self.sizes.mT * self.each(across.flatten(1, 2).mT @ first.flatten(1, 2))
         return first, torch.linalg.solve_triangular(self.shared, rest, upper=False)
 
     def solve(self, alone: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
         """The precisions' inverses times values of all coefficients, shaped likewise."""
         first, rest = self.forward(alone, shared)
         rest = torch.linalg.solve_triangular(self.shared.mT, rest, upper=True)
-        first = first - self._each(self.across) @ (self.sizes.mT * rest)[:, None]
-        return torch.linalg.solve_triangular(self._each(self.groups).mT, first, upper=True), rest
+        first = first - self.each(self.across) @ (self.sizes.mT * rest)[:, None]
+        return torch.linalg.solve_triangular(self.each(self.groups).mT, first, upper=True), rest
 
-    def _each(self, kinds: Tensor) -> Tensor:
+    def each(self, kinds: Tensor) -> Tensor:
         """Of every row what its kind has."""
         return kinds if len(kinds) == len(self.kind) else kinds[self.kind]
 
@@ -234,7 +241,7 @@ class _Factor:
     def half_log_determinants(self) -> Tensor:
         """(r,) of the precisions."""
         alone = self.groups.diagonal(dim1=2, dim2=3).log().sum((1, 2))
-        return self._each(alone) + self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
+        return self.each(alone) + self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
 
     @property
     def size(self) -> int:
@@ -357,6 +364,14 @@ class LearnedError:
             ),
         )
 
+    @property
+    def largest(self) -> list[int]:
+        """Rows of the largest error over the longest length, one for every noise."""
+        size = max(level.common + level.own for level in self.levels)
+        alike = [k for k, at in enumerate(self.levels) if at.common + at.own == size]
+        length = max(self.levels[k].length_hz for k in alike)
+        return [k for k in alike if self.levels[k].length_hz == length]
+
     def kept(self, rows: Sequence[int]) -> "LearnedError":
         """With some rows of the table alone."""
         return self._with(levels=tuple(self.levels[row] for row in rows))
@@ -436,8 +451,10 @@ class LearnedError:
             tamed = torch.cat([self.tame(tamed, row) for row in rows])
         errs, factor, noise = self._errs(rows[0]), self._factor(rows), self._of(rows, "noise")
         tamed = self._apart(tamed, errs)
-        first, rest = factor.forward(*self._scaled(rows, *self._along(tamed, errs)))
-        explained = first.square().sum((1, 2)) + rest.square().sum(1)  # (r, n)
+        # Rows of a kind have the same residuals but where these were tamed.
+        kinds = factor.firsts if len(tamed) == 1 else slice(None)
+        first, rest = factor.forward(*self._scaled(rows, *self._along(tamed, errs), kinds))
+        explained = factor.each(first.square().sum((1, 2))) + rest.square().sum(1)  # (r, n)
         squares = (tamed.square().sum(2) - explained / noise[:, None] ** 2) / noise[:, None] ** 2
         constant = self._of(rows, "log_weight") - self._points * noise.log()
         constant = constant - factor.half_log_determinants + self._narrower[errs]
@@ -535,6 +552,7 @@ class LearnedError:
         of_row = [kinds.setdefault(self._kind(row), row) for row in rows]
         firsts = tuple(kinds.values())
         kind = torch.tensor([firsts.index(first) for first in of_row])
+        places = torch.tensor([rows.index(first) for first in firsts])
         noise, owns = (self._of(firsts, name)[:, None, None, None] for name in ("noise", "own"))
         spread = (self._spread(firsts)[:, None] / noise[:, 0])[..., None]  # (u, 1, j, 1)
         errs = self._errs(rows[0])
@@ -555,7 +573,7 @@ class LearnedError:
         sizes = self._of(rows, "common")[:, None, None].repeat(1, 1, within.shape[1])
         sizes[:, :, : len(beside)] = 1.0
         shared = torch.eye(within.shape[1]).to(within) + sizes.mT * within[kind] * sizes
-        return _Factor(kind, groups, across, sizes, torch.linalg.cholesky(shared))
+        return _Factor(kind, places, groups, across, sizes, torch.linalg.cholesky(shared))
 
     def _kind(self, row: int) -> tuple[float, ...]:
         """All of a row but what is common to floors."""
@@ -569,9 +587,13 @@ class LearnedError:
         return self._factor((row,)).solve(alone / squared, shared / squared)
 
     def _scaled(
-        self, rows: tuple[int, ...], alone: Tensor, shared: Tensor
+        self,
+        rows: tuple[int, ...],
+        alone: Tensor,
+        shared: Tensor,
+        some: Tensor | slice = slice(None),
     ) -> tuple[Tensor, Tensor]:
-        """Coefficients (r, g, j, n) and (r, s, n), times their standard deviations."""
+        """Coefficients (r, g, j, n), or of some rows, and (r, s, n), times their spreads."""
         if rows not in self._scales:
             spread = self._spread(rows)
             owns, commons = (self._of(rows, name)[:, None] for name in ("own", "common"))
@@ -579,7 +601,7 @@ class LearnedError:
             every = torch.cat([common.new_ones(len(rows), self._known.shape[1]), common], 1)
             self._scales[rows] = (owns * spread)[:, None, :, None], every[:, :, None]
         first, rest = self._scales[rows]
-        return first * alone, rest * shared
+        return first[some] * alone, rest * shared
 
     def _beside(self, residuals: Tensor, errs: int) -> Tensor:
         """Products (..., g, j) of residuals (..., p f k) with the harmonics of every floor."""
