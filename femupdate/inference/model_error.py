@@ -367,10 +367,8 @@ class LearnedError:
     @property
     def largest(self) -> list[int]:
         """Rows of the largest error over the longest length, one for every noise."""
-        size = max(level.common + level.own for level in self.levels)
-        alike = [k for k, at in enumerate(self.levels) if at.common + at.own == size]
-        length = max(self.levels[k].length_hz for k in alike)
-        return [k for k in alike if self.levels[k].length_hz == length]
+        sizes = [(level.own + level.common, level.length_hz) for level in self.levels]
+        return [row for row, size in enumerate(sizes) if size == max(sizes)]
 
     def kept(self, rows: Sequence[int]) -> "LearnedError":
         """With some rows of the table alone."""
