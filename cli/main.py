@@ -73,9 +73,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # threads else spin for longer than they work; on idle ones it makes no difference.
     if "OMP_WAIT_POLICY" not in os.environ:
         os.environ.setdefault("GOMP_SPINCOUNT", "1000")
-    # Pieces of work have a thread each already. More inside of them, on two busy processors, cost a
-    # prediction a third and a training two thirds more processor time, and more time by the clock.
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    # Pieces of work have a thread each already: more inside of them cost a prediction a third more
+    # processor time, and more time by the clock. A training has no pieces.
+    if "OMP_NUM_THREADS" not in os.environ:
+        training = "train" in (sys.argv[1:] if arguments is None else arguments)
+        os.environ.setdefault("OPENBLAS_NUM_THREADS" if training else "OMP_NUM_THREADS", "1")
     try:
         group.main(arguments, prog_name="femupdate", standalone_mode=False)
     except click.exceptions.Exit as request:

@@ -232,20 +232,21 @@ def test_an_interrupted_command_says_how_to_go_on(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("command", "given", "told"),
     [
-        ({}, {"GOMP_SPINCOUNT": "1000", "OMP_NUM_THREADS": "1"}),
-        ({"OMP_WAIT_POLICY": "active", "OMP_NUM_THREADS": "2"},) * 2,
+        ("predict", {}, {"GOMP_SPINCOUNT": "1000", "OMP_NUM_THREADS": "1"}),
+        ("train", {}, {"GOMP_SPINCOUNT": "1000", "OPENBLAS_NUM_THREADS": "1"}),
+        ("train", *[{"OMP_WAIT_POLICY": "active", "OMP_NUM_THREADS": "2"}] * 2),
     ],
-    ids=["nothing said", "a policy"],
+    ids=["nothing said", "training", "a policy"],
 )
-def test_waiting_threads_sleep_unless_the_user_says_how_they_wait(given, told):
+def test_waiting_threads_sleep_unless_the_user_says_how_they_wait(command, given, told):
     """It is settled before the library is loaded that reads it."""
     code = (
         "import os, sys\n"
         "from femupdate.cli.main import main\n"
         "assert not {'numpy', 'torch'} & set(sys.modules)\n"
-        "try: main(['--version'])\n"
+        f"try: main(['{command}', '--help'])\n"
         "except SystemExit: pass\n"
         "starts = 'GOMP_', 'OMP_', 'OPENBLAS_'\n"
         "print({k: v for k, v in os.environ.items() if k.startswith(starts)})\n"
