@@ -164,7 +164,7 @@ class EventErrors:
         """Relative change (2, f, k), in phase and across, by an error of the event's own."""
         scatter, errors = self.posterior.scatter, self.posterior.model_error
         shape = len(floors), len(frequency)
-        if scatter is None or errors is None:
+        if scatter is None or errors is None or self.posterior.observation.between is None:
             return np.zeros((2, *shape))
         # What stays is the mean of the runs, which itself is known to sd / sqrt(runs).
         sd = between_runs(self.posterior.observation, floors, frequency)

@@ -115,11 +115,11 @@ class Measured:
     def as_observation(self) -> Observation:
         """The FRFs under base motion, called by all sources and floors."""
         if not self.others:
-            return self.base
+            return replace(self.reference, source=self.base.source)
         sources = [self.base.source] if self.has_base else []
         sources += [response.source for response in self.forced]
         sources += [table.source for table in self.modes]
-        return replace(self.base, source=" and ".join(dict.fromkeys(sources)))
+        return replace(self.reference, source=" and ".join(dict.fromkeys(sources)))
 
 
 def _notes(
@@ -292,8 +292,8 @@ def measured_of(building: Building, source: ObservationSource, apart: bool = Fal
     )
     whole = as_one(building, runs)
     if any(run.level for run in runs) and len(runs) > 1:
-        # Whether they agree with one another is no question where the level may change them.
-        whole = replace(whole, notes=whole.notes[1:])
+        # Where the level may change them, whether they agree and what they differ by says nothing.
+        whole = replace(whole, notes=whole.notes[1:], between=None)
     return replace(others, base=whole, runs=runs)
 
 
