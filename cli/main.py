@@ -73,8 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # threads else spin for longer than they work; on idle ones it makes no difference.
     if "OMP_WAIT_POLICY" not in os.environ:
         os.environ.setdefault("GOMP_SPINCOUNT", "1000")
-    # Pieces of work have a thread each already: more inside of them cost a prediction a third more
-    # processor time, and more time by the clock. A training has no pieces.
+    # Pieces of work have a thread each already: on two processors more inside of them cost a
+    # prediction a third more processor time, and more by the clock. Steps of a training have none.
     if "OMP_NUM_THREADS" not in os.environ:
         training = "train" in (sys.argv[1:] if arguments is None else arguments)
         os.environ.setdefault("OPENBLAS_NUM_THREADS" if training else "OMP_NUM_THREADS", "1")

@@ -60,13 +60,13 @@ def level_above_first(strengths: Mapping[Path, Mapping[str, float]], path: Path)
 
 def levels_told(strengths: Mapping[Path, Mapping[str, float]]) -> tuple[str, ...]:
     """A sentence on the levels of files, where they are unlike."""
-    levels = {path.name: level_above_first(strengths, path) for path in strengths}
-    each = [f"{name} at {2.0**level:.2g} times" for name, level in levels.items() if level]
+    levels = {path: level_above_first(strengths, path) for path in strengths}
+    each = [f"{path.name} at {2.0**level:.2g} times" for path, level in levels.items() if level]
     if not each:
         return ()
     return (
         f"{len(levels)} runs are explained together, each at its own level: {', '.join(each)} that "
-        f"of {next(iter(levels))}, at which all others are taken to be.",
+        f"of {next(iter(levels)).name}, at which all others are taken to be.",
     )
 
 
