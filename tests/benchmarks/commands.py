@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 from femupdate.cli.bars import Bars
-from femupdate.cli.common import Answer, Failure, running, shared_out
+from femupdate.cli.common import Answer, Failure, running
 from femupdate.cli.parameters import BUILDING_NAME, COLUMNS, INPUT_FILE, NAMES
 
 from .frame_coverage import BUILDING
@@ -153,40 +153,6 @@ def records(job: Job, records: int) -> Report:
     from .records import run_records
 
     return run_records(job, records)
-
-
-@benchmark("hidden-effects")
-@building_option("shear_4dof", "Shipped name or file.")
-@count("--clean", 100, 0, "Cases without an effect.")
-@count("--one", 150, 0, "Cases with one effect.")
-@count("--two", 30, 0, "Cases with two effects.")
-@count("--outside", 30, 0, "Cases with an effect outside the catalogue.")
-@click.option(
-    "--data",
-    type=click.Choice(["base", "modes", "force"]),
-    default="base",
-    show_default=True,
-    help="Records of base motion, identified modes, or a hammer test.",
-)
-@click.option("--quick", is_flag=True, help="A dozen trials, to try it out.")
-@click.option(
-    "--dask",
-    metavar="ADDRESS",
-    help="Share the trials out by Dask: address of a scheduler, or local for processes.",
-)
-def hidden_effects(
-    job: Job,
-    building: str,
-    data: str,
-    quick: bool,
-    dask: str | None,
-    **counts: int,
-) -> Report:
-    """What the effect finder makes of effects that were hidden."""
-    from .hidden_effects.run import QUICK, TrialPlan, run_hidden_effects
-
-    with shared_out(dask):
-        return run_hidden_effects(job, building, QUICK if quick else TrialPlan(**counts), data=data)
 
 
 @benchmark("missing-effects")

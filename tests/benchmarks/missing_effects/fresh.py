@@ -29,7 +29,7 @@ from femupdate.simulation import fine_model
 from ..result import Job
 from .entries import KINDS, places_of
 from .frames import frame_modes
-from .make import EVERY, RATE_HZ, effect, motion
+from .make import EVERY, RATE_HZ, effect, motion, write_hammer, write_modes
 from .stick import STEP_S, Stick
 
 SECONDS = 40.0
@@ -74,6 +74,7 @@ sensors = {direction = "x", points = [["0 m", "0 m"], ["5 m", "4 m"]]}
 _ON_STICKS = {
     "clean": 16, "nonlinear": 8, "mass": 3, "damper": 2, "brace": 2, "appendage": 2, "delay": 2,
     "gain": 2, "exchanged": 1, "reversed": 1, "outside": 5, "pair": 4, "several": 2,
+    "modes": 10, "hammer": 10,
 }  # fmt: skip
 # Kind of case, buildings, and how many of each.
 PLAN = (
@@ -87,6 +88,8 @@ PLAN = (
     ("several", ("open2", "wall2"), 1),
 )
 _NONLINEAR, _OUTSIDE, _SEVERAL = "nonlinear", "outside", ("pair", "several")
+# Measured in place of a record: nothing or, of odd numbers, a mass is hidden.
+_MEASURED = {"modes": write_modes, "hammer": write_hammer}
 
 
 def cases() -> Iterator[tuple[str, str, str, int]]:
@@ -130,7 +133,11 @@ def make_case(
     if building in STICKS:
         mass, stiffness, _ = (np.array(values, dtype=float) for values in STICKS[building])
         stick = Stick(mass=1e3 * mass, stiffness=1e6 * stiffness * factors, zeta=zeta)
-        stick, channels, missing, words = _hidden(stick, kind, floors, stories, base, rng)
+        what = kind if kind not in _MEASURED else "mass" if number % 2 else "clean"
+        stick, channels, missing, words = _hidden(stick, what, floors, stories, base, rng)
+        if kind in _MEASURED:
+            _MEASURED[kind](folder / f"{name}.csv", stick, zeta, floors, rng)
+            return _case(file, words, missing, factors, zeta)
         if kind == "clean" and number % 2:
             file = folder / f"{building}_2.toml"
         if kind == _NONLINEAR or words == "pounding":
@@ -156,6 +163,12 @@ def make_case(
         writer = csv.writer(lines, lineterminator="\n")
         writer.writerow(["time_s", *(f"{title} (m/s2)" for title in ("base", *floors))])
         writer.writerows([k / RATE_HZ, *map("{:.6f}".format, row)] for k, row in enumerate(kept.T))
+    return _case(file, words, missing, factors, zeta)
+
+
+def _case(
+    file: Path, words: str, missing: Sequence[Mapping[str, Any]], factors: Floats, zeta: float
+) -> dict[str, Any]:
     truth = {"words": words, "missing": missing, "factors": factors.tolist(), "zeta": zeta}
     return {"building": file.name, **truth}
 
@@ -344,7 +357,7 @@ def figures(told: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     def of(*wanted: str) -> list[str]:
         return [name for name in told if kinds[name] in wanted]
 
-    others = ("clean", _NONLINEAR, _OUTSIDE, *_SEVERAL)
+    others = ("clean", _NONLINEAR, _OUTSIDE, *_SEVERAL, *_MEASURED)
     single = [name for name in told if kinds[name] not in others]
     strong = [name for name in single if told[name].get("strength", 0.0) >= 6.0]
     sizes = [size for mark in marks.values() for size in mark["sizes"]]
@@ -357,6 +370,7 @@ def figures(told: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         "pairs and several": share(of(*_SEVERAL)),
         "nonlinear": share(of(_NONLINEAR)),
         "outside": share(of(_OUTSIDE)),
+        **{kind: share(of(kind)) for kind in _MEASURED},
         "sizes within 2 sd": (sum(sizes), len(sizes)),
         "crashes": (sum("failed" in case for case in told.values()), len(told)),
         "median CPU s": float(np.median(seconds)) if seconds else None,

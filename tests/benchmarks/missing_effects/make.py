@@ -252,9 +252,9 @@ def make(number: int, task: Task, folder: Path = FOLDER) -> None:
     floors = tuple(building.floors)
     sensors = task.sensors or floors
     if task.what == "modes":
-        _write_modes(measured / "measured.csv", stick, zeta, rng)
+        write_modes(measured / "measured.csv", stick, zeta, floors, rng)
     elif task.what == "hammer":
-        _write_hammer(measured / "measured.csv", stick, zeta, rng)
+        write_hammer(measured / "measured.csv", stick, zeta, floors, rng)
     else:
         base = motion(task.shaking, _MEASURED_S, rng) * task.strength
         _write(measured / "measured.csv", task, base, respond, floors, sensors, rng)
@@ -323,22 +323,28 @@ def _write(
             writer.writerow([f"{k / RATE_HZ:.2f}", *(f"{value:.5f}" for value in row)])
 
 
-def _write_modes(path: Path, stick: Stick, zeta: float, rng: np.random.Generator) -> None:
+def write_modes(
+    path: Path, stick: Stick, zeta: float, floors: Sequence[str], rng: np.random.Generator
+) -> None:
     """The first four modes: .2 % on frequencies, 1 % of the largest component on shapes."""
     omega, shapes = stick.modes()
     with path.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["mode", "frequency_hz", "damping", *_LEVELS])
+        writer.writerow(["mode", "frequency_hz", "damping", *floors])
         for k in range(4):
-            shape = shapes[:, k] / np.abs(shapes[:, k]).max() + 0.01 * rng.standard_normal(6)
+            shape = shapes[:, k] / np.abs(shapes[:, k]).max() + 0.01 * rng.standard_normal(
+                len(floors)
+            )
             hertz = omega[k] / (2.0 * np.pi) * (1.0 + 0.002 * rng.standard_normal())
             ratio = zeta * (1.0 + 0.1 * rng.standard_normal())
             figures = (f"{value:.5f}" for value in (hertz, ratio, *shape))
             writer.writerow([k + 1, *figures])
 
 
-def _write_hammer(path: Path, stick: Stick, zeta: float, rng: np.random.Generator) -> None:
-    """Accelerance of all floors to a force at 4F, 2 % of noise."""
+def write_hammer(
+    path: Path, stick: Stick, zeta: float, floors: Sequence[str], rng: np.random.Generator
+) -> None:
+    """Accelerance of all floors to a force at the third, 2 % of noise."""
     omega, shapes = stick.modes()
     modal = shapes / np.sqrt(stick.mass @ shapes**2)
     hertz = np.arange(0.5, 18.0, 0.05)
@@ -351,7 +357,7 @@ def _write_hammer(path: Path, stick: Stick, zeta: float, rng: np.random.Generato
     frf = frf * (1.0 + 0.02 * (noise[0] + 1j * noise[1]) / np.sqrt(2.0))
     with path.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        heads = [f"{name}/4F_{part} (m/s2/N)" for name in _LEVELS for part in ("re", "im")]
+        heads = [f"{name}/{floors[2]}_{part} (m/s2/N)" for name in floors for part in ("re", "im")]
         writer.writerow(["frequency_hz", *heads])
         for k, frequency in enumerate(hertz):
             parts = [f"{v:.6e}" for value in frf[:, k] for v in (value.real, value.imag)]

@@ -1,1 +1,0 @@
-"""What the effect finder makes of effects that were put into simulated data."""
