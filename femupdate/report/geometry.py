@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -208,16 +208,6 @@ def dashpot(start: Floats, end: Floats) -> Glyphs:
     return Glyphs(lines=tuple(np.stack(points) for points in ([*cup], plate, *rods)))
 
 
-def lines(paths: Sequence[Floats]) -> Glyphs:
-    """Beams, columns or plain lines, points (n, 3) each."""
-    return Glyphs(lines=tuple(paths))
-
-
-def surfaces(corners: Sequence[Floats]) -> Glyphs:
-    """Walls or slabs, four corners (4, 3) each."""
-    return Glyphs(faces=tuple(corners))
-
-
 def sensor(place: Floats, tip: Floats, radius: float) -> Glyphs:
     """A ball, and an arrow from it along the direction that is measured."""
     return ball(place, radius) + arrow(place, tip)
@@ -231,27 +221,16 @@ def _across(along: Floats) -> Floats:
     return np.asarray(side / np.linalg.norm(side))
 
 
+# Lines are points (n, 3) each, surfaces four corners (4, 3) each.
 SIGNS: Mapping[str, Callable[..., Glyphs]] = {
     "ball": ball,
     "arrow": arrow,
     "spring": spring,
     "dashpot": dashpot,
-    "lines": lines,
-    "surfaces": surfaces,
+    "lines": lambda paths: Glyphs(lines=tuple(paths)),
+    "surfaces": lambda corners: Glyphs(faces=tuple(corners)),
     "sensor": sensor,
 }
-
-
-def sign(kind: str, *arguments: Any) -> Glyphs:
-    """Return the sign of a kind, made from what its function takes.
-
-    Raises:
-        ReportError: no sign has this name.
-    """
-    if kind not in SIGNS:
-        known = ", ".join(SIGNS)
-        raise ReportError(f"no sign is named {kind!r} (known: {known}); write one of these")
-    return SIGNS[kind](*arguments)
 
 
 def drawn(glyphs: "Iterable[Glyph]") -> Glyphs:
@@ -260,4 +239,10 @@ def drawn(glyphs: "Iterable[Glyph]") -> Glyphs:
     Raises:
         ReportError: one is of a kind that is not known.
     """
-    return sum((sign(glyph.kind, *glyph.arguments) for glyph in glyphs), Glyphs())
+    found = Glyphs()
+    for glyph in glyphs:
+        if glyph.kind not in SIGNS:
+            known = ", ".join(SIGNS)
+            raise ReportError(f"no sign is named {glyph.kind!r} (known: {known}); write one")
+        found += SIGNS[glyph.kind](*glyph.arguments)
+    return found

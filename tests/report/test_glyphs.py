@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from femupdate.effects import Glyph
 from femupdate.errors import ReportError
-from femupdate.report import Geometry, Glyphs
-from femupdate.report.geometry import SIGNS, ball, sign
+from femupdate.report import Geometry, Glyphs, drawn
 from femupdate.report.scenes import draw_marked
 
 LOW, HIGH = np.zeros(3), np.array([0.0, 0.0, 2.0])
+
+
+def sign(kind, *arguments):
+    return drawn([Glyph.of(kind, *arguments)])
 
 
 def test_an_unknown_sign_is_refused():
@@ -30,17 +34,17 @@ def test_a_ball_and_surfaces():
     assert (centre.tolist(), radius) == ([0.0, 0.0, 2.0], 0.3)
     wall = np.ones((4, 3))
     assert sign("surfaces", [wall]).faces == (wall,)
-    assert set(SIGNS) == {"ball", "arrow", "spring", "dashpot", "lines", "surfaces", "sensor"}
 
 
 def test_a_marked_building_shows_signs_and_floors():
     geometry = Geometry.of([[0, 0, 0], [0, 0, 3], [2, 0, 3], [2, 0, 0]], [[0, 1, 2, 3]], [[0, 1]])
     panel = Figure().subplots()
-    signs = ball(HIGH, 0.1) + sign("spring", LOW, HIGH) + sign("surfaces", [np.ones((4, 3))])
+    wall = sign("surfaces", [np.ones((4, 3))])
+    signs = sign("ball", HIGH, 0.1) + sign("spring", LOW, HIGH) + wall
     draw_marked(panel, geometry, signs, [("RF", 3.0)])
     shells, edges, faces, lines, balls, _ = panel.collections
-    drawn = [len(one.get_paths()) for one in (shells, faces, lines, balls)]
-    assert drawn == [1, 1, 1, 1]
+    parts = [len(one.get_paths()) for one in (shells, faces, lines, balls)]
+    assert parts == [1, 1, 1, 1]
     assert len(edges.get_segments()) == 4, "the beam lies on an edge of the shell"
     assert [text.get_text() for text in panel.texts] == ["RF", *"xyz"]
     assert signs == signs + Glyphs()
