@@ -1,9 +1,7 @@
 """The sections of the page: a summary, the building, what every result tells, how all was made."""
 
-import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,14 +25,14 @@ from femupdate.report.prediction import Prediction
 from femupdate.report.quantities import heights_of
 from femupdate.report.scale import interval_text, mass_scale, plus_minus
 from femupdate.result import Item, Note, Notes, Picture, Result
-from femupdate.study import BUILDING_FILE, REPAIRED, Artefact, Study, as_written, file_hash
+from femupdate.study import BUILDING_FILE, REPAIRED, Artefact, Study, file_hash
 from femupdate.tables import Table
 from femupdate.units import capital, percent
 from femupdate.workflow.calibration_report import CalibrationReport, placed_effect
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes
 from femupdate.workflow.observed import direction_of
-from femupdate.workflow.status import StatusReport, files_beside_of, sources_of
+from femupdate.workflow.status import StatusReport, files_beside_of, found, lacking, sources_of
 
 _DRAWN = ("grid", "effects", "provenance", "prior", "frequency_grid", "observation", "reduction")
 
@@ -200,20 +198,6 @@ class PageStudy:
         seen = () if self.calibration is None else self.calibration.posterior.observation.floors
         return BuildingDescription(self.model, tuple(seen))
 
-    @property
-    def searched(self) -> Study:
-        """The study whose diagnosis and repair the page shows."""
-        inside = self.study.folder.name == REPAIRED
-        if inside and not self.study.path("repair.json").exists():
-            return Study(self.study.folder.parent)
-        return self.study
-
-    @contextmanager
-    def found(self, name: str) -> Iterator[dict[str, Any]]:
-        """The JSON that a diagnosis or a repair has kept, to be used; empty where there is none."""
-        with as_written(path := self.searched.path(f"{name}.json")):
-            yield dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
-
 
 def page_sections(page: PageStudy) -> Iterator[Section]:
     """From what a reader with one minute should know to the hashes of files."""
@@ -261,7 +245,7 @@ def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
     if page.prediction is not None:
         motion = page.prediction.motion.title
         yield Note(f"Under {motion}, with 90 % probability: {page.prediction.largest}.")
-    yield from map(Note, _found(page))
+    yield from map(Note, lacking(page.study))
     warned = [] if page.calibration is None else [*page.calibration.posterior.warnings]
     warned += () if page.prediction is None else page.prediction.warnings
     yield Notes((*dict.fromkeys(warned), *page.status.unfinished), warning=True)
@@ -306,26 +290,6 @@ def _stiffness(page: PageStudy, calibration: CalibrationReport) -> Table:
         rows = [(*row, cell) for row, cell in zip(rows, known.cells(), strict=True)]
     note = "Mean, and 5 to 95 % in brackets."
     return Table.of(head, rows, name="main_figures", caption="Stiffness", note=note)
-
-
-def _found(page: PageStudy) -> Iterator[str]:
-    """The verdict on the model as it was, and the repair that followed."""
-    here = page.searched.folder != page.study.folder
-    with page.found("diagnosis") as kept:
-        if kept:
-            told = f"{kept['verdict']}. {kept['sentence']}"
-            yield f"What the model {'lacked' if here else 'lacks'}: {told}"
-    with page.found("repair") as kept:
-        if not kept:
-            return
-        if not (names := "; ".join(added["in_words"] for added in kept["rounds"])):
-            yield f"A repair added nothing ({kept['verdict']}). {kept['sentence']}"
-            return
-        which = "This model was repaired" if here else "A repaired model has a page of its own"
-        yield (
-            f"{which}. Added to it: {names}. Residuals fell from {kept['chi2_before']:.0f} to "
-            f"{kept['chi2_after']:.0f} over {kept['independent_points']:.0f} independent points."
-        )
 
 
 def _scene(page: PageStudy) -> Scene:
@@ -387,7 +351,7 @@ def _named(page: PageStudy) -> list[Placed]:
     """The effect that a diagnosis of this study named, whole or partly, if any."""
     if page.status.state("diagnosis") is None:
         return []
-    with page.found("diagnosis") as kept:
+    with found(page.study, "diagnosis") as (_, kept):
         if kept["verdict"] not in (NAMED, PARTLY):
             return []
         first = kept["effects"][0]
@@ -397,18 +361,17 @@ def _named(page: PageStudy) -> list[Placed]:
 
 def _finder(page: PageStudy) -> Iterator[Block]:
     """Diagnosis and repair of this study; of a repaired one, the repair that made it."""
-    yield from map(Note, _found(page))
+    yield from map(Note, lacking(page.study))
     pictures = {
         "diagnosis": ("residual_map", "effect_ranking"),
         # Maps of one kind of data alone are in the first.
         "repair": ("gap_before_after", "gap_residuals_"),
     }
     for name, drawn_then in pictures.items():
-        with page.found(name) as kept:
+        with found(page.study, name) as (path, kept):
             if kept:
                 yield from items_of(kept.get("page", ()))  # an older one has none
-                made = page.searched.path(f"{name}.json")
-                yield from _kept_pictures(page.searched, made, drawn_then)
+                yield from _kept_pictures(Study(path.parent), path, drawn_then)
 
 
 def appendix(page: PageStudy) -> Section:
@@ -441,8 +404,8 @@ def appendix(page: PageStudy) -> Section:
     building = (BUILDING_FILE, file_hash(page.study.path(BUILDING_FILE))[:_SHORT])
     used: dict[tuple[str, str], list[str]] = {building: ["the building, as the study keeps it"]}
     makers = [(item.name, recorded[item.name]) for item in page.status.holds]
-    if page.searched.folder != page.study.folder:
-        above = page.searched.artefacts()
+    if page.study.folder.name == REPAIRED:
+        above = Study(page.study.folder.parent).artefacts()
         makers += [
             (f"{name} that made this model", above[name])
             for name in ("diagnosis", "repair")

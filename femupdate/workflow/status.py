@@ -3,6 +3,7 @@
 import json
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -132,19 +133,6 @@ def study_status(study: Study) -> StatusReport:
     made = sorted(artefacts.items(), key=lambda pair: pair[1].created)
     holds = tuple(_holding(study, building, artefacts, *pair) for pair in made)
     kept = study.summary() if study.key("posterior") in artefacts else {}
-    told = dict[str, Any]()
-    if any(item.name == "diagnosis" and item.state in (CURRENT, STALE) for item in holds):
-        told = json.loads(study.path(artefacts["diagnosis"].file).read_text(encoding="utf-8"))
-    lacks = [f"What the model lacks: {told.get('verdict')}. {told.get('sentence')}"] * bool(told)
-    # The repair that made this study, or was made in it.
-    repaired = study.folder.name == REPAIRED
-    kept_repair = (study.folder.parent if repaired else study.folder) / "repair.json"
-    if kept_repair.is_file():
-        with as_written(kept_repair):
-            repair = json.loads(kept_repair.read_text(encoding="utf-8"))
-            added = "; ".join(step["in_words"] for step in repair["rounds"])
-        nothing = f"A repair added nothing ({repair.get('verdict')}). {repair.get('sentence')}"
-        lacks.append(f"Added to it: {added}." if added else nothing)  # as on the page
     interrupted = "surrogate" not in artefacts and study.path("dataset").exists()
     goes_on = "A training was interrupted; `femupdate train` goes on where it stopped."
     studies = tuple(path.parent for path in sorted(study.folder.glob("*/study.json")))
@@ -158,7 +146,7 @@ def study_status(study: Study) -> StatusReport:
                 f"The {item.name} is {item.state}{': ' if item.reason else ''}{item.reason}. What "
                 f"is said of it does not hold; `{command}` makes it again."
             )
-    following = tuple(again.items()) or _next(study, artefacts, studies, told)
+    following = tuple(again.items()) or _next(study, artefacts, studies)
     if building is None:
         reason = "The study has no building yet; NAME is a file or one of `femupdate list`."
         following = ((_typed(study, "build-model NAME"), reason),)
@@ -171,13 +159,45 @@ def study_status(study: Study) -> StatusReport:
         holds=holds,
         unfinished=(goes_on,) if interrupted else (),
         stale=tuple(stale),
-        first=(*kept.get("first", ()), *lacks),
+        first=(*kept.get("first", ()), *lacking(study)),
         warnings=tuple(
             f"{capital(study.key('posterior'))}: {text}" for text in kept.get("warnings", ())
         ),
         studies=studies,
         next=following,
     )
+
+
+@contextmanager
+def found(study: Study, name: str) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """What a diagnosis or a repair has kept, empty where there is none, to be used, and its file.
+
+    A repaired study without one of its own has that which made it.
+    """
+    path = study.path(f"{name}.json")
+    if study.folder.name == REPAIRED and not path.exists():
+        path = study.folder.parent / path.name
+    with as_written(path):
+        yield path, dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+
+
+def lacking(study: Study) -> Iterator[str]:
+    """The verdict of a diagnosis on the model as it was, and the repair that followed."""
+    with found(study, "diagnosis") as (path, kept):
+        if kept:
+            lacks = "lacks" if path.parent == study.folder else "lacked"
+            yield f"What the model {lacks}: {kept['verdict']}. {kept['sentence']}"
+    with found(study, "repair") as (path, kept):
+        if kept and (names := "; ".join(added["in_words"] for added in kept["rounds"])):
+            own = path.parent == study.folder
+            which = "A repaired model has a page of its own" if own else "This model was repaired"
+            yield (
+                f"{which}. Added to it: {names}. Residuals fell from {kept['chi2_before']:.0f} to "
+                f"{kept['chi2_after']:.0f} over {kept['independent_points']:.0f} independent "
+                "points."
+            )
+        elif kept:
+            yield f"A repair added nothing ({kept['verdict']}). {kept['sentence']}"
 
 
 def _holding(
@@ -232,7 +252,7 @@ def _holding(
 
 
 def _next(
-    study: Study, artefacts: Mapping[str, Artefact], studies: Sequence[Path], told: dict[str, Any]
+    study: Study, artefacts: Mapping[str, Artefact], studies: Sequence[Path]
 ) -> tuple[tuple[str, str], ...]:
     """What to run where all is current, and why, in the order of the work."""
     have = study.posteriors()
@@ -247,7 +267,9 @@ def _next(
         reason = "The posterior is to be used with care; this looks for what is missing."
         return ((_typed(study, f"diagnose {files}"), reason),)
     repaired = study.path(REPAIRED)
-    if told.get("verdict") in ("named", "partly") and repaired not in studies:
+    with found(study, "diagnosis") as (_, kept):
+        named = "diagnosis" in artefacts and kept["verdict"] in ("named", "partly")
+    if named and repaired not in studies:
         files = shlex.join(sources_of(artefacts["diagnosis"]))
         reason = "The diagnosis names what is missing; this adds it to the model."
         return ((_typed(study, f"repair {files}"), reason),)

@@ -135,9 +135,12 @@ def test_a_repair_is_told_and_asked_for_where_it_was_not_made(look):
     assert study_status(inner).next[0][0] == asked
     with pytest.raises(StudyError, match="repair FILE"):
         inner.require("posterior", "calibrate")
-    write_text(study.path("repair.json"), '{"rounds": [{"in_words": "Added mass at RF"}]}')
-    for each in (study, inner):
-        assert study_status(each).first[-1] == "Added to it: Added mass at RF."  # as on the page
+    repair = {"rounds": [{"in_words": "Added mass at RF"}], "chi2_before": 90.0, "chi2_after": 7.0}
+    write_text(study.path("repair.json"), json.dumps({**repair, "independent_points": 8}))
+    told = "Added to it: Added mass at RF. Residuals fell from 90 to 7 over 8 independent points."
+    for each, which in {study: "A repaired model has", inner: "This model was repaired"}.items():
+        assert which in (last := study_status(each).first[-1])
+        assert last.endswith(told)
 
 
 def test_without_a_posterior_the_way_to_one_is_shown(tmp_path, tower_file):
