@@ -8,7 +8,6 @@ import torch
 from femupdate.arrays import Floats
 from femupdate.dynamics import Responses
 from femupdate.inference import STATED
-from femupdate.inference.diagnostics import PredictiveCheck, predictive_check
 from femupdate.inference.frf_data import base_logs
 from femupdate.inference.importance import SamplerRun, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
@@ -18,13 +17,11 @@ from femupdate.measurement import Observation
 from femupdate.surrogate import Surrogate
 from femupdate.surrogate.storage import ANY_FLOORS
 from femupdate.workflow import StudyModel
-from femupdate.workflow.conclusion import latent_zeta
 from femupdate.workflow.likelihoods import on_fewer_modes
 
 from .coverage import density_level, ranks, tarp_level
 
 _MODES = 40
-_CHECKED = 100
 
 
 @dataclass(frozen=True)
@@ -51,8 +48,6 @@ class Judged:
     density: float  # level of the highest-density region that just holds it
     rank: Floats  # (p,) share of draws below it
     tarp: float  # share of draws nearer to a random point
-    # Posterior predictive p-values; None where they were not asked for
-    check: PredictiveCheck | None = None
 
 
 @dataclass(frozen=True)
@@ -135,16 +130,15 @@ def calibration_case(
     reference, seed = rng.random(model.prior.size), 1009 * seed + number
     latent = LatentLikelihood(surrogate, model.system, building.observation, least_noise=noise_sd)
     start = TemperedSmc(model.prior, latent).run(plan.particles, seed)
-    judge = _Judge(model, building, reference, seed)
     exact, widths, share = None, None, float("nan")
     if number < plan.compared:
         draws, likelihoods, share = _exact(model, building, start, seed)
-        theta, zeta = draws[:, : model.prior.size], draws[:, model.prior.size :]
-        exact = judge(theta, zeta, likelihoods)
+        theta = draws[:, : model.prior.size]
+        exact = _judged(model, building, reference, theta, likelihoods)
         widths = _widths(start.theta, theta)
     likelihoods = _simulated(start, latent, building.theta)
     return CalibrationCase(
-        latent=judge(start.theta, _zeta(model, latent, start, seed), likelihoods),
+        latent=_judged(model, building, reference, start.theta, likelihoods),
         exact=exact,
         misfit=latent.found.misfit,
         responses=latent.found.responses,
@@ -185,50 +179,26 @@ def _simulated(found: SamplerRun, log_likelihood: LogLikelihood, truth: Floats) 
     return DrawnLikelihoods(found.log_likelihood.numpy(), at_truth)
 
 
-def _zeta(
-    model: StudyModel, latent: LatentLikelihood, start: SamplerRun, seed: int
-) -> torch.Tensor:
-    """Damping ratios (n, 1) that the latent posterior has beside theta; (n, 0) where known."""
-    if not model.damping.free:
-        return start.theta[:, :0]
-    drawn = latent_zeta(latent.found, model.damping, len(start.theta), seed)
-    return torch.from_numpy(drawn)[:, None]
-
-
 def _widths(latent: torch.Tensor, exact: torch.Tensor) -> Widths:
     sd = exact.std(dim=0)
     ratio, shift = latent.std(dim=0) / sd, (latent.mean(dim=0) - exact.mean(dim=0)) / sd
     return Widths(ratio.numpy(), shift.numpy())
 
 
-@dataclass(frozen=True)
-class _Judge:
-    """Says where the truth of a building lies in a posterior."""
+def _judged(
+    model: StudyModel,
+    building: SimulatedBuilding,
+    reference: Floats,
+    theta: torch.Tensor,
+    likelihoods: DrawnLikelihoods,
+) -> Judged:
+    """Where the truth of a building lies in a posterior.
 
-    model: StudyModel  # of the building
-    building: SimulatedBuilding  # with its truth and observation
-    reference: Floats  # (p,) point of the unit cube from which distances are measured
-    seed: int  # of the draws that the predictive check takes
-
-    def __call__(
-        self, theta: torch.Tensor, zeta: torch.Tensor, likelihoods: DrawnLikelihoods
-    ) -> Judged:
-        """Judge draws theta (n, p) and zeta (n, 1), or (n, 0) where it is known."""
-        unit = self.model.prior.to_unit(theta).numpy()
-        truth = self.model.prior.to_unit(torch.from_numpy(self.building.theta)).numpy()
-        level = density_level(likelihoods.draws, likelihoods.truth)
-        tarp = tarp_level(unit, truth, self.reference)
-        return Judged(level, ranks(unit, truth), tarp, self._check(theta, zeta))
-
-    def _check(self, theta: torch.Tensor, zeta: torch.Tensor) -> PredictiveCheck:
-        """Posterior predictive check by some of the draws."""
-        model, observation = self.model, self.building.observation
-        order = np.random.default_rng(self.seed).permutation(len(theta))
-        some = torch.from_numpy(order[:_CHECKED])
-        known = theta.new_full((len(some), 1), model.building.damping.ratio)
-        ratio = zeta[some] if zeta.shape[1] else known
-        likelihood = stated_likelihood(model, observation)
-        drawn = torch.cat([theta[some], ratio], dim=1)
-        names, squares, counts = zip(*likelihood.checked(drawn, self.seed), strict=True)
-        points = torch.stack(counts, dim=1).numpy()
-        return predictive_check(torch.stack(squares, dim=1).numpy(), points, names)
+    Args:
+        reference: (p,) point of the unit cube from which distances are measured.
+        theta: (n, p) draws.
+    """
+    unit = model.prior.to_unit(theta).numpy()
+    truth = model.prior.to_unit(torch.from_numpy(building.theta)).numpy()
+    level = density_level(likelihoods.draws, likelihoods.truth)
+    return Judged(level, ranks(unit, truth), tarp_level(unit, truth, reference))

@@ -44,8 +44,6 @@ def run_calibration(job: Job, plan: CalibrationPlan) -> Report:
         "responses": [case.responses for case in cases],
         "density_levels": [case.latent.density for case in cases],
         "ranks": [case.latent.rank for case in cases],
-        "posterior_predictive_p": [case.latent.check for case in cases],
-        "posterior_predictive_p_exact": [judged.check for judged in exact_cases],
         "widths": [case.widths for case in cases if case.widths is not None],
     }
     coverage = {

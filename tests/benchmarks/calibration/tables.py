@@ -51,9 +51,6 @@ def calibration_text(names: Sequence[str], cases: Sequence[CalibrationCase]) -> 
     widths = [case.widths for case in cases if case.widths is not None]
     if widths:
         parts.append(markdown_table(_WIDTH_HEAD, width_rows(names, widths)))
-    checks = [row for name, judged in kinds.items() for row in predictive_rows(name, judged)]
-    if checks:
-        parts += [markdown_table(_CHECK_HEAD, checks), _CHECK_NOTE]
     parts.append(
         "Responses of the building that a latent likelihood took: "
         f"{np.median([case.responses for case in cases]):.0f} (median)."
@@ -72,35 +69,6 @@ def coverage_table(kinds: Mapping[str, Sequence[Judged]]) -> str:
             rows.append((f"{name}, highest density", *_cells(found.density), *last))
             rows.append((f"{name}, central intervals", *_cells(found.central), "", ""))
     return markdown_table(head, rows)
-
-
-_CHECK_HEAD = (
-    "posterior predictive p-values",
-    "number",
-    *("5 %", "25 %", "median", "75 %", "95 %"),
-    "below .05",
-)
-_CHECK_NOTE = (
-    "Replicated data miss the response of a posterior draw by more than the data do, in chi-square "
-    "(Gelman, Meng & Stern 1996). The data judge a posterior that they have moved: of a right one "
-    "the p-values gather about a half, and at most .1 of them lie below .05 (Meng 1994)."
-)
-
-
-def predictive_rows(name: str, judged: Sequence[Judged]) -> list[tuple[str, ...]]:
-    """Quantiles of the predictive p-values of a kind of posterior, whole and floor by floor."""
-    checks = [one.check for one in judged if one.check is not None]
-    kinds = [("all floors together", [check.whole for check in checks])]
-    if any(len(check.floors) > 1 for check in checks):
-        each = [value for check in checks for value in check.floors if np.isfinite(value)]
-        kinds.append(("floor by floor", each))
-    rows = []
-    for what, values in kinds:
-        if values:
-            quantiles = np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95])
-            numbers = (f"{value:.2f}" for value in (*quantiles, np.mean(np.less(values, 0.05))))
-            rows.append((f"{name}, {what}", str(len(values)), *numbers))
-    return rows
 
 
 _WIDTH_HEAD = (

@@ -7,7 +7,7 @@ import numpy as np
 from femupdate.arrays import Floats
 
 from .case import Case, ExactPosterior, case_modes
-from .metrics import MmdReference, classifier_accuracy, local_coordinates, total_variation
+from .metrics import classifier_accuracy, local_coordinates, total_variation
 
 # A mode with a smaller share of the exact posterior holds too few draws to judge its width.
 _LEAST_WEIGHT = 0.05
@@ -23,13 +23,10 @@ class Comparison:
     sd_ratio: Floats
     mean_shift: Floats  # (m, p) of each mode's mean, in exact standard deviations; NaN likewise
     weight_distance: float  # total variation of the mode weights
-    mmd: float  # to the exact draws
     c2st: float  # accuracy of a classifier in coordinates local to the modes
 
 
-def compare(
-    case: Case, exact: ExactPosterior, reference: MmdReference, theta: Floats, seed: int = 0
-) -> Comparison:
+def compare(case: Case, exact: ExactPosterior, theta: Floats, seed: int = 0) -> Comparison:
     """Judge draws (n, p) of a case; the seed is that of the classifier."""
     found, true = case_modes(case, theta), exact.modes
     known = (true.weight >= _LEAST_WEIGHT)[:, None]
@@ -45,6 +42,5 @@ def compare(
         sd_ratio=np.where(known, found.sd / true.sd, np.nan),
         mean_shift=np.where(known, (found.mean - true.mean) / true.sd, np.nan),
         weight_distance=total_variation(found.weight, true.weight),
-        mmd=reference(theta),
         c2st=classifier_accuracy(one, other, seed=seed),
     )

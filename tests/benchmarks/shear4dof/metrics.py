@@ -1,61 +1,12 @@
-"""How far two sets of draws are apart: MMD, classifier test, mode weights, widths."""
+"""How far two sets of draws are apart: classifier test, mode weights, widths."""
 
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import ArrayLike
-from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import InferenceError
-
-_ROWS = 1000  # of a kernel matrix at a time
-_MEDIAN_DRAWS = 2000
-
-
-def median_distance(draws: ArrayLike, seed: int = 0) -> float:
-    """Median Euclidean distance between pairs of draws (n, p), of at most 2,000 of them."""
-    points = np.asarray(draws, dtype=float)
-    if len(points) > _MEDIAN_DRAWS:
-        rows = np.random.default_rng(seed).choice(len(points), _MEDIAN_DRAWS, replace=False)
-        points = points[rows]
-    return float(torch.pdist(torch.from_numpy(points)).median())
-
-
-def mean_kernel(x: Tensor, y: Tensor, bandwidth: float) -> float:
-    """Mean of exp(-|x_i - y_j|^2 / (2 bandwidth^2)) over all pairs, in strips of rows."""
-    total = 0.0
-    scaled_y = (y / bandwidth).float()
-    for rows in (x / bandwidth).float().split(_ROWS):
-        squared = torch.cdist(rows, scaled_y, compute_mode="donot_use_mm_for_euclid_dist").square_()
-        total += float(squared.mul_(-0.5).exp_().sum(dtype=torch.float64))
-    return total / (len(x) * len(y))
-
-
-class MmdReference:
-    """Draws that others are compared with by maximum mean discrepancy.
-
-    The unsquared biased estimate of Gretton et al. (2012, J. Mach. Learn. Res. 13, 723, eq. 5),
-    sqrt(mean k(x, x') - 2 mean k(x, y) + mean k(y, y')), diagonals included, with a Gaussian kernel
-    whose bandwidth is the median distance between the reference's own draws.
-
-    Args:
-        draws: (m, p).
-        bandwidth: default the median heuristic.
-    """
-
-    def __init__(self, draws: ArrayLike, bandwidth: float | None = None) -> None:
-        points = np.asarray(draws, dtype=float)
-        self.bandwidth = bandwidth or median_distance(points)
-        self._draws = torch.from_numpy(points)
-        self._own = mean_kernel(self._draws, self._draws, self.bandwidth)
-
-    def __call__(self, draws: ArrayLike) -> float:
-        """MMD of draws (n, p) from the reference."""
-        x = torch.from_numpy(np.asarray(draws, dtype=float))
-        own, cross = (mean_kernel(x, y, self.bandwidth) for y in (x, self._draws))
-        return float(np.sqrt(max(0.0, own - 2.0 * cross + self._own)))
 
 
 def classifier_accuracy(x: ArrayLike, y: ArrayLike, seed: int = 0, folds: int = 5) -> float:

@@ -8,7 +8,6 @@ from femupdate.inference.smc import TemperedSmc
 
 from .case import Case, Shear4dof, data_likelihood, exact_posterior
 from .comparison import Comparison, compare
-from .metrics import MmdReference
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +36,6 @@ def observation_result(
     exact = problem.exact
     if case is not problem.case:
         exact = exact_posterior(problem.model, case, reference_draws, seed)
-    reference = MmdReference(exact.theta[:20_000])
     prior, latent = problem.model.prior, problem.latent(case)
     started = time.monotonic()
     start = TemperedSmc(prior, latent).run(particles, seed)
@@ -48,8 +46,8 @@ def observation_result(
     ended = time.monotonic()
     return ObservationResult(
         solutions=len(case.solutions),
-        latent=compare(case, exact, reference, start.theta.numpy(), seed),
-        bridged=compare(case, exact, reference, found.theta.numpy(), seed),
+        latent=compare(case, exact, start.theta.numpy(), seed),
+        bridged=compare(case, exact, found.theta.numpy(), seed),
         evidence_error=found.log_evidence - exact.weighted.log_evidence,
         evidence_sd=found.log_evidence_error,
         effective_share=found.effective_share,

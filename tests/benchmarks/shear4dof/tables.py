@@ -59,7 +59,6 @@ def _comparison_rows(results: Sequence[ObservationResult]) -> list[tuple[str, ..
         "shift of a mode's mean in exact sd",
         "mode weights, total variation (cases with several modes)",
         "C2ST",
-        "MMD to exact",
     )
     several = [result.solutions > 1 for result in results]
     latent = _comparison_cells([result.latent for result in results], several)
@@ -82,5 +81,4 @@ def _comparison_cells(parts: Sequence[Comparison], several: Sequence[bool]) -> t
         pair(shifts, ".2f"),
         pair(distances or [np.nan], ".3f"),
         pair([part.c2st for part in parts], ".3f"),
-        pair([part.mmd for part in parts], ".3f"),
     )

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.calibration.cases import Judged, simulate
 from femupdate.benchmarks.calibration.run import CalibrationPlan, run_calibration
-from femupdate.benchmarks.calibration.tables import predictive_rows, scores
+from femupdate.benchmarks.calibration.tables import scores
 from femupdate.benchmarks.result import Job
 from femupdate.benchmarks.shear4dof.case import roof_log_frf
 from femupdate.benchmarks.shipped import benchmark_model, shipped_surrogate, surrogate_mark
-
-from femupdate.inference import PredictiveCheck
 
 
 @pytest.fixture(scope="module")
@@ -54,21 +52,6 @@ def test_scores_of_uniform_and_of_narrow_levels():
     assert right.central.cases == 400
 
 
-def test_predictive_p_values_are_told_by_their_quantiles():
-    def judged(whole, *floors):
-        check = PredictiveCheck(whole, floors, ("2F", "RF")[: len(floors)])
-        return Judged(0.5, np.zeros(2), 0.5, check)
-
-    rows = predictive_rows("latent", [judged(p, p / 2, np.nan) for p in np.arange(0.0, 1.01, 0.1)])
-    assert rows[0] == (
-        *("latent, all floors together", "11", "0.05", "0.25", "0.50"),
-        *("0.75", "0.95", "0.09"),
-    )
-    assert rows[1][:5] == ("latent, floor by floor", "11", "0.03", "0.12", "0.25")
-    assert len(predictive_rows("latent", [judged(0.5, 0.5)])) == 1
-    assert predictive_rows("data-space", []) == []
-
-
 def test_unknown_damping_is_integrated_over_and_a_run_goes_on(tmp_path):
     floors = ("2F", "RF")
     plan = CalibrationPlan(building="shear_3dof", floors=floors, cases=3, particles=300, beside=1)
@@ -80,14 +63,6 @@ def test_unknown_damping_is_integrated_over_and_a_run_goes_on(tmp_path):
     assert len(widths["ratio"]) == 3
     assert all(0.3 < ratio < 10.0 for ratio in widths["ratio"])
     assert "| theta_3 | 1 |" in report.text
-    checks = content["posterior_predictive_p"]
-    assert [check["names"] for check in checks] == [["2F", "RF"]] * 3
-    values = [value for check in checks for value in (check["whole"], *check["floors"])]
-    assert all(1e-4 < value < 1.0 for value in values)
-    assert len(content["posterior_predictive_p_exact"]) == 1
-    for row in ("latent, all floors together | 3", "latent, floor by floor | 6"):
-        assert row in report.text
-    assert "data-space, all floors together | 1" in report.text
     log = tmp_path / "calibration_shear_3dof_2F_RF_cases.jsonl"
     lines = log.read_text().splitlines()
     # Cut off in the middle of the last case: that one alone is made again, and is the same.
