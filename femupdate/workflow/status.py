@@ -189,8 +189,8 @@ def lacking(study: Study) -> Iterator[str]:
             yield f"What the model {lacks}: {kept['verdict']}. {kept['sentence']}"
     with found(study, "repair") as (path, kept):
         if kept and (names := "; ".join(added["in_words"] for added in kept["rounds"])):
-            own = path.parent == study.folder
-            which = "A repaired model has a page of its own" if own else "This model was repaired"
+            here = path.parent == study.folder
+            which = "A repaired model has a page of its own" if here else "This model was repaired"
             yield (
                 f"{which}. Added to it: {names}. Residuals fell from {kept['chi2_before']:.0f} to "
                 f"{kept['chi2_after']:.0f} over {kept['independent_points']:.0f} independent "

@@ -49,7 +49,7 @@ def benchmark(name: str) -> Callable[[Command], click.Command]:
         def run(output_folder: Path, seed: int, as_json: bool, **options: Any) -> None:
             with Bars() as bars:
                 report = function(Job(output_folder, seed, bars), **options)
-            Answer(report, pictures=report.pictures or None, files=(report.json,)).show(as_json)
+            Answer(report, files=(report.json,)).show(as_json)
 
         return run
 

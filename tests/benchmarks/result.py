@@ -20,7 +20,6 @@ class Report:
     machine: Machine  # it ran on
     text: str  # tables, which the command prints
     json: Path  # file written
-    pictures: tuple[Path, ...] = ()  # drawn
     answer: Mapping[str, Any] = field(default_factory=dict)  # main figures, for --json
 
     def as_dict(self) -> dict[str, Any]:
@@ -52,7 +51,6 @@ class Job:
         text: str,
         *,
         packages: Sequence[str] = (),
-        pictures: Sequence[Path] = (),
         answer: Mapping[str, Any] | None = None,
     ) -> Report:
         """Write NAME.json into the folder, whole or not at all."""
@@ -61,7 +59,6 @@ class Job:
             machine=machine,
             text=text,
             json=self.folder / f"{name}.json",
-            pictures=tuple(pictures),
             answer=answer or {},
         )
         everything = {"benchmark": name, "machine": machine, "seed": self.seed, **content}

@@ -1,47 +1,18 @@
-"""All element tests together: the table, and how the errors fall with the mesh."""
+"""All element tests together, and their table."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import chain
 from typing import Any
 
-import numpy as np
-
 from femupdate.progress import SILENT, Progress
 
 from ..result import markdown_table
 from .dynamic_scores import vibration_scores
-from .peers import static_peers
-from .plot_convergence import ConvergencePanel
 from .score import Score
 from .static_scores import static_scores
 
-OURS = "femupdate"
 _EXPECTED = 217  # lines of the table, for the progress bar
-_SHOWN = ("ASDShellQ4", "ShellMITC4", "Pynite DKMQ")
-
-# Panels of the figure: title, test, case, the key of the peers' figures with {n} for the mesh.
-_PANELS = (
-    ("Cook's membrane", "Cook's membrane", "middle of the loaded edge", "Cook N={n}"),
-    (
-        "Clamped square plate, force",
-        "Rectangular plate b/a = 1",
-        "clamped, force in the middle",
-        "plate b/a=1 cl p N={n}",
-    ),
-    (
-        "Clamped 1:5 plate, force",
-        "Rectangular plate b/a = 5",
-        "clamped, force in the middle",
-        "plate b/a=5 cl p N={n}",
-    ),
-    ("Scordelis-Lo roof", "Scordelis-Lo roof", "middle of the free edge", "Scordelis-Lo N={n}"),
-    ("Hemisphere", "Hemisphere with a hole", "under the load", "hemisphere N={n}"),
-    ("Pinched cylinder", "Pinched cylinder", "under the load", "pinched cylinder N={n}"),
-    ("FV13 thin plate, mode 4", "FV13 simply supported thin plate", "mode 4", ""),
-    ("FV15 thin rhombus, mode 2", "FV15 clamped thin rhombic plate", "mode 2", ""),
-)
 
 
 def element_scores(progress: Progress = SILENT) -> tuple[Score, ...]:
@@ -103,23 +74,3 @@ def _gathered(pairs: Sequence[tuple[str, str]]) -> dict[str, list[str]]:
     for key, value in dict.fromkeys(pairs):
         found.setdefault(key, []).append(value)
     return found
-
-
-def convergence_panels(scores: Sequence[Score]) -> tuple[ConvergencePanel, ...]:
-    """What the figure shows."""
-    return tuple(
-        _panel(title, [s for s in scores if (s.test, s.case) == (test, case)], key)
-        for title, test, case, key in _PANELS
-    )
-
-
-def _panel(title: str, scores: Sequence[Score], key: str) -> ConvergencePanel:
-    scores = [score for score in scores if score.target == scores[0].target]
-    divisions = [int(re.findall(r"\d+", score.mesh)[0]) for score in scores]
-    errors = {OURS: np.array([score.error for score in scores])}
-    if key:
-        peers = [static_peers(key.format(n=count)) for count in divisions]
-        for name in _SHOWN:
-            values = [abs(found.get(name, np.nan) - 1.0) for found in peers]
-            errors[name] = np.array(values)
-    return ConvergencePanel(title, np.array(divisions, dtype=float), errors)

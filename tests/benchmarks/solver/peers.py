@@ -31,15 +31,10 @@ def _rows(name: str) -> list[dict[str, str]]:
         return [{k: v for k, v in row.items() if v} for row in csv.DictReader(file)]
 
 
-def static_peers(key: str) -> dict[str, float]:
-    """Ratios of all elements for a row of the table of static tests, empty for an unknown row."""
-    found = next((row for row in _rows("static_peers.csv") if row["test"] == key), {})
-    return {name: float(value) for name, value in found.items() if name != "test"}
-
-
 def static_peer(key: str) -> Peer | None:
-    """The best of them."""
-    return best_peer(static_peers(key))
+    """The best element on a row of the table of static tests; None of an unknown row."""
+    found = next((row for row in _rows("static_peers.csv") if row["test"] == key), {})
+    return best_peer({name: float(value) for name, value in found.items() if name != "test"})
 
 
 def coupled_wall_peers(fine: int, quantity: int) -> dict[str, float]:

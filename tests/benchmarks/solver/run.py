@@ -1,13 +1,9 @@
 """The benchmark `solver`: element tests, and speed beside OpenSees."""
 
 from collections.abc import Sequence
-from pathlib import Path
-
-from femupdate.report.figure import save_figure
 
 from ..result import Job, Report
-from .elements import OURS, convergence_panels, element_scores, score_markdown, score_record
-from .plot_convergence import convergence_figure
+from .elements import element_scores, score_markdown, score_record
 from .score import Score
 from .speed import SpeedRow, compare_speed, opensees_is_there, speed_markdown, speed_record
 
@@ -23,8 +19,7 @@ def run_solver(job: Job, sizes: Sequence[str] = ()) -> Report:
     speed = compare_speed(sizes, job.progress)
     alone = bool(sizes) and not opensees_is_there()
     scores = element_scores(job.progress)
-    picture = draw_convergence(scores, job.folder / "convergence.png")
-    return solver_report(job, scores, speed, _NO_OPENSEES if alone else "", [picture])
+    return solver_report(job, scores, speed, _NO_OPENSEES if alone else "")
 
 
 def solver_report(
@@ -32,7 +27,6 @@ def solver_report(
     scores: Sequence[Score],
     speed: Sequence[SpeedRow],
     note: str = "",
-    pictures: Sequence[Path] = (),
 ) -> Report:
     """Write what was found."""
     parts = [score_markdown(scores)]
@@ -49,12 +43,5 @@ def solver_report(
         content,
         "\n\n".join(parts),
         packages=("openseespy",),
-        pictures=pictures,
         answer={**content, "elements_reached": sum(score.reached for score in scores)},
     )
-
-
-def draw_convergence(scores: Sequence[Score], path: Path) -> Path:
-    """Draw how the errors fall with the mesh."""
-    title = "Element tests: error against mesh (grey band: within 2 %)"
-    return save_figure(convergence_figure(convergence_panels(scores), OURS, title), path)
