@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from femupdate.benchmarks.solver import membranes
 
 from femupdate.fe import Triangles, assemble, static_displacement
 
@@ -31,43 +32,13 @@ def split(quads, alternate=False):
     return np.where(pick[:, None, None], other, one).reshape(-1, 3)
 
 
-def patch():
-    """The patch of MacNeal and Harder (1985) with every quadrilateral split."""
-    points = [[0, 0], [0.24, 0], [0.24, 0.12], [0, 0.12]]
-    points += [[0.04, 0.02], [0.18, 0.03], [0.16, 0.08], [0.08, 0.08]]
-    quads = np.array([[0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7], [4, 5, 6, 7]])
-    return np.column_stack([np.array(points), np.zeros(8)]), split(quads)
-
-
-def exact(points, kind):
-    x, y, _ = points.T
-    motion = np.zeros((len(points), 6))
-    if kind == "membrane":
-        motion[:, 0], motion[:, 1] = 1e-3 * (x + y / 2), 1e-3 * (y + x / 2)
-    else:
-        motion[:, 2] = 1e-3 * (x * x + x * y + y * y) / 2
-        motion[:, 3], motion[:, 4] = 1e-3 * (y + x / 2), -1e-3 * (x + y / 2)
-    return motion.ravel()
-
-
 @pytest.mark.parametrize("thickness", [1e-3, 0.05])
-@pytest.mark.parametrize("kind", ["membrane", "bending"])
-@pytest.mark.parametrize("turned", [False, True])
-def test_patch(meshes, kind, thickness, turned):
-    points, nodes = patch()
-    motion = exact(points, kind)
-    turn = meshes.random_rotation(3) if turned else np.eye(3)
-    motion = (motion.reshape(-1, 2, 3) @ turn.T).ravel()
-    free = np.zeros((8, 6), dtype=bool)
-    free[4:] = True
-    model = meshes.model(
-        points @ turn.T, np.zeros((8, 6), dtype=bool), triangles=triangles(nodes, thickness)
-    )
-    stiffness = assemble(model).stiffness(ONE).toarray()
-    inner = free.ravel()
-    rest = stiffness[np.ix_(inner, ~inner)] @ motion[~inner]
-    found = np.linalg.solve(stiffness[np.ix_(inner, inner)], -rest)
-    np.testing.assert_allclose(found, motion[inner], atol=1e-9 * np.abs(motion).max())
+@pytest.mark.parametrize("name", ["membrane", "spin", "bending"])
+@pytest.mark.parametrize("seed", [None, 3])
+def test_patch(meshes, name, thickness, seed):
+    block = triangles(split(membranes.PATCH_QUADS), thickness)
+    turn = None if seed is None else meshes.random_rotation(seed)
+    assert membranes.patch_error(name, turn, block) < 1e-9
 
 
 @pytest.mark.parametrize("seed", range(4))

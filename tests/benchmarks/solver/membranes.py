@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.fe import assemble, factorize
+from femupdate.fe import Elements, assemble, factorize
 
 from .meshes import (
     ALL,
@@ -27,22 +27,30 @@ from .meshes import (
 Shape = Literal["rect", "trap", "para"]
 CANTILEVER_CASES = ("extension", "in-plane", "out-of-plane", "twist")
 
-_CORNERS = [(0.0, 0.0), (0.24, 0.0), (0.24, 0.12), (0.0, 0.12)]
-_INNER = [(0.04, 0.02), (0.18, 0.03), (0.16, 0.08), (0.08, 0.08)]
-_QUADS = [(0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7)]
+PATCH = np.array(
+    [
+        *((0.0, 0.0, 0.0), (0.24, 0.0, 0.0), (0.24, 0.12, 0.0), (0.0, 0.12, 0.0)),
+        *((0.04, 0.02, 0.0), (0.18, 0.03, 0.0), (0.16, 0.08, 0.0), (0.08, 0.08, 0.0)),
+    ]
+)
+PATCH_QUADS = np.array([(0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7)])
 PATCH_FIELDS = ("membrane", "spin", "bending", "twist", "shear")
 
 
-def patch_error(name: str) -> float:
+def patch_error(name: str, turn: Floats | None = None, block: Elements | None = None) -> float:
     """Largest error of the nodes inside a distorted patch, over the largest motion.
 
     The corners follow a field of constant strain, curvature or transverse shear; the nodes inside
     must follow it too. Rotations count times the height of the patch. Under constant shear the
     rotations are held, for no plate is in equilibrium under it without moments along its surface.
+
+    Args:
+        turn: (3, 3) rotation of patch and motion; default none.
+        block: elements on the nodes of the patch; default five shells.
     """
-    points = np.array([(*corner, 0.0) for corner in _CORNERS + _INNER])
-    field = _patch_field(name, points[:, 0], points[:, 1])
-    operators = assemble(model(points, shells=shells(_QUADS, 0.001, 1e6, 0.25)))
+    turn = np.eye(3) if turn is None else turn
+    points, field = PATCH @ turn.T, turned(patch_field(name), turn)
+    operators = assemble(model(points, shells=block or shells(PATCH_QUADS, 0.001, 1e6, 0.25)))
     free = np.zeros((len(points), 6), dtype=bool)
     free[4:, : 3 if name == "shear" else 6] = True
     inner, outer = np.flatnonzero(free), np.flatnonzero(~free)
@@ -54,7 +62,14 @@ def patch_error(name: str) -> float:
     return float(np.abs((found - field) * scale).max() / np.abs(field * scale).max())
 
 
-def _patch_field(name: str, x: Floats, y: Floats) -> Floats:
+def turned(field: Floats, turn: Floats) -> Floats:
+    """Displacements and rotations (n, 6) after a rotation (3, 3)."""
+    return (field.reshape(-1, 3) @ turn.T).reshape(-1, 6)
+
+
+def patch_field(name: str) -> Floats:
+    """Motion (8, 6) of the nodes of the patch: constant strain, curvature or transverse shear."""
+    x, y, _ = PATCH.T
     field = zeros(len(x))
     if name == "membrane":
         field[:, 0], field[:, 1] = x + y / 2, y + x / 2

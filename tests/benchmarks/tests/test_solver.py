@@ -1,10 +1,13 @@
 """The benchmark of the solver: what its tables say, and what it writes."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from femupdate.benchmarks.result import Job
 from femupdate.benchmarks.solver import speed
-from femupdate.benchmarks.solver.elements import score_markdown
+from femupdate.benchmarks.solver.elements import element_scores, score_markdown
 from femupdate.benchmarks.solver.run import solver_report
 from femupdate.benchmarks.solver.score import ElementTest, Peer
 from femupdate.benchmarks.solver.tower import tower
@@ -43,6 +46,16 @@ def test_the_table_names_the_rows_that_are_behind_with_their_reason():
     text = score_markdown([score(2.0), score(1.5)])
     assert "1 of 2 rows" in text
     assert "* Test, case (2x2): a reason." in text
+
+
+def test_every_published_test_scores_as_the_results_tell():
+    path = Path(__file__).parents[3] / "docs" / "results" / "solver.json"
+    kept = json.loads(path.read_text(encoding="utf-8"))["elements"]
+    for found, row in zip(element_scores(), kept, strict=True):
+        case = found.test, found.case, found.mesh
+        assert case == (row["test"], row["case"], row["mesh"])
+        assert found.value == pytest.approx(row["value"], rel=2e-3, abs=1e-9), case
+        assert found.reached == row["reached"], case
 
 
 def test_the_building_of_the_comparison():
