@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from torch import Tensor
 
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import StudyError, brief
+from femupdate.inference.diagnostics import Identifiability, identifiability, r_hat
 from femupdate.inference.error_draws import ErrorDraws, errors_as_groups, errors_from_groups
 from femupdate.inference.event_scatter import LearnedScatter, scatter_as_group, scatter_from_group
 from femupdate.inference.parameters import Kind, Parameter, Parameters
@@ -131,6 +133,17 @@ class Posterior:
     def zeta_samples(self) -> Floats | None:
         """Damping ratios of all draws; None where the building's law is fixed."""
         return self.zeta.reshape(-1) if self.parameters.of("damping").size else None
+
+    @cached_property
+    def r_hat(self) -> Floats | None:
+        """(p,) of the independent runs; None where no runs can be compared."""
+        return r_hat(self.theta)
+
+    @cached_property
+    def identified(self) -> Identifiability:
+        """Which combinations of the parameters the data have determined."""
+        low, high = self.bounds.T
+        return identifiability(self.samples, low, high, self.names)
 
     def rows(self, count: int, seed: Seed) -> Integers:
         """At most `count` rows of all draws, without replacement."""

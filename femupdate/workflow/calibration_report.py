@@ -20,7 +20,7 @@ from femupdate.effects.effect import EffectParameter, Placed
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.tolerances import key_of
 from femupdate.errors import StudyError
-from femupdate.inference.diagnostics import Identifiability, PredictiveCheck, identifiability, r_hat
+from femupdate.inference.diagnostics import PredictiveCheck
 from femupdate.inference.next_event import drawn_error
 from femupdate.inference.posterior import Posterior, load_posterior, save_posterior
 from femupdate.measurement.observation import on_all_floors
@@ -35,12 +35,6 @@ from femupdate.units import listed, percent
 from femupdate.workflow.effects import open_system
 from femupdate.workflow.model import StudyModel
 from femupdate.workflow.observed import ObservationSource
-
-
-def identified(posterior: Posterior) -> Identifiability:
-    """What the data have told about the parameters of a posterior."""
-    low, high = posterior.bounds.T
-    return identifiability(posterior.samples, low, high, names=posterior.names)
 
 
 def kept_posterior(study: Study, building: Building) -> Posterior:
@@ -108,15 +102,10 @@ def short_name(name: str) -> str:
     return f"{effect.replace('_', ' ')}, {place}" + (f": {parameter}" if parameter else "")
 
 
-def parameter_table(
-    building: Building, posterior: Posterior, agreement: Floats | None = None
-) -> Table:
-    """Every parameter with its posterior and its prior, the damping ratio last.
-
-    Args:
-        agreement: (p,) r-hat of the runs, where there are several.
-    """
+def parameter_table(building: Building, posterior: Posterior) -> Table:
+    """Every parameter with its posterior and its prior, the damping ratio last."""
     titles, names = parameter_titles(building, posterior.names), posterior.names
+    agreement = posterior.r_hat
     priors = [f"{low:.3g} to {high:.3g}" for low, high in posterior.bounds]
     hats = [] if agreement is None else [f"{value:.3f}" for value in agreement]
     draws = posterior.samples.T
@@ -166,8 +155,6 @@ class CalibrationReport(Result):
         model: whose parameters they are.
         posterior: the draws.
         path: where they are stored.
-        r_hat: (p,) of the independent runs; None where no runs can be compared.
-        identified: which combinations of the parameters the data have determined.
         misfit: mean squared whitened residual of ln|H| at the posterior draw that fits best; 1
             when the model explains the data to within their noise.
         check: posterior predictive p-values; None where theta carries errors of the model, with
@@ -182,8 +169,6 @@ class CalibrationReport(Result):
     model: StudyModel
     posterior: Posterior
     path: Path
-    r_hat: Floats | None
-    identified: Identifiability
     misfit: float
     check: PredictiveCheck | None
     notes: tuple[str, ...]
@@ -272,8 +257,8 @@ class CalibrationReport(Result):
         )
         q05, q95 = np.quantile(draws, [0.05, 0.95], axis=0)
         figures = {"mean": draws.mean(axis=0), "sd": draws.std(axis=0), "q05": q05, "q95": q95}
-        yield Note(content={"parameters": posterior.names, **figures, "r_hat": self.r_hat})
-        table = parameter_table(self.model.building, posterior, self.r_hat)
+        yield Note(content={"parameters": posterior.names, **figures, "r_hat": posterior.r_hat})
+        table = parameter_table(self.model.building, posterior)
         yield replace(table, detail=len(self.posterior.names) <= 8)
         if zeta is not None:
             yield Note(content={"zeta": {"mean": zeta.mean(), "sd": zeta.std()}})
@@ -299,7 +284,7 @@ class CalibrationReport(Result):
 
     def _worth(self) -> dict[str, Any]:
         """What the posterior is worth, for JSON and the summary."""
-        found = self.identified
+        found = self.posterior.identified
         combinations = [
             {
                 "kept": part.kept,
@@ -392,7 +377,7 @@ class CalibrationReport(Result):
         origin = {**self.model.made_from(), **source.made_from()}
         study.record("posterior", "posterior.nc", command, origin, made)
         posterior = self.posterior
-        head, rows = parameter_table(self.model.building, posterior, self.r_hat).sheet()
+        head, rows = parameter_table(self.model.building, posterior).sheet()
         kept = rows[: len(posterior.names)]
         content = {
             **self._worth(),
@@ -446,8 +431,6 @@ def kept_calibration(study: Study, model: StudyModel) -> CalibrationReport:
             model=replace(model, system=open_system(study, model)),
             posterior=posterior,
             path=study.result("posterior.nc"),
-            r_hat=r_hat(posterior.theta),
-            identified=identified(posterior),
             misfit=kept.get("misfit", np.nan),
             check=check,
             notes=tuple(dict.fromkeys(map(str, notes))),

@@ -14,7 +14,7 @@ from femupdate.discrepancy.strength import what_yields
 from femupdate.discrepancy.thresholds import MESH_ERROR
 from femupdate.effects.tolerances import TOLERANCES, key_of
 from femupdate.errors import InferenceError
-from femupdate.inference.diagnostics import MISSED, PredictiveCheck, predictive_check, r_hat
+from femupdate.inference.diagnostics import MISSED, PredictiveCheck, predictive_check
 from femupdate.inference.error_draws import draw_errors
 from femupdate.inference.event_scatter import LearnedScatter, learned_scatter
 from femupdate.inference.frf_data import FrfData, base_logs
@@ -27,7 +27,7 @@ from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, spawn
 from femupdate.surrogate.storage import ANY_FLOORS, SurrogateInfo
 from femupdate.units import listed, percent
-from femupdate.workflow.calibration_report import CalibrationReport, identified
+from femupdate.workflow.calibration_report import CalibrationReport
 from femupdate.workflow.kinds import Measured
 from femupdate.workflow.likelihoods import (
     LEAST_EXPLAINED,
@@ -291,7 +291,7 @@ def judgement(posterior: Posterior, fitting: Fitting) -> tuple[str, ...]:
                 "error of the model, rms): intervals are too narrow by about that factor."
             )
     notes += _at_limits(posterior)
-    worst = r_hat(posterior.theta)
+    worst = posterior.r_hat
     if worst is not None and worst.max() > 1.05:
         notes.append(
             f"The independent runs differ (r-hat up to {worst.max():.2f}): use more particles."
@@ -410,7 +410,6 @@ def concluded(
     scatter = scatter_of_runs(model, measured.runs, posterior, between)
     posterior = replace(posterior, warnings=warnings, scatter=scatter)
     posterior = with_errors_of_models(posterior, model, erring)
-    found = identified(posterior)
     # The decisive come first.
     notes = (
         *warnings,
@@ -419,7 +418,7 @@ def concluded(
         *tolerance_notes(posterior),
         *(() if sampled.least_noise else overstated_noise(fitting, measured.assumes_noise)),
         *(() if scatter is None else (scatter.sentence(),)),
-        *found.sentences(),
+        *posterior.identified.sentences(),
         *against_modes(model, measured, posterior, checking),
         *measured.notes,
         *sampled.notes,
@@ -428,8 +427,6 @@ def concluded(
         model=model,
         posterior=posterior,
         path=path,
-        r_hat=r_hat(posterior.theta),
-        identified=found,
         misfit=fitting.misfit,
         check=fitting.check,
         notes=notes,
