@@ -18,7 +18,7 @@ QUICK = (
     *("model shear_3dof", "model two_story_openings", "model six_story_wall_frame"),
     *("simulate three", "three *", "clean_0 *", "mass *"),
     *(
-        "finder *_0",
+        "finder *_?",
         "six latent",
         "six predict",
         "six render",

@@ -220,15 +220,14 @@ def _repairs(folders: Folders) -> Iterator[Run]:
 
 
 def _finder_cases(folders: Folders) -> Iterator[Run]:
-    """Ten of each kind: nothing, one effect, two, none of the catalogue, and twins."""
+    """Nothing, one effect, two, none of the catalogue, and twins."""
     two_story = str(folders.data / "two_story.toml")
     usual = ("--building", "shear_4dof", "--study", "shear_4dof")
     studies = {
         "twin": ("--building", two_story, "--study", "two_story"),
         "roof": ("--sensors", "RF", *usual),
     }
-    names = (name for name, *_ in sticks.cases() if name.split("_")[0] in sticks.KINDS)
-    for name in sorted(names, key=lambda one: one.split("_")[1]):  # all kinds from the start
+    for name in sticks.FINDER:
         kind = name.split("_")[0]
         case = ("diagnose", folders.observation(name), *studies.get(kind, usual))
         yield Run(f"finder {name}", case, read_diagnosis)

@@ -34,11 +34,12 @@ def test_a_stick_moves_with_its_base_and_has_its_frequencies():
     assert np.allclose(peaks, exact, rtol=2e-3)
 
 
-@pytest.mark.parametrize("name", ["ground_tie", "long_brace", "foundation_rocking", "added_mass"])
+@pytest.mark.parametrize("name", ["ground_tie", "channel_gain", "base_gain", "added_mass"])
 def test_what_changes_a_stick_changes_its_response(name):
     frequency = np.linspace(0.1, 12.0, 200)
     clean = stick_frf(np.ones(4), (), frequency)
-    assert np.abs(stick_frf(np.ones(4), (Change(name, 2, 0.1),), frequency) / clean - 1).max() > 0.1
+    changed = stick_frf(np.ones(4), (Change(name, 2, 0.12),), frequency)
+    assert np.abs(changed / clean - 1.0).max() > 0.1
 
 
 @pytest.mark.parametrize(
