@@ -18,7 +18,6 @@ INNER = {
     "femupdate.effects.catalogue",
     "femupdate.effects.structure",
     "femupdate.fe.elements",
-    "femupdate.fe.lanczos",
 }
 
 

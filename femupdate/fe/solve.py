@@ -11,7 +11,6 @@ from femupdate.arrays import Floats, Integers
 from femupdate.errors import StructureError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, factorize
-from femupdate.fe.lanczos import block_size, largest_of_inverse
 from femupdate.fe.mechanism import factorize_held, factorize_supported, refuse_negative
 from femupdate.fe.products import symmetric_times
 
@@ -87,20 +86,12 @@ def _lowest(
         refuse_negative(operators, problem.factorization)
         return _modes(problem, *_condensed(problem, count))
     complaint = "did not converge"
-    width, vectors = block_size(count), min(problem.stiffness.shape[0], 3 * count + 40)
-    # The frequencies err by the square of the tolerance of the residuals.
-    attempts = (
-        lambda: _own_lanczos(problem, count, width, 3e-6),
-        # Finds repeated modes, up to as many as the block has vectors.
-        lambda: _own_lanczos(problem, count, 4 * width, _SHARP_TOLERANCE),
-        lambda: _arpack(problem, count, _SHARP_TOLERANCE, None),
-        lambda: _arpack(problem, count, 0.0, vectors),
-    )
-    for attempt in attempts:
-        pairs = attempt()
+    # Of modes that are repeated often, copies come late: when more are asked for, and exactly.
+    for more, tolerance in ((0, _SHARP_TOLERANCE), (count // 2 + 10, 0.0), (count + 40, 0.0)):
+        pairs = _lanczos(problem, count + more, tolerance)
         if pairs is None:
             continue
-        values, shapes = pairs
+        values, shapes = pairs = pairs[0][:count], pairs[1][:, :count]
         image = symmetric_times(problem.mass, shapes)
         elastic = symmetric_times(problem.stiffness, shapes)
         error = np.linalg.norm(elastic - values * image, axis=0)
@@ -189,19 +180,9 @@ def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
     return problem.shift + 1.0 / inverse, flexible @ coordinates
 
 
-def _own_lanczos(
-    problem: _Problem, count: int, width: int, tolerance: float
-) -> tuple[Floats, Floats] | None:
-    shape = (problem.stiffness.shape[0], width)
-    start = np.random.default_rng(_SEED).standard_normal(shape)
-    pairs = largest_of_inverse(problem.factorization.apply, problem.mass, start, count, tolerance)
-    return None if pairs is None else (problem.shift + 1.0 / pairs[0], pairs[1])
-
-
-def _arpack(
-    problem: _Problem, count: int, tolerance: float, vectors: int | None
-) -> tuple[Floats, Floats] | None:
+def _lanczos(problem: _Problem, count: int, tolerance: float) -> tuple[Floats, Floats] | None:
     size = problem.stiffness.shape[0]
+    count = min(count, size - 1)
     start = np.random.default_rng(_SEED).standard_normal(size)
     inverse = LinearOperator((size, size), matvec=problem.factorization.apply, dtype=float)
     try:
@@ -213,7 +194,6 @@ def _arpack(
             OPinv=inverse,
             v0=start,
             tol=tolerance,
-            ncv=vectors,
         )
     except ArpackError:
         return None

@@ -83,6 +83,38 @@ def test_lanczos_agrees_with_a_dense_solution(plate_operators):
     assert (modes.shapes[largest, np.arange(12)] > 0).all()
 
 
+def equal_masts(meshes, count):
+    """Masts that stand apart and are all alike, each a chain of springs: all modes are repeated."""
+    each = 60
+    number = np.arange(count * each).reshape(count, each)
+    below = np.where(np.arange(each) == 0, -1, number - 1)
+    directions = np.repeat([0, 1, 2], number.size)
+    springs = Springs(
+        nodes=np.tile(np.stack([number.ravel(), below.ravel()], axis=1), (3, 1)),
+        direction=directions,
+        stiffness=np.full(3 * number.size, 2e6),
+        group=np.zeros(3 * number.size, dtype=np.int64),
+    )
+    inertia = np.zeros((number.size, 3))
+    masses = PointMasses(number.ravel(), np.full(number.size, 50.0), inertia)
+    fixed = np.tile([False] * 3 + [True] * 3, (number.size, 1))
+    points = meshes.stack(*np.divmod(np.arange(number.size), each), np.zeros(number.size))
+    return assemble(meshes.model(points, fixed, springs=springs, masses=masses))
+
+
+@pytest.mark.parametrize("count", [1, 9, 20, 40])
+def test_repeated_modes_are_all_found(meshes, count):
+    """Four masts swing alike in three directions: every frequency occurs twelve times."""
+    operators = equal_masts(meshes, 4)
+    assert len(operators.free) == 720  # beyond what is solved densely
+    modes = lowest_modes(operators, ONE, count)
+    chain = 2.0 * np.sqrt(2e6 / 50.0) / (2.0 * np.pi)
+    each = chain * np.sin((2 * np.arange(4) + 1) * np.pi / (2 * (2 * 60 + 1)))
+    np.testing.assert_allclose(modes.frequency_hz, np.repeat(each, 12)[:count], rtol=1e-9)
+    overlap = modes.shapes.T @ operators.mass @ modes.shapes
+    np.testing.assert_allclose(overlap, np.eye(count), atol=1e-6)
+
+
 @pytest.mark.parametrize("shift", [-0.1, -5.0, -50.0])
 def test_a_shift_changes_nothing(plate_operators, shift):
     plain = lowest_modes(plate_operators, ONE, 6)
