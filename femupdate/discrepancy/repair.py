@@ -333,7 +333,8 @@ class KeptOut:
     def explained(self, problem: Likelihood, fits: Sequence[Fit]) -> float | None:
         """Share of their variation that the best of fits has as another event; None if unknown."""
         events = [self.fitted(problem, fitted) for fitted in fits]
-        shares = [event.likelihood.explained(event.parameters) for event in events]
+        raws = [event.likelihood.raw(event.parameters) for event in events]
+        shares = [event.likelihood.explained(raw) for event, raw in zip(events, raws, strict=True)]
         return max((share for share in shares if share is not None), default=None)
 
     def fitted(self, problem: Likelihood, fitted: Fit) -> Fit:

@@ -415,32 +415,31 @@ class Likelihood:
         first = self.data[0]
         return first if isinstance(first, FrfData) and not first.forced else None
 
-    def misfit(self, parameters: Tensor) -> Tensor:
-        """Mean squared residual (n,) of parameters (n, p), by the stated noise alone.
+    def misfit(self, raw: Tensor) -> Tensor:
+        """Mean square (n,) of residuals (n, m), by the stated noise alone.
 
         What errors known beforehand make up for, as a mesh's, is no misfit.
         """
-        raw = self.raw(parameters)
         parts = zip(self.error.parts, self.error.apart(raw), strict=True)
         squares = [error.by_noise_alone(missed_by).square().sum(1) for error, missed_by in parts]
         return torch.stack(squares).sum(0) / max(self.effective, 1.0)
 
-    def explained(self, parameters: Tensor) -> float | None:
-        """Share of the variation over frequency that the best of parameters (n, p) has.
+    def explained(self, raw: Tensor) -> float | None:
+        """Share of the variation over frequency that the best has of residuals (n, m).
 
         Of ln|H| under base motion; None where it was not measured.
         """
         if self.base is None:
             return None
-        return self.base.explained(self.error.apart(self.raw(parameters))[0])
+        return self.base.explained(self.error.apart(raw)[0])
 
-    def checked(self, parameters: Tensor, seed: Seed) -> list[tuple[str, Tensor, Tensor]]:
-        """Name, squares (n,) and independent numbers (n,) of each part that is checked.
+    def checked(self, raw: Tensor, seed: Seed) -> list[tuple[str, Tensor, Tensor]]:
+        """Name, squares (n,) and independent numbers (n,) of each part of residuals (n, m).
 
         Squares hold what the model may err by; of every draw by one row of its own. What is wilder
         than counts in the likelihood is in neither.
         """
-        raw, generator = self.raw(parameters), torch_generator(seed)
+        generator = torch_generator(seed)
         shares = [left.softmax(1) for left in self.error.log_densities(raw)]
         parts = zip(self.data, self.error.parts, self.error.apart(raw), shares, strict=True)
         found: list[tuple[str, Tensor, Tensor]] = []

@@ -167,13 +167,14 @@ class Fitting:
 def against_data(posterior: Posterior, sampled: Sampled, seed: Seed) -> Fitting:
     """Some posterior draws against the data."""
     drawing, choosing = spawn(seed, 2)
-    drawn, likelihood = posterior.thinned(_CHECKED, drawing), sampled.likelihood
-    names, squares, counts = zip(*likelihood.checked(drawn, choosing), strict=True)
+    likelihood = sampled.likelihood
+    raw = likelihood.raw(posterior.thinned(_CHECKED, drawing))
+    names, squares, counts = zip(*likelihood.checked(raw, choosing), strict=True)
     points = torch.stack(counts, dim=1).numpy()
     check = predictive_check(torch.stack(squares, dim=1).numpy(), points, names)
     wild = 1.0 - float(points.sum(axis=1).mean()) / max(likelihood.effective, 1.0)
-    misfit = float(likelihood.misfit(drawn).min())
-    errors, residuals = [], likelihood.error.apart(likelihood.raw(drawn))
+    misfit = float(likelihood.misfit(raw).min())
+    errors, residuals = [], likelihood.error.apart(raw)
     for data, error, misses in zip(likelihood.data, likelihood.error.parts, residuals, strict=True):
         if isinstance(data, FrfData) and data.forced and error.learns:
             density = error.log_densities(misses)
@@ -182,7 +183,7 @@ def against_data(posterior: Posterior, sampled: Sampled, seed: Seed) -> Fitting:
             allowed = "The intervals allow for what shows, not for what factors took up."
             errors.append(f"{left.sentence} {allowed}" if left.size else "")
     told = tuple(filter(None, errors))
-    return Fitting(misfit, check, likelihood.explained(drawn), likelihood.learns, wild, told)
+    return Fitting(misfit, check, likelihood.explained(raw), likelihood.learns, wild, told)
 
 
 def against_modes(

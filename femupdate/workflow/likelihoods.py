@@ -349,17 +349,17 @@ def settled_likelihood(
     points, likelihood = likelihood.prior.from_normal(found.found.z), found.likelihood
     if settings.anyway or likelihood.base is None:
         return found
-    explained = likelihood.explained(points)
+    explained = likelihood.explained(likelihood.raw(points))
     assert explained is not None
     if not explained >= LEAST_EXPLAINED:
         # Where an error of the model explains more than the response, others may look more like it.
         likely = likelihood.prior.sample(512, torch_generator(0))
-        explained = max(likelihood.explained(likely) or 0.0, explained)
+        explained = max(likelihood.explained(likelihood.raw(likely)) or 0.0, explained)
     if not explained >= LEAST_EXPLAINED:  # which no number is not
         # Damage may have taken it out of the prior.
         wider = Parameters(tuple(entry.widened() for entry in likelihood.prior.entries))
         beyond = wider.from_normal(settled(replace(likelihood, prior=wider), 0).found.z)
-        each = [likelihood.explained(point[None]) or 0.0 for point in beyond]
+        each = [likelihood.explained(raw[None]) or 0.0 for raw in likelihood.raw(beyond)]
         at = int(np.argmax(each))
         named, keys = _outside(likelihood.prior, beyond[at])
         if named and each[at] >= LEAST_EXPLAINED:

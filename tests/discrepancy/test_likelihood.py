@@ -22,8 +22,8 @@ def test_noise_of_any_size_is_allowed_for(chains, building_of, observe, pose, mo
     seen = replace(seen, noise_sd=seen.noise_sd / more)
     problem = pose(building_of(MASSES, SPRINGS), seen)
     likelihood = likelihood_about(fit_baseline(problem)[0])
-    fitted = parameters_at(fit_baseline(problem)[0])
-    names, squares, counts = zip(*likelihood.checked(fitted, 1), strict=True)
+    raw = likelihood.raw(parameters_at(fit_baseline(problem)[0]))
+    names, squares, counts = zip(*likelihood.checked(raw, 1), strict=True)
     check = predictive_check(np.stack(squares, axis=1), np.stack(counts, axis=1), names)
     assert 0.01 < check.whole < 0.99
     assert check.ratios[0] ** 0.5 == pytest.approx(1.0, abs=0.1)

@@ -75,7 +75,7 @@ def paired(likelihood, parameters):
 
 def checked(likelihood):
     """Squares at the truth and independent figures, by the names of what is checked."""
-    found = likelihood.checked(TRUTH, 1)
+    found = likelihood.checked(likelihood.raw(TRUTH), 1)
     return {name: (float(squares), float(count)) for name, squares, count in found}
 
 
