@@ -48,9 +48,12 @@ def on_finer_mesh(
     assert reduced.node_shapes is not None
     static = STATIC_WEIGHT * fine.rigid_force[:, [TRANSLATION]]
     held = STATIC_WEIGHT * fine.dashpot_forces.T  # which lag behind what floors do
-    forces = np.column_stack([_loads(coarse, reduced.node_shapes, fine), static, held])
-    space = Space.of_forces(fine, forces)
-    task = partial(_moved, space, reduced, space.condensed(forces), target)
+    loads = _loads(coarse, reduced.node_shapes, fine)
+    # Inside of the parts half of the shapes, those that count most, do: with all of 230 ln|H| of
+    # the six-story frame differs by 6e-6 (rms).
+    space = Space.of_forces(fine, np.column_stack([loads[:, : reduced.size // 2], static, held]))
+    forces = space.condensed(np.column_stack([loads, static, held]))
+    task = partial(_moved, space, reduced, forces, target)
     shapes = everywhere(task, list(thetas), progress)
     return reduced_on(fine, space.expanded(compressed(space.mass, shapes, reduced.size)))
 
@@ -110,13 +113,14 @@ def _loads(coarse: Structure, shapes: NDArray[np.float32], fine: Structure) -> F
     """Inertial forces (n, r) on the finer mesh per unit acceleration of each coarse shape."""
     mesh, operators = fine.meshed
     nodes = mesh.model.nodes
-    moved = np.zeros((len(nodes), DOF_PER_NODE, shapes.shape[2]))
     between = mesh.of_coarser
     if between is None:
         between = interpolation(_nodes(coarse), nodes)
-    parts = [between @ shapes[:, axis].astype(np.float64) for axis in range(3)]
-    moved[:, :3] = np.stack(parts, axis=1)
-    return operators.gather(operators.mass_full @ moved.reshape(-1, shapes.shape[2]))
+    forces = np.zeros((operators.mass_full.shape[0], shapes.shape[2]))
+    for axis in range(3):
+        moved = between @ shapes[:, axis].astype(np.float64)
+        forces += operators.mass_full[axis::DOF_PER_NODE].T @ moved
+    return operators.gather(forces)
 
 
 def _moved(

@@ -79,7 +79,9 @@ def local_structure(
     shapes: list[Floats | Singles] = []
     shapes += _along_ports(structure, WithSprings(factors, middle.springs), present or ())
     progress.start("Reducing the model for effects", len(questions))
-    task = partial(_answer, structure, KnownModes.of(middle, modes), target)
+    known = KnownModes.of(middle, modes)
+    vars(known)["factors"] = factors
+    task = partial(_answer, structure, known, target)
     shapes += everywhere(task, questions, progress)
     return reduced_on(structure, compressed(structure.mass, shapes, size))
 
@@ -139,7 +141,7 @@ class KnownModes:
 
     @cached_property
     def factors(self) -> Factorization:
-        """Of the stiffness, which serves what changes none; never sent to other processes."""
+        """Of the stiffness; never sent to other processes."""
         return factorize(self.equations.stiffness)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -190,10 +192,11 @@ def nearby_shapes(
 ) -> Floats:
     """Weighted shapes (n, c) that span the responses of a changed model over the grid.
 
-    The response among the known modes, and one step of inverse iteration from it (Bathe 2014,
-    section 11.6): u = K^-1 (f + w^2 M u) with the K and M of the changed model. It takes one
-    factorisation and a third as many solutions as there are modes, for of the modes of a building
-    with slabs the floors feel a few.
+    The response among the known modes, and what the known stiffness, with the springs, makes of
+    its residual (K - w^2 M) u - f (Davidson 1975, J. Comput. Phys. 17, 87). It takes a third as
+    many solutions as there are modes, for of the modes of a building with slabs the floors feel a
+    few. With steps by the changed stiffness, factorised each time, 220 shapes of the six-story
+    frame err by .0042 rms of ln|H| over all effects and factors, by .0038 with these.
 
     Args:
         equations: of the changed model.
@@ -202,16 +205,18 @@ def nearby_shapes(
         dashpots: (j, n) as those of a `Structure`.
     """
     lines = dashpots if dashpots is not None and len(dashpots) else None
-    same = (equations.stiffness != known.equations.stiffness).nnz == 0
-    solved = known.factors if same else factorize(equations.stiffness)
+    # What is solved is without the changes, what is multiplied with them.
+    solved = replace(known.factors, matrix=equations.stiffness)
     factors = WithSprings(solved, equations.springs)
     force, modes = equations.force[:, TRANSLATION], known.shapes
-    static = factors.apply(force[:, None])[:, 0]
+    started = factors.apply(force[:, None])
+    static = (2.0 * started - factors.apply(factors.times(started)))[:, 0]
     stiffness, mass, image = known.of_changed(equations)
     seen = None if lines is None else lines @ modes
     coarse = _Projected(stiffness, mass, rows @ modes, force @ modes, seen)
-    first = coarse.responses(rows @ static, target)
-    fresh = np.column_stack([factors.apply(combined(image, first)), static])
+    first, forces = coarse.responses(rows @ static, target)
+    residual = factors.times(combined(modes, first)) - combined(image, forces)
+    fresh = np.column_stack([factors.apply(residual), started, static])
     # Projected as they are, and not as solutions: what the solver leaves would pass for stiffness.
     held, moved = factors.times(fresh), symmetric_times(equations.mass, fresh)
     both = _Projected(
@@ -221,7 +226,7 @@ def nearby_shapes(
         np.append(coarse.driven, force @ fresh),
         None if seen is None or lines is None else np.column_stack([seen, lines @ fresh]),
     )
-    weights = both.responses(rows @ static, target)
+    weights = both.responses(rows @ static, target)[0]
     count = modes.shape[1]
     shapes = combined(modes, weights[:count]) + combined(fresh, weights[count:])
     return np.column_stack([shapes, STATIC_WEIGHT * static])
@@ -237,8 +242,10 @@ class _Projected:
     driven: Floats  # (b,) what drives them
     dashpots: Floats | None  # (j, b) their stretch
 
-    def responses(self, static: Floats, target: ReductionTarget) -> Floats:
+    def responses(self, static: Floats, target: ReductionTarget) -> tuple[Floats, Floats]:
         """Combinations (b, c) of the basis that span the responses of the model on it.
+
+        Beside them the same of its modes times their squared frequencies.
 
         Args:
             static: (f,) displacement of the floors under the force that drives the model.
@@ -261,7 +268,8 @@ class _Projected:
         felt = FeltModes(np.sqrt(squared), participation, floors, stretch, missed[:, None])
         # Shapes of less energy, of the largest, are left out: a two-story frame with a brace as
         # stiff as itself errs by .0047 rms of ln|H|, by .0050 with 1e-6.
-        return modes @ felt.combinations(target, 1e-7)
+        found = felt.combinations(target, 1e-7)
+        return modes @ found, (modes * squared) @ found
 
 
 def _symmetric(first: Floats, between: Floats, second: Floats) -> Floats:

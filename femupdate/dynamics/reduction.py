@@ -75,6 +75,30 @@ class Substructure:
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "factors"}
 
+    def but(self, **changed: Any) -> "Substructure":
+        """The same with other values; what is factorised stays so."""
+        found = replace(self, **changed)
+        vars(found)["factors"] = self.factors
+        return found
+
+    def solved(self, between: csc_matrix, top_hz: float) -> "Substructure":
+        """With what the joints move inside, and the modes up to a frequency with the joints held.
+
+        Args:
+            between: (m, b) stiffness between inside and joints.
+        """
+        moved = -self.factors.apply(between.toarray())
+        both = self.coupling.T @ moved
+        part = self.but(
+            moved=moved,
+            held=self.held + between.T @ moved,
+            joint_mass=moved.T @ symmetric_times(self.alone.mass, moved) + both + both.T,
+        )
+        if not top_hz:
+            return part
+        modes = modes_below(with_terms(self.alone, ()), np.zeros(0), top_hz, self.factors)
+        return part.but(shapes=modes.shapes, squared=(2.0 * np.pi * modes.frequency_hz) ** 2)
+
     def with_forces(self, forces: Floats) -> tuple["Substructure", Floats]:
         """With the shapes in which forces (m, c) move the inside; old ones (k, k + c) among all."""
         mass = self.alone.mass
@@ -82,7 +106,7 @@ class Substructure:
         both = np.column_stack([self.shapes, shapes])
         squared, directions = np.linalg.eigh(both.T @ self.factors.times(both))
         old = directions[: len(self.squared)]
-        return replace(self, shapes=both @ directions, squared=squared), old
+        return self.but(shapes=both @ directions, squared=squared), old
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +266,8 @@ def substructures(structure: Structure, top_hz: float) -> Substructures | None:
     ends = touched[::-1, joints].argmax(axis=0), touched[:, joints].argmax(axis=0)
     joints = joints[np.lexsort((-ends[0], ends[1]))]
 
-    def part_of(number: int) -> Substructure:
+    def cut(number: int) -> tuple[Substructure, csc_matrix]:
+        """A part whose inside nothing moves yet, and the stiffness between inside and joints."""
         term = terms[number]
         inner = np.flatnonzero(owner == number)
         rows, masses = term[inner], structure.mass[inner]
@@ -259,23 +284,29 @@ def substructures(structure: Structure, top_hz: float) -> Substructures | None:
         none = np.zeros((len(inner), 0)), np.zeros(0)
         moved = np.zeros((len(inner), len(at)))
         part = Substructure(inner, border, alone, coupling, moved, held, np.zeros_like(held), *none)
-        if len(inner):  # what the joints move inside, and the modes with the joints held
-            stiffness = rows[:, at].toarray()
-            moved = -part.factors.apply(stiffness)
-            both = coupling.T @ moved
-            part = replace(
-                part,
-                moved=moved,
-                held=held + stiffness.T @ moved,
-                joint_mass=moved.T @ symmetric_times(alone.mass, moved) + both + both.T,
-            )
-            if top_hz:
-                modes = modes_below(with_terms(alone, ()), np.zeros(0), top_hz, part.factors)
-                squared = (2.0 * np.pi * modes.frequency_hz) ** 2
-                part = replace(part, shapes=modes.shapes, squared=squared)
-        return part
+        return part, rows[:, at].tocsc()
 
-    parts = tuple(in_threads(part_of, range(len(terms))))
+    def alike(*pair: tuple[Substructure, csc_matrix]) -> bool:
+        matrices = (
+            (part.alone.stiffness_constant, part.alone.mass, part.coupling, part.held, between)
+            for part, between in pair
+        )
+        return all(
+            left.shape == right.shape
+            and (not left.size or abs(left - right).max() <= 1e-12 * abs(left).max())
+            for left, right in zip(*matrices, strict=True)
+        )
+
+    cuts = in_threads(cut, range(len(terms)))
+    # Parts of the same plan, as most stories are, differ by rounding alone and are solved once.
+    first = [next(k for k, known in enumerate(cuts) if alike(known, part)) for part in cuts]
+    kinds = [k for k in sorted(set(first)) if len(cuts[k][0].inner)]
+    once = in_threads(lambda k: cuts[k][0].solved(cuts[k][1], top_hz), kinds)
+    known = dict(zip(kinds, once, strict=True))
+    parts = tuple(
+        known[kind].but(inner=part.inner, border=part.border) if kind in known else part
+        for kind, (part, _) in zip(first, cuts, strict=True)
+    )
     return Substructures(structure, parts, joints, structure.mass[joints][:, joints].tocsc())
 
 

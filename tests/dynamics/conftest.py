@@ -96,11 +96,11 @@ class Frame:
 
 @pytest.fixture(scope="session")
 def small_frame():
-    """Two unequal stories with a wall off the centre: motion couples with torsion."""
+    """Two unequal stories with a wall off the centre, or others: motion couples with torsion."""
 
     @cache
-    def make(mesh_size):
-        heights, widths, depth = (3.4, 2.9), (5.0, 4.0), 6.0
+    def make(mesh_size, heights=(3.4, 2.9)):
+        widths, depth = (5.0, 4.0), 6.0
         document = documents.frame(
             {"A": 0.0, "B": 5.0, "C": 9.0},
             {"P": 0.0, "Q": depth},

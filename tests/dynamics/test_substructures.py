@@ -9,12 +9,10 @@ from scipy.sparse.linalg import spsolve
 
 from femupdate.dynamics.reduction import substructures
 
-THETA = np.array([0.6, 2.2])
 
-
-@pytest.fixture(scope="module")
-def structure(small_frame):
-    return small_frame(1.0).structure
+@pytest.fixture(scope="module", params=[(3.4, 2.9), (3.0, 3.0, 3.0, 3.0)])
+def structure(request, small_frame):
+    return small_frame(1.0, request.param).structure
 
 
 @pytest.fixture(scope="module")
@@ -30,36 +28,41 @@ def motions(structure, parts):
     return rng.standard_normal(parts.condensed(loads).shape), loads
 
 
-def test_inertia_is_met_without_loss(structure, parts, motions):
+@pytest.fixture(scope="module")
+def theta(structure):
+    return np.resize([0.6, 2.2, 1.3], len(structure.stiffness_terms))
+
+
+def test_inertia_is_met_without_loss(structure, parts, motions, theta):
     """K^-1 M of some shapes, and K^-1 f, at any theta lie among the coordinates made of them."""
     shapes = motions[0]
     fine, there = parts.with_inertia(shapes)
     np.testing.assert_allclose(fine.expanded(there), parts.expanded(shapes), atol=1e-9)
     loads = np.hstack([structure.mass @ parts.expanded(shapes), structure.rigid_force[:, :1]])
-    found = pickle.loads(pickle.dumps(fine)).at(THETA).apply(fine.condensed(loads))
-    expected = spsolve(structure.stiffness(THETA), loads)
+    found = pickle.loads(pickle.dumps(fine)).at(theta).apply(fine.condensed(loads))
+    expected = spsolve(structure.stiffness(theta), loads)
     size = np.abs(expected).max()
     np.testing.assert_allclose(fine.expanded(found), expected, rtol=1e-6, atol=1e-9 * size)
 
 
-def test_mass_and_stiffness_are_projected(structure, parts, motions):
+def test_mass_and_stiffness_are_projected(structure, parts, motions, theta):
     """T^T M T and T^T K T, and their inverse, by shapes and loads of the full model."""
     shapes, loads = motions
-    full, joined = parts.expanded(shapes), parts.at(THETA)
+    full, joined = parts.expanded(shapes), parts.at(theta)
     np.testing.assert_allclose(np.vdot(parts.condensed(loads), shapes), np.vdot(loads, full))
     np.testing.assert_allclose(parts @ shapes, parts.condensed(structure.mass @ full), atol=1e-7)
-    held = parts.condensed(structure.stiffness(THETA) @ full)
+    held = parts.condensed(structure.stiffness(theta) @ full)
     np.testing.assert_allclose(joined.times(shapes), held, atol=1e-9 * np.abs(held).max())
     np.testing.assert_allclose(joined.apply(joined.times(shapes)), shapes, atol=1e-6)
 
 
-def test_modes_come_from_above_and_nearer_with_inertia(structure, parts):
+def test_modes_come_from_above_and_nearer_with_inertia(structure, parts, theta):
     """Rayleigh and Ritz: more shapes never raise a frequency."""
-    exact = eigh(structure.stiffness(THETA).toarray(), structure.mass.toarray(), eigvals_only=True)
+    exact = eigh(structure.stiffness(theta).toarray(), structure.mass.toarray(), eigvals_only=True)
 
     def errors(part):
         unit = np.eye(len(part.condensed(structure.rigid_force)))
-        values, vectors = eigh(part.at(THETA).times(unit), part @ unit)
+        values, vectors = eigh(part.at(theta).times(unit), part @ unit)
         return values[:8] / exact[:8] - 1.0, vectors[:, :8]
 
     coarse, shapes = errors(parts)
@@ -71,3 +74,12 @@ def test_modes_come_from_above_and_nearer_with_inertia(structure, parts):
 
 def test_a_coarse_mesh_is_all_joints(small_frame):
     assert substructures(small_frame(3.0).structure, 60.0) is None
+
+
+def test_stories_of_one_plan_are_solved_once(small_frame):
+    equal, unequal = (
+        substructures(small_frame(1.0, heights).structure, 60.0).parts
+        for heights in ((3.0, 3.0, 3.0, 3.0), (3.0, 3.0, 3.1, 3.0))
+    )
+    assert equal[1].moved is equal[2].moved
+    assert unequal[1].moved is not unequal[2].moved
