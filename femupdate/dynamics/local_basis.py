@@ -150,7 +150,8 @@ class KnownModes:
     @staticmethod
     def of(equations: Equations, modes: NaturalModes) -> "KnownModes":
         """From the modes of the equations."""
-        shapes, image = modes.shapes, symmetric_times(equations.mass, modes.shapes)
+        shapes = np.ascontiguousarray(modes.shapes)
+        image = symmetric_times(equations.mass, shapes)
         held = symmetric_times(equations.stiffness, shapes)
         return KnownModes(equations, shapes, image, along(shapes, held), along(shapes, image))
 
