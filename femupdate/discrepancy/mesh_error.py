@@ -46,7 +46,7 @@ _MEMBERS = (
     "cracked_columns",
 )
 _NUMBERS = ("left", "effect", "shape", "share", "moved")
-# Within which modes of two meshes are one: ln f, ln of the size shown, 1 - cosine of the shapes.
+# Beyond which modes of two meshes are not one: ln f, ln of the size shown, 1 - cosine of the shapes.
 _SAME_FREQUENCY, _SAME_EFFECT, _SAME_SHAPE = 0.15, 0.4, 0.05
 _LEFT_FACTOR = 2.0  # on what the mean correction leaves where it was learned
 
@@ -142,9 +142,10 @@ class MeshError:
         )
 
 
-Lesson = tuple[Floats, Floats, Floats]
+Lesson = tuple[Floats, Floats, Floats, Floats]
 """Of the m modes of one theta: shares (m, q) of the kinds of members in their strain energy,
-relative change (m,) of their squared frequencies, and weights (m,)."""
+relative change (m,) of their squared frequencies, weights (m,), and how far (m,) each is the same
+mode on both meshes."""
 
 
 def learn_mesh_error(
@@ -175,7 +176,7 @@ def learn_mesh_error(
     )
     lessons = list[Lesson]()
     for mine, other, theta in zip(ours, theirs, thetas, strict=True):
-        rows, columns = _matched(mine, other)
+        rows, columns, same = _matched(mine, other)
         vectors, squared, shares = other.vectors[:, columns], other.squared[columns], []
         for effect in placed:
             energy = np.zeros(len(columns))
@@ -184,10 +185,10 @@ def learn_mesh_error(
                 energy = energy + factor * ((matrix.numpy() @ vectors) * vectors).sum(axis=0)
             shares.append(energy / squared)
         # What the floors show most of must be right above all.
-        size = np.linalg.norm(mine.effect[:, rows], axis=0)
-        weight = size / size.max(initial=1e-300)
-        lessons.append((np.stack(shares, axis=1), squared / mine.squared[rows] - 1.0, weight))
-    if not any(len(sought) for _, sought, _ in lessons):
+        weight = same * _prominence(mine)[rows]
+        change = squared / mine.squared[rows] - 1.0
+        lessons.append((np.stack(shares, axis=1), change, weight, same))
+    if not any(same.any() for *_, same in lessons):
         raise StructureError(
             f"{structure.building.name}: no mode below {top_hz:g} Hz can be followed from the mesh "
             "to a finer one, so the error of the mesh is unknown; write a smaller mesh.size"
@@ -195,26 +196,26 @@ def learn_mesh_error(
     mean, sd, left = _estimate(lessons, [effect.effect.name for effect in placed])
     labels = tuple(effect.label for effect in placed)
     learned = MeshError(labels, tuple(mean.tolist()), tuple(sd.tolist()), left, 0.0, 0.0)
-    change, weight = (np.concatenate([lesson[k] for lesson in lessons]) for k in (1, 2))
+    _, changes, weights, _ = zip(*lessons, strict=True)
+    change, weight = np.concatenate(changes), np.concatenate(weights)
     moved = 0.5 * float(np.sqrt(weight @ change**2 / weight.sum()))
     # The coarse model as the mean factors have it: what they leave is what it misses the true one.
     undone = corrected(fine, replace(learned, share=-1.0)).model
     shown = []
     for mine, theta in zip(ours, thetas, strict=True):
         other = modes_shown(undone, theta, top_hz)
-        rows, columns = _matched(mine, other)
+        rows, columns, same = _matched(mine, other)
         effects, right = mine.effect[:, rows], other.effect[:, columns]
         square = (effects**2).sum(axis=0)
         ratio = (effects * right).sum(axis=0) / square
         left_over = np.sqrt(((right - ratio * effects) ** 2).mean(axis=0) / square)
-        size = np.linalg.norm(right, axis=0)
-        shown.append((ratio - 1.0, left_over, size / size.max(initial=1e-300)))
-    sizes, shapes, weights = (np.concatenate(parts) for parts in zip(*shown, strict=True))
-    total = max(float(weights.sum()), 1e-300)
+        shown.append((ratio - 1.0, left_over, same * _prominence(other)[columns]))
+    sizes, shapes, weight = (np.concatenate(parts) for parts in zip(*shown, strict=True))
+    total = max(float(weight.sum()), 1e-300)
     return replace(
         learned,
-        effect=float(np.sqrt(weights @ sizes**2 / total)),
-        shape=float(weights @ shapes / total),
+        effect=float(np.sqrt(weight @ sizes**2 / total)),
+        shape=float(weight @ shapes / total),
         moved=moved,
     )
 
@@ -264,22 +265,29 @@ def modes_shown(model: ReducedModel, theta: Floats, top_hz: float) -> MeshModes:
     return MeshModes(squared[shown], vectors[:, shown], effect[:, shown])
 
 
-def _matched(ours: MeshModes, theirs: MeshModes) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pairs of modes that are the same: near in frequency, with the same effect on the floors."""
+def _prominence(modes: MeshModes) -> Floats:
+    """How much (m,) the floors show of each mode, over that of the one they show most."""
+    size = np.linalg.norm(modes.effect, axis=0)
+    return np.asarray(size / size.max(initial=1e-300))
+
+
+def _matched(
+    ours: MeshModes, theirs: MeshModes
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
+    """Pairs of modes, near in frequency with the same effect on the floors, and how far each is.
+
+    That is 1 of equal modes, and falls smoothly to 0 where any quantity is too far apart (Tukey's
+    biweight): at a limit, neighbours that mix as theta or a mesh moves would come and go.
+    """
     from scipy.optimize import linear_sum_assignment
 
     shift = 0.5 * np.abs(np.log(ours.squared[:, None] / theirs.squared))
     sizes = [np.linalg.norm(side.effect, axis=0) for side in (ours, theirs)]
     change = np.abs(np.log(sizes[0][:, None] / sizes[1]))
     alike = np.abs(ours.effect.T @ theirs.effect) / (sizes[0][:, None] * sizes[1])
-    cost = shift / _SAME_FREQUENCY + change / _SAME_EFFECT + (1.0 - alike) / _SAME_SHAPE
-    rows, columns = linear_sum_assignment(cost)
-    sure = (
-        (shift[rows, columns] < _SAME_FREQUENCY)
-        & (change[rows, columns] < _SAME_EFFECT)
-        & (1.0 - alike[rows, columns] < _SAME_SHAPE)
-    )
-    return rows[sure], columns[sure]
+    apart = [shift / _SAME_FREQUENCY, change / _SAME_EFFECT, (1.0 - alike) / _SAME_SHAPE]
+    rows, columns = linear_sum_assignment(sum(apart))
+    return rows, columns, (1.0 - np.max(apart, axis=0)[rows, columns].clip(max=1.0) ** 2) ** 2
 
 
 def _estimate(lessons: list[Lesson], kinds: list[str]) -> tuple[Floats, Floats, float]:
@@ -292,7 +300,7 @@ def _estimate(lessons: list[Lesson], kinds: list[str]) -> tuple[Floats, Floats, 
     member = np.eye(groups.max() + 1)[groups]  # (q, kinds)
     variance, noise = np.full(size, 0.01**2), 0.01**2
     sums, total_weight = [], 0.0  # weighted products: shares by themselves and by what is sought
-    for shares, sought, weight in lessons:
+    for shares, sought, weight, _ in lessons:
         weighted = weight[:, None] * shares
         sums.append((weighted.T @ shares, weighted.T @ sought, float(weight @ sought**2)))
         total_weight += weight.sum()
@@ -316,7 +324,8 @@ def _estimate(lessons: list[Lesson], kinds: list[str]) -> tuple[Floats, Floats, 
         alike = np.bincount(groups, spread) / np.bincount(groups) / len(lessons)
         variance, noise = alike[groups], max(float(squares) / total_weight, 1e-10)
     # Not of all modes: of a building that twists as it sways, one kind errs more than the others.
-    worst = [np.abs(sought - shares @ mean).max(initial=0.0) for shares, sought, _ in lessons]
+    missed = (same * np.abs(sought - shares @ mean) for shares, sought, _, same in lessons)
+    worst = [miss.max(initial=0.0) for miss in missed]
     # A frequency changes by half of what its square does.
     return mean, np.sqrt(variance), 0.5 * float(np.sqrt(np.mean(np.square(worst))))
 

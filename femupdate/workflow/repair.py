@@ -217,7 +217,7 @@ class RepairReport(Result):
 
     @property
     def _left(self) -> str:
-        return self.repair.left.sentence or "No error of the model shows beside the noise."
+        return self.repair.left.sentence or "What was fitted shows no error of the model."
 
     def _in_turn(self) -> tuple[str, ...]:
         """What the data say of both models where no others were kept out."""

@@ -97,6 +97,23 @@ def learned(coarse, fine):
     return replace(found, share=1.4)
 
 
+def test_a_mode_that_is_hardly_the_same_on_both_meshes_hardly_counts(coarse, fine):
+    """So no limit moves what is learned as modes of two meshes are drawn apart."""
+    theta, ours = THETAS[0], near(coarse)(*THETAS).model
+    squared, vectors = np.linalg.eigh(fine.model.stiffness(theta))
+    mode, learned = squared[0] * np.outer(vectors[:, 0], vectors[:, 0]), []
+    limit = np.linalg.eigvalsh(ours.stiffness(theta))[0] * np.exp(2.0 * 0.15)  # .15 in ln f
+    for apart in (0.998, 1.002):
+        stiffness = fine.model.stiffness_constant + (apart * limit / squared[0] - 1.0) * mode
+        drawn = replace(fine, model=replace(fine.model, stiffness_constant=stiffness))
+        learned.append(learn_mesh_error(ours, drawn, THETAS, GRID[-1]))
+    below, above = learned
+    # Where a limit took or left the first mode, a mean moved by .01.
+    np.testing.assert_allclose(below.mean, above.mean, atol=1e-3)
+    np.testing.assert_allclose(below.sd, above.sd, atol=1e-3)
+    assert below.left == pytest.approx(above.left, abs=1e-3)
+
+
 def test_the_model_comes_nearer_to_a_still_finer_mesh(coarse, learned):
     theta = np.array([0.8, 1.2])  # none of those that it was learned at
     finest = frf(near(structure_of(frame(1.5), 0.7))(theta), theta)
