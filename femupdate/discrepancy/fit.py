@@ -20,6 +20,7 @@ from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.inference.likelihood import Likelihood, Row, summed
+from femupdate.inference.maxima import COARSE_NOISE
 from femupdate.inference.model_error import Cell, Remains
 from femupdate.inference.parameters import LogSteps, effect_parameters, own_errors
 from femupdate.maximise import Search, maximise
@@ -28,7 +29,6 @@ from femupdate.workers import in_threads
 
 FIRST_STEPS, STEPS, FAR_STEPS = 5, 15, 60  # of every candidate, of one that is followed, from afar
 DIFFERENCE = 1e-3  # of an unknown, for derivatives
-COARSE_NOISE = 0.3  # in ln|H|, so that peaks that do not meet show a distance
 FEWER_SHAPES = 140  # of a basis in searches: ln|H| errs by .01 rms, in a third of the time
 RIGHT = 0.1  # in ln|H| rms, left by factors alone: less, and they are where they should be
 _SEARCH = Search(small=1e-4, longest=1.0, mended=True)

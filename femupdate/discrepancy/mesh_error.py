@@ -46,7 +46,7 @@ _MEMBERS = (
     "cracked_columns",
 )
 _NUMBERS = ("left", "effect", "shape", "share", "moved")
-# Beyond which modes of two meshes are not one: ln f, ln of the size shown, 1 - cosine of the shapes.
+# Beyond which two modes are not the same: ln f, ln of the size shown, 1 - cosine of the shapes.
 _SAME_FREQUENCY, _SAME_EFFECT, _SAME_SHAPE = 0.15, 0.4, 0.05
 _LEFT_FACTOR = 2.0  # on what the mean correction leaves where it was learned
 

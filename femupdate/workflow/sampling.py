@@ -8,7 +8,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.fit import COARSE_NOISE, Fit, parameters_at
+from femupdate.discrepancy.fit import Fit, parameters_at
 from femupdate.discrepancy.mesh_error import MeshError, left_open
 from femupdate.discrepancy.search import prepared, refined
 from femupdate.effects.registry import building_effects
@@ -16,13 +16,7 @@ from femupdate.errors import InferenceError
 from femupdate.inference.importance import Counted, SamplerRun, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Data, Likelihood
-from femupdate.inference.maxima import (
-    FEW,
-    best_of_prior,
-    draws_about,
-    found_from,
-    wide_start,
-)
+from femupdate.inference.maxima import FEW, coarse_maxima, draws_about, wide_start
 from femupdate.inference.model_error import COARSE_ERROR
 from femupdate.inference.parameters import Parameters, effect_parameters
 from femupdate.inference.smc import Hamiltonian, LogLikelihood, SmcSettings, TemperedSmc
@@ -71,10 +65,7 @@ class FittedEffects:
         """
         if self.local:
             return self.start
-        prior, coarse = likelihood.prior, likelihood.coarse(COARSE_NOISE)
-        likely, _ = best_of_prior(prior, coarse.log_density, seed)
-        ended = found_from(prior, coarse.residuals, likely[: prior.size])
-        return torch.cat([self.start, prior.from_normal(ended.z)])
+        return torch.cat([self.start, coarse_maxima(likelihood, seed)[0]])
 
 
 def fitted_effects(
