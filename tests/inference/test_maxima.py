@@ -4,7 +4,19 @@ import numpy as np
 import pytest
 import torch
 
-from femupdate.inference import Parameter, Parameters, draws_about, found_from
+from femupdate.dynamics import System
+from femupdate.inference import (
+    Parameter,
+    Parameters,
+    base_logs,
+    draws_about,
+    found_from,
+    likelihood_of,
+    settled,
+)
+from femupdate.measurement import Observation
+from tests.chains import Chain
+from tests.documents import reduced_stick
 
 PROBLEM = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
@@ -89,3 +101,31 @@ def test_draws_of_which_few_count_are_none(box):
         return 20.0 * torch.sin(1e6 * theta[:, 0]) - 50.0 * (theta - 0.5).square().sum(1)
 
     assert draws_about(prior, rough, found, 1000, 0) is None
+
+
+@pytest.mark.parametrize(
+    "theta",
+    [
+        (0.52, 0.34, 1.78, 1.49, 1.85, 2.15),
+        (2.52, 0.76, 1.42, 2.78, 1.02, 1.04),
+        (0.8, 1.61, 2.69, 1.31, 0.39, 2.92),
+        (0.5, 2.88, 1.91, 2.73, 0.4, 1.86),
+    ],
+)
+def test_the_highest_maximum_of_a_roof_is_found_from_the_prior(theta):
+    """Peaks that do not meet hold a search beside it."""
+    masses, springs = np.linspace(2e4, 1.5e4, 6), np.linspace(4e7, 2e7, 6)
+    grid = 0.05 * np.arange(1, 601)
+    exact = Chain(masses, springs * theta, zeta=0.02).frf(grid)[-1:]
+    sd = np.full(exact.shape, 0.03)
+    noise = 0.03 * np.random.default_rng(5).standard_normal(exact.shape)
+    seen = Observation(grid, ("RF",), np.log(np.abs(exact)) + noise, sd, sd > 0.0)
+    model, names = reduced_stick(masses, springs), [f"theta_{k}" for k in range(1, 7)]
+    prior = Parameters.uniform(names, [1 / 3] * 6, [3.0] * 6)
+    prior += Parameters.uniform(["zeta"], [0.005], [0.06], kind="damping")
+    likelihood = likelihood_of((base_logs(seen, System(model)),), System(model), prior)
+    found = settled(likelihood, 0)
+    truth = torch.tensor([[*theta, 0.02]], dtype=torch.float64)
+    best = prior.from_normal(found.found.z)
+    # A maximum lies above the truth, by 3.5 nats in the mean.
+    assert found.likelihood(best).max() > found.likelihood(truth) - 1.0
