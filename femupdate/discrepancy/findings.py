@@ -15,6 +15,7 @@ from femupdate.effects.effect import Effect, Placed, Sway
 from femupdate.effects.structure import Structure
 from femupdate.effects.tolerances import USUAL
 from femupdate.errors import brief
+from femupdate.inference.likelihood import summed
 from femupdate.units import percent
 
 LITTLE = 0.005  # share of the misfit beyond the noise that rounds to none
@@ -60,6 +61,11 @@ class Finding:
             abs(self.size - first.neutral) >= first.least
             for first in self.placed.effect.parameters[:1]
         )
+
+    @property
+    def log_density(self) -> float:
+        """Of the data at its fit, summed over what the model may err by."""
+        return float(summed(self.fitted.densities))
 
     @property
     def at_limit(self) -> bool:
@@ -298,14 +304,15 @@ def others_than(first: Finding, others: Sequence[Finding]) -> list[Finding]:
 def rivals(
     findings: Sequence[Finding], settings: DiagnosisSettings, beside: Beside
 ) -> list[Finding]:
-    """What the first finding cannot be told from by its evidence.
+    """What the first finding cannot be told from by its evidence, or but for the priors of sizes.
 
     What other data refuse is no rival, nor what they hold far less likely, nor the same thing with
     a parameter more, nor what is missing as well.
     """
     first = findings[0]
     least = first.log_evidence - settings.margin(first.log_evidence)
-    near = [other for other in findings[1:] if other.log_evidence > least]
+    alike = first.log_density - VERDICT.clearly
+    near = [o for o in findings[1:] if o.log_evidence > least or o.log_density > alike]
     return [
         other
         for other in others_than(first, near)

@@ -58,7 +58,7 @@ class ErrorTable:
 
 MODEL_ERROR = ErrorTable()
 # A hundred fits share it, and only their differences count.
-COARSE_ERROR = ErrorTable(sizes=(0.03, 0.1, 0.3), lengths=(1 / 30, 1 / 8), harmonics=24)
+COARSE_ERROR = ErrorTable(sizes=(0.03, 0.1, 0.3), lengths=(1 / 30, 1 / 8))
 # Of figures that lie on no frequency axis: nothing but more noise than stated.
 NOISE_ALONE = ErrorTable(
     sizes=(),

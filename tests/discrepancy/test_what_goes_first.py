@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
 
 from femupdate.discrepancy import DiagnosisSettings, Finding
 from femupdate.discrepancy.diagnose import with_pair
@@ -23,7 +24,8 @@ def finding(placed, log_evidence, log_e_value=None, certified=True):
     tested = None
     if log_e_value is not None:
         tested = Outcome((log_e_value, log_e_value), certified)
-    fitted = SimpleNamespace(placed=(placed,))
+    density = torch.tensor([4.0 * log_evidence])
+    fitted = SimpleNamespace(placed=(placed,), densities=(density,))
     return Finding(None, fitted, log_evidence, changes, tested, 1.0, 0.1)
 
 
