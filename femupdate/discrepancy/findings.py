@@ -311,7 +311,7 @@ def rivals(
     """
     first = findings[0]
     least = first.log_evidence - settings.margin(first.log_evidence)
-    alike = first.log_density - VERDICT.clearly
+    alike = first.log_density - settings.over_next
     near = [o for o in findings[1:] if o.log_evidence > least or o.log_density > alike]
     return [
         other
