@@ -37,10 +37,10 @@ from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.errors import StructureError
 from femupdate.fe.assembly import AffineOperators, with_terms
-from femupdate.fe.driven import Factored, driven_shapes, orthonormal
+from femupdate.fe.driven import Factored, driven_shapes
 from femupdate.fe.factorization import Factorization
 from femupdate.fe.mechanism import factorize_held
-from femupdate.fe.products import along, combined, symmetric_times
+from femupdate.fe.products import along, combined, orthonormal, symmetric_times
 from femupdate.fe.solve import modes_below
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn

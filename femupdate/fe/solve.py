@@ -5,17 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import StructureError
 from femupdate.fe.assembly import AffineOperators
 from femupdate.fe.factorization import Factorization, factorize
 from femupdate.fe.mechanism import factorize_held, factorize_supported, refuse_negative
-from femupdate.fe.products import symmetric_times
-
-_SHARP_TOLERANCE = 1e-8
-_SEED = 20240
+from femupdate.fe.products import combined, orthonormal, symmetric_times
 
 
 @dataclass(frozen=True)
@@ -86,12 +82,12 @@ def _lowest(
         refuse_negative(operators, problem.factorization)
         return _modes(problem, *_condensed(problem, count))
     complaint = "did not converge"
-    # Of modes that are repeated often, copies come late: when more are asked for, and exactly.
-    for more, tolerance in ((0, _SHARP_TOLERANCE), (count // 2 + 10, 0.0), (count + 40, 0.0)):
-        pairs = _lanczos(problem, count + more, tolerance)
+    # Of modes that are repeated as many copies are found as a block has vectors.
+    for times in (1, 4, 16):
+        pairs = _lanczos(problem, count, times * min(6, 2 + count // 8))
         if pairs is None:
             continue
-        values, shapes = pairs = pairs[0][:count], pairs[1][:, :count]
+        values, shapes = pairs
         image = symmetric_times(problem.mass, shapes)
         elastic = symmetric_times(problem.stiffness, shapes)
         error = np.linalg.norm(elastic - values * image, axis=0)
@@ -180,25 +176,32 @@ def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
     return problem.shift + 1.0 / inverse, flexible @ coordinates
 
 
-def _lanczos(problem: _Problem, count: int, tolerance: float) -> tuple[Floats, Floats] | None:
-    size = problem.stiffness.shape[0]
-    count = min(count, size - 1)
-    start = np.random.default_rng(_SEED).standard_normal(size)
-    inverse = LinearOperator((size, size), matvec=problem.factorization.apply, dtype=float)
-    try:
-        values, shapes = eigsh(
-            problem.stiffness,
-            k=count,
-            M=problem.mass,
-            sigma=problem.shift,
-            OPinv=inverse,
-            v0=start,
-            tol=tolerance,
-        )
-    except ArpackError:
-        return None
-    order = np.argsort(values, kind="stable")
-    return values[order], shapes[:, order]
+def _lanczos(problem: _Problem, count: int, width: int) -> tuple[Floats, Floats] | None:
+    """Block Lanczos method that keeps all vectors (Golub and Underwood 1977)."""
+    mass, apply = problem.mass, problem.factorization.apply
+    size, most, look = mass.shape[0], 6 * (count + 2 * width), 1.4 * count
+    basis, small, done = np.empty((size, most), order="F"), np.zeros((most, most)), 0
+    start = np.random.default_rng(20240).standard_normal((size, width))
+    before, (block, image) = start[:, :0], orthonormal(apply(mass @ start), start[:, :0], mass)
+    while len(block.T) and done + len(block.T) <= most:
+        new = slice(done, done + len(block.T))
+        basis[:, new], ahead = block, apply(image)
+        small[new, new], small[done - len(before.T) : done, new] = image.T @ ahead, before.T @ ahead
+        before, done = image, new.stop
+        block, image = orthonormal(ahead, basis[:, :done], mass)
+        if done < count or (done < look and len(block.T)):
+            continue
+        inverse, inside = eigh(small[:done, :done], lower=False)
+        largest = np.argsort(-np.abs(inverse), kind="stable")[:count]
+        inverse, inside = inverse[largest], inside[:, largest]
+        # One step of inverse iteration goes beyond the basis (Ericsson and Ruhe 1980).
+        rest = image.T @ ahead @ inside[new] / inverse
+        if np.linalg.norm(rest, axis=0).max() <= 1e-8:
+            values = problem.shift + 1.0 / inverse
+            order = np.argsort(values, kind="stable")
+            return values[order], (combined(basis[:, :done], inside) + block @ rest)[:, order]
+        look = 1.05 * done
+    return None
 
 
 def _complete(problem: _Problem, values: Floats) -> bool:
