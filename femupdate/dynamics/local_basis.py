@@ -8,8 +8,7 @@ itself, its neighbours, and each effect alone.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import Any
+from functools import partial
 
 import numpy as np
 from scipy.linalg import eigh
@@ -24,7 +23,7 @@ from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
 from femupdate.fe.assembly import with_terms
 from femupdate.fe.driven import Factored
-from femupdate.fe.factorization import Factorization, factorize
+from femupdate.fe.factorization import Factorization
 from femupdate.fe.mechanism import factorize_held
 from femupdate.fe.products import along, combined, symmetric_times
 from femupdate.fe.solve import NaturalModes, modes_below
@@ -79,9 +78,7 @@ def local_structure(
     shapes: list[Floats | Singles] = []
     shapes += _along_ports(structure, WithSprings(factors, middle.springs), present or ())
     progress.start("Reducing the model for effects", len(questions))
-    known = KnownModes.of(middle, modes)
-    vars(known)["factors"] = factors
-    task = partial(_answer, structure, known, target)
+    task = partial(_answer, structure, KnownModes.of(middle, modes, factors), target)
     shapes += everywhere(task, questions, progress)
     return reduced_on(structure, compressed(structure.mass, shapes, size))
 
@@ -138,22 +135,16 @@ class KnownModes:
     image: Floats  # (n, m) the mass times them
     stiffness: Floats  # (m, m) of the equations on the shapes
     mass: Floats
-
-    @cached_property
-    def factors(self) -> Factorization:
-        """Of the stiffness; never sent to other processes."""
-        return factorize(self.equations.stiffness)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "factors"}
+    factors: Factorization  # of the equations' stiffness
 
     @staticmethod
-    def of(equations: Equations, modes: NaturalModes) -> "KnownModes":
+    def of(equations: Equations, modes: NaturalModes, factors: Factorization) -> "KnownModes":
         """From the modes of the equations."""
         shapes = np.ascontiguousarray(modes.shapes)
         image = symmetric_times(equations.mass, shapes)
         held = symmetric_times(equations.stiffness, shapes)
-        return KnownModes(equations, shapes, image, along(shapes, held), along(shapes, image))
+        small = along(shapes, held), along(shapes, image)
+        return KnownModes(equations, shapes, image, *small, factors)
 
     def of_changed(self, changed: Equations) -> tuple[Floats, Floats, Floats]:
         """Stiffness and mass (m, m) of changed equations on the shapes, and the mass times them."""

@@ -60,11 +60,7 @@ class Substructure:
     joint_mass: Floats  # (b, b) of what the joints move inside
     shapes: Floats  # (m, k) orthonormal in mass and diagonal in stiffness, the joints held
     squared: Floats  # (k,) their squared circular frequencies
-
-    @cached_property
-    def factors(self) -> Factorization:
-        """Of the stiffness inside; never sent to other processes."""
-        return factorize_held(self.alone, self.alone.stiffness_constant)
+    factors: Factorization | None = None  # of the stiffness inside; none where nothing is
 
     @cached_property
     def modal_mass(self) -> Floats:
@@ -72,41 +68,36 @@ class Substructure:
         images = symmetric_times(self.alone.mass, self.shapes)
         return np.asarray(self.moved.T @ images + self.coupling.T @ self.shapes)
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "factors"}
-
-    def but(self, **changed: Any) -> "Substructure":
-        """The same with other values; what is factorised stays so."""
-        found = replace(self, **changed)
-        vars(found)["factors"] = self.factors
-        return found
-
     def solved(self, between: csc_matrix, top_hz: float) -> "Substructure":
         """With what the joints move inside, and the modes up to a frequency with the joints held.
 
         Args:
             between: (m, b) stiffness between inside and joints.
         """
-        moved = -self.factors.apply(between.toarray())
+        factors = factorize_held(self.alone, self.alone.stiffness_constant)
+        moved = -factors.apply(between.toarray())
         both = self.coupling.T @ moved
-        part = self.but(
+        part = replace(
+            self,
+            factors=factors,
             moved=moved,
             held=self.held + between.T @ moved,
             joint_mass=moved.T @ symmetric_times(self.alone.mass, moved) + both + both.T,
         )
         if not top_hz:
             return part
-        modes = modes_below(with_terms(self.alone, ()), np.zeros(0), top_hz, self.factors)
-        return part.but(shapes=modes.shapes, squared=(2.0 * np.pi * modes.frequency_hz) ** 2)
+        modes = modes_below(with_terms(self.alone, ()), np.zeros(0), top_hz, factors)
+        squared = (2.0 * np.pi * modes.frequency_hz) ** 2
+        return replace(part, shapes=modes.shapes, squared=squared)
 
     def with_forces(self, forces: Floats) -> tuple["Substructure", Floats]:
         """With the shapes in which forces (m, c) move the inside; old ones (k, k + c) among all."""
-        mass = self.alone.mass
-        shapes, _ = orthonormal(self.factors.apply(forces), self.shapes, mass)
+        assert self.factors is not None
+        shapes, _ = orthonormal(self.factors.apply(forces), self.shapes, self.alone.mass)
         both = np.column_stack([self.shapes, shapes])
         squared, directions = np.linalg.eigh(both.T @ self.factors.times(both))
         old = directions[: len(self.squared)]
-        return self.but(shapes=both @ directions, squared=squared), old
+        return replace(self, shapes=both @ directions, squared=squared), old
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,7 +295,7 @@ def substructures(structure: Structure, top_hz: float) -> Substructures | None:
     once = in_threads(lambda k: cuts[k][0].solved(cuts[k][1], top_hz), kinds)
     known = dict(zip(kinds, once, strict=True))
     parts = tuple(
-        known[kind].but(inner=part.inner, border=part.border) if kind in known else part
+        replace(known[kind], inner=part.inner, border=part.border) if kind in known else part
         for kind, (part, _) in zip(first, cuts, strict=True)
     )
     return Substructures(structure, parts, joints, structure.mass[joints][:, joints].tocsc())

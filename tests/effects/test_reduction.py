@@ -21,7 +21,7 @@ from femupdate.dynamics.local_basis import KnownModes, nearby_shapes
 from femupdate.dynamics.snapshots import TOP
 from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.errors import StructureError
-from femupdate.fe import modes_below
+from femupdate.fe import factorize, modes_below
 
 GRID = np.linspace(0.2, 30.0, 150)
 ZETA = 0.02
@@ -84,7 +84,8 @@ def test_changed_equations_are_projected_by_what_has_changed(structure, name):
     effect = CATALOGUE[name]
     terms = effect.terms(structure, effect.places(structure)[0])
     before = equations_at(structure, HERE)
-    known = KnownModes.of(before, modes_below(structure.operators, HERE, GRID[-1]))
+    modes = modes_below(structure.operators, HERE, GRID[-1])
+    known = KnownModes.of(before, modes, factorize(before.stiffness))
     changed = equations_at(structure, 1.1 * HERE, ((terms, 0.3),))
     stiffness, mass, image = known.of_changed(changed)
     shapes, springs = known.shapes, changed.springs
@@ -99,7 +100,8 @@ def test_changed_equations_are_projected_by_what_has_changed(structure, name):
 def test_shapes_of_a_changed_model_come_from_the_modes_of_another(structure, exact, target):
     """They hold its responses, which the modes themselves do not."""
     modes = modes_below(structure.operators, HERE, TOP * GRID[-1])
-    known, theta = KnownModes.of(equations_at(structure, HERE), modes), HERE * np.array([0.8, 1.25])
+    before, theta = equations_at(structure, HERE), HERE * np.array([0.8, 1.25])
+    known = KnownModes.of(before, modes, factorize(before.stiffness))
     changed = equations_at(structure, theta)
     shapes = nearby_shapes(changed, structure.floor_rows, known, target)
     assert shapes.shape[1] < modes.shapes.shape[1]
