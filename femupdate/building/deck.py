@@ -167,7 +167,7 @@ def _lines(file: Path, users: tuple[Path, ...]) -> list[tuple[str, int, str]]:
 
 def _cards(lines: list[tuple[str, int, str]]) -> Iterator[Card]:
     """Yield the cards of bulk data, continued lines joined."""
-    name, first, data, mark, of = "", 0, [""], "", ""
+    name, first, data, asked, of = "", 0, [""], "", ""
     for file, number, whole in lines:
         line = whole.split("$", 1)[0].rstrip().expandtabs(8)
         if not line.strip():
@@ -185,13 +185,13 @@ def _cards(lines: list[tuple[str, int, str]]) -> Iterator[Card]:
                 )
         elif not name:
             raise Card(file, head, number, ()).error("it continues no card; remove the line")
-        elif mark and head.strip("+* ") and head.strip("+* ") != mark:
+        elif (mark := head.strip("+* ")) and asked not in ("+", "*", f"+{mark}", f"*{mark}", mark):
             raise Card(file, name, number, tuple(data[:1])).error(
-                f"the line {head} does not continue the one before, which asks for {mark}; put "
-                "lines below the ones that they continue"
+                f"the line {head} does not continue the one before, which asks for "
+                f"{asked or 'none'}; put lines below the ones that they continue"
             )
         data += fields
-        mark = after.strip("+* ")
+        asked = after
     if name:
         yield Card(of, name, first, tuple(data))
 

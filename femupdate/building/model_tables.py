@@ -283,6 +283,10 @@ class ModelTables:
         if not np.linalg.norm(across) > 1e-6 * np.linalg.norm(up):
             raise user.error("its orientation is missing or along its axis; give X1, X2, X3")
         up = across / np.linalg.norm(across)
+        shears, moments = pins[[[1, 7], [2, 8]]], pins[[[5, 11], [4, 10]]]  # of both planes
+        sideways = shears.all(axis=1) | (shears.sum(axis=1) + moments.sum(axis=1) > 2)
+        if pins[[0, 6]].all() or pins[[3, 9]].all() or sideways.any():
+            raise user.error("it is released so far that it moves freely; keep one end fixed")
         if stuff.shear_share != 1.0:  # the beam's G follows from E and nu
             share = stuff.shear_share
             figures = replace(
@@ -668,6 +672,13 @@ def _check(model: FiniteElementModel, held: Integers, names: Strings, file: str)
     """Refuse flat, double and hanging shells, and what has no way to the ground."""
     if not len(held):
         raise BuildingError(f"{file}: no node is held; add supports at the base")
+    size, spread = np.ptp(model.nodes, axis=0), np.ptp(model.nodes[held], axis=0)
+    for axis in (0, 1):  # a building stands on more than one side of it
+        if size[axis] > LEVEL > spread[axis] and spread[2] > 0.5 * size[2]:
+            raise BuildingError(
+                f"{file}: all that holds it lies in one upright plane, as if {'xy'[axis]} were "
+                "up; turn the model so that z is"
+            )
     surfaces = {block.cell_type: block.nodes for block in model.elements if block.dimension() == 2}
     try:
         if surfaces:

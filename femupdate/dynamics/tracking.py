@@ -170,7 +170,7 @@ def mesh_modes(structure: Structure) -> FullModes:
     mass = np.zeros((len(shapes), 2))
     for axis in (0, 1):  # shares of the whole mass, that of the supports included
         rigid = operators.rigid_translation(axis)
-        total = float(rigid @ (operators.mass_full @ rigid))
+        total = float(rigid @ (operators.mass_full @ rigid)) or 1.0  # no mass moves along it
         mass[:, axis] = (modes.shapes.T @ operators.inertia(axis)) ** 2 / total
     levels = operators.model.nodes[:, 2].min() + np.asarray(structure.levels)
     nodal = (operators.mass_full @ operators.rigid_translation(0)).reshape(-1, 6)[:, 0]

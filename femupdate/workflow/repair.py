@@ -260,6 +260,10 @@ def repair_study(
         MeasurementError: an observation cannot be used.
     """
     started, settings = time.monotonic(), settings or DiagnosisSettings()
+    if holdout and {*source.made_from().values()} & {*holdout.made_from().values()}:
+        raise MeasurementError(
+            f"{holdout.path} is fitted, so it proves nothing; keep another measurement out"
+        )
     given, other = read_measured_of(study, model, source, progress, apart=True), None
     if holdout is not None:
         other = with_rest(study, model, measured_of(model.building, holdout), progress)

@@ -183,21 +183,26 @@ def found(study: Study, name: str) -> Iterator[tuple[Path, dict[str, Any]]]:
 
 def lacking(study: Study) -> Iterator[str]:
     """The verdict of a diagnosis on the model as it was, and the repair that followed."""
+
+    def data(path: Path) -> str:  # which may be others than those of the posterior
+        artefact = Study(path.parent).artefacts().get(path.stem)
+        return ", ".join(Path(file).name for file in sources_of(artefact)) if artefact else "data"
+
     with found(study, "diagnosis") as (path, kept):
         if kept:
             lacks = "lacks" if path.parent == study.folder else "lacked"
-            yield f"What the model {lacks}: {kept['verdict']}. {kept['sentence']}"
+            yield f"What the model {lacks} by {data(path)}: {kept['verdict']}. {kept['sentence']}"
     with found(study, "repair") as (path, kept):
         if kept and (names := "; ".join(added["in_words"] for added in kept["rounds"])):
             here = path.parent == study.folder
             which = "A repaired model has a page of its own" if here else "This model was repaired"
             yield (
-                f"{which}. Added to it: {names}. Residuals fell from {kept['chi2_before']:.0f} to "
-                f"{kept['chi2_after']:.0f} over {kept['independent_points']:.0f} independent "
-                "points."
+                f"{which}. Added to it: {names}. Residuals of {data(path)} fell from "
+                f"{kept['chi2_before']:.0f} to {kept['chi2_after']:.0f} over "
+                f"{kept['independent_points']:.0f} independent points."
             )
         elif kept:
-            yield f"A repair added nothing ({kept['verdict']}). {kept['sentence']}"
+            yield f"A repair by {data(path)} added nothing ({kept['verdict']}). {kept['sentence']}"
 
 
 def _holding(
@@ -262,17 +267,17 @@ def _next(
     # The chosen posterior, or the first that there is.
     shown = study if study.posterior in have else Study(study.folder, have[0])
     option = "" if shown.posterior == MAIN_POSTERIOR else f" --posterior {shown.posterior}"
-    if shown.summary().get("warnings") and "diagnosis" not in artefacts:
+    if shown.summary().get("warnings") and not {"diagnosis", "repair"} & {*artefacts}:
         files = shlex.join(sources_of(artefacts[shown.key("posterior")]))
         reason = "The posterior is to be used with care; this looks for what is missing."
         return ((_typed(study, f"diagnose {files}"), reason),)
     repaired = study.path(REPAIRED)
     with found(study, "diagnosis") as (_, kept):
         named = "diagnosis" in artefacts and kept["verdict"] in ("named", "partly")
-    if named and repaired not in studies:
-        files = shlex.join(sources_of(artefacts["diagnosis"]))
+    tried = [sources_of(artefacts[name]) for name in ("diagnosis", "repair") if name in artefacts]
+    if named and tried[:1] != tried[1:] and repaired not in studies:
         reason = "The diagnosis names what is missing; this adds it to the model."
-        return ((_typed(study, f"repair {files}"), reason),)
+        return ((_typed(study, f"repair {shlex.join(tried[0])}"), reason),)
     known = artefacts
     if repaired in studies:
         shown, option = Study(repaired), ""

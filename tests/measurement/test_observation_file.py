@@ -165,15 +165,6 @@ HISTORY_ERRORS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("text", "message"), HISTORY_ERRORS.values(), ids=HISTORY_ERRORS)
-def test_bad_histories(write, text, message):
-    with pytest.raises(MeasurementError) as caught:
-        read_observation_file(write(text, "bad.csv"))
-    assert message in str(caught.value)
-    assert "bad.csv" in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
 @pytest.mark.parametrize(
     ("cell", "message"),
     [("nan", "the cell is blank or nan"), ("", "the cell is blank"), ("inf", "the value is inf")],
@@ -250,11 +241,16 @@ FRF_ERRORS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("text", "message"), FRF_ERRORS.values(), ids=FRF_ERRORS)
-def test_bad_frf_table(write, text, message):
+ERRORS = HISTORY_ERRORS | {f"frf: {name}": case for name, case in FRF_ERRORS.items()}
+
+
+@pytest.mark.parametrize(("text", "message"), ERRORS.values(), ids=ERRORS)
+def test_a_bad_table(write, text, message):
     with pytest.raises(MeasurementError) as caught:
         read_observation_file(write(text, "bad.csv"))
     assert message in str(caught.value)
+    assert "bad.csv" in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_real_bench_top_frame(shared_file):

@@ -1,6 +1,7 @@
 """The whole way from hidden effects in histories to a repaired study that every command takes."""
 
 import json
+import shutil
 import tomllib
 from dataclasses import replace
 
@@ -217,6 +218,9 @@ def test_data_of_another_building_leave_nothing_behind(home, tmp_path):
     files = sorted(p.name for p in study.folder.rglob("*"))
     with pytest.raises(MeasurementError, match="another building"):
         repair_study(study, model, ObservationSource(other))
+    shutil.copy(home / "heavy.csv", copy := tmp_path / "copy.csv")
+    with pytest.raises(MeasurementError, match=r"copy.csv is fitted, so it proves nothing; keep"):
+        repair_study(study, model, ObservationSource(home / "heavy.csv"), ObservationSource(copy))
     with pytest.raises(MeasurementError, match="another building"):
         repair_study(study, model, ObservationSource(home / "heavy.csv"), ObservationSource(other))
     # Floors of the same names, but other stories: of its variation nothing is explained.

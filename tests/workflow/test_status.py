@@ -125,7 +125,17 @@ def test_a_named_effect_asks_for_a_repair(look):
         study.record("diagnosis", "diagnosis.json", "diagnose", {}, {"file": "run 1.csv"})
         found = study_status(study)
         assert found.next[0][0].startswith(f"femupdate {command}")
-        assert found.first[-1] == f"What the model lacks: {verdict}. So."  # as on the page
+        said = f"What the model lacks by run 1.csv: {verdict}. So."  # as on the page
+        assert found.first[-1] == said
+    nothing = {"rounds": [], "verdict": "unknown", "sentence": "Nothing is certain."}
+    for number, command in {2: "repair 'run 1.csv'", 1: "predict"}.items():
+        write_text(study.path("diagnosis.json"), '{"verdict": "named", "sentence": "So."}')
+        study.record("diagnosis", "diagnosis.json", "diagnose", {}, {"file": "run 1.csv"})
+        write_text(study.path("repair.json"), json.dumps(nothing))
+        study.record("repair", "repair.json", "repair", {}, {"file": f"run {number}.csv"})
+        found = study_status(study)
+        assert found.next[0][0].startswith(f"femupdate {command}")  # never what was tried
+        assert f"by run {number}.csv added nothing (unknown)" in found.first[-1]
 
 
 def test_a_repair_is_told_and_asked_for_where_it_was_not_made(look):
@@ -137,7 +147,7 @@ def test_a_repair_is_told_and_asked_for_where_it_was_not_made(look):
         inner.require("posterior", "calibrate")
     repair = {"rounds": [{"in_words": "Added mass at RF"}], "chi2_before": 90.0, "chi2_after": 7.0}
     write_text(study.path("repair.json"), json.dumps({**repair, "independent_points": 8}))
-    told = "Added to it: Added mass at RF. Residuals fell from 90 to 7 over 8 independent points."
+    told = "Added mass at RF. Residuals of data fell from 90 to 7 over 8 independent points."
     for each, which in {study: "A repaired model has", inner: "This model was repaired"}.items():
         assert which in (last := study_status(each).first[-1])
         assert last.endswith(told)
