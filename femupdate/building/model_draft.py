@@ -180,9 +180,16 @@ ratio = 0.02
 """
 
 
+def _no_model(path: Path | str, what: str) -> BuildingError:
+    known = ", ".join(PROGRAMS)
+    return BuildingError(f"{path}: {what} another program's model ({known}); leave the option out")
+
+
 def load_text(path: Path | str, units: str | None) -> tuple[str, str] | None:
     """What to call another program's model, and its draft; None of another file."""
     if program_of(path) is None:
+        if units:
+            raise _no_model(path, "units belong to")
         return None
     building_text(path)  # which says what is no file
     file = Path(path).expanduser()
@@ -192,8 +199,7 @@ def load_text(path: Path | str, units: str | None) -> tuple[str, str] | None:
 def write_draft(model: Path | str, units: str | None, path: Path) -> Path:
     """Write the building file of another program's model, and return its path."""
     if program_of(model) is None:
-        known = ", ".join(PROGRAMS)
-        raise BuildingError(f"{model}: a draft is made of another program's model ({known})")
+        raise _no_model(model, "a draft is made of")
     building_text(model)
     text = draft_text(Path(model).expanduser(), units, path.expanduser().parent)
     with atomic_path(path.expanduser(), BuildingError) as temporary:

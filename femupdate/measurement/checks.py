@@ -50,9 +50,13 @@ def channel_findings(channel: RecordedChannel, si: float | None) -> tuple[str, .
     findings = []
     raw = channel.unit if channel.unit and RAW.fullmatch(channel.unit) else ""
     if si is None and (channel.quantity == "acceleration" or raw):
-        given = f"its unit {channel.unit!r} is not one of acceleration"
-        given = given if channel.unit else "the file does not say its unit"
-        findings.append(f"{given}; give it with --unit (identify needs none).")
+        given, mend = (
+            f"its unit {channel.unit!r} is not one of acceleration",
+            "export accelerations",
+        )
+        if not channel.unit:
+            given, mend = "the file does not say its unit", "give it with --unit"
+        findings.append(f"{given}; {mend} (identify needs none).")
         # Below some hundred, whole numbers may be of any unit.
         if not raw and peak > 500.0 and np.array_equal(channel.values, np.rint(channel.values)):
             raw, given = "count", f"{given}, and whole numbers look like counts of a digitiser"

@@ -168,14 +168,14 @@ _STORY = (
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 _ORDINAL = re.compile(rf"\b({'|'.join(_ORDINALS)})\b", re.IGNORECASE)
 _NUMBERED = re.compile(
-    rf"\b(\d+)(?:st|nd|rd|th|\.)?[ -]*(?:{_STORY})\b|\b(?:{_STORY})[ -]*(\d+)\b"
+    rf"\b(\d+)(?:st|nd|rd|th|\.)?[ -]*(?:{_STORY})\b|\b(?:{_STORY})[ -]*(\d+)\b|^R\+(\d+)$"
     r"|(?<![A-Za-z0-9])(?:x|a|acc)?(\d+)F\b|^[LF][ -]?(\d+)$|(\d+)[階层楼]|^(\d+)(?:st|nd|rd|th)$",
     re.IGNORECASE,
 )
 _BELOW = re.compile(
-    r"\b(basement\w*|foundation\w*|ground floor|lobby|base(?!line)\w*|B\d?F?|GF|EG|UG"
-    r"|erdgescho\w+|keller\w*|fundament\w*|rez|RDC|cimentaci[oó]n|fondazion[ei]|planta baja|PB"
-    r"|t[eé]rreo|funda[cç][aã]o|piano terra|zemin|temel|bodrum|(shak\w+ )?table)\b"
+    r"\b(basement\w*|foundation\w*|ground floor|lobby|base(?!line)\w*|B\d?F?|GF|EG|UG|PB"
+    r"|erdgescho\w+|keller\w*|fundament\w*|rez|RDC|cimentaci[oó]n|fondazion[ei]|planta baja"
+    r"|t[eé]rreo|funda[cç][aã]o|piano terra|zemin|temel|bodrum|s[oó]tano|(shak\w+ )?table)\b"
     r"|基[礎础]|地下",
     re.IGNORECASE,
 )
@@ -317,6 +317,8 @@ def plain_unit(unit: str) -> str:
 def is_unit(text: str) -> bool:
     """Return whether a text names a unit of motion, time, frequency, force, or per force."""
     known = any(_known(plain_unit(text), kind) for kind in _MEASURED)
+    speed = _VELOCITY.fullmatch(plain_unit(text))
+    known = known or (speed is not None and speed["length"] in UNITS["length"])
     return known or text in FORCES or bool(force_unit(text) or RAW.fullmatch(text))
 
 

@@ -81,7 +81,8 @@ def read_measured(path: str | Path) -> Recording:
     if not name:
         file = read_text(path)  # says what it is where it is no text
         raise file.error(
-            f"the file is in none of the known formats ({', '.join(readers())}); convert it to CSV"
+            "the file is in none of the known formats, which `femupdate list` names; convert it"
+            " to CSV"
         )
     recording = read_as(name, path)
     channels = in_step(recording.file, dict(enumerate(recording.channels)))

@@ -368,10 +368,15 @@ def rows_of_table(file: TextFile) -> list[Row]:
     """Rows of a table without what loggers write above it: lines of other numbers of cells."""
     rows = unquoted(file.rows())
     delimiter = find_delimiter(rows[-1][1])
-    width = len(cells_of(rows[-1][1], delimiter))
-    titles = cells_of(rows[0][1], delimiter)
+    last, titles = (cells_of(rows[k][1], delimiter) for k in (-1, 0))
+    width = len(last)
     if len(titles) == width or width < _LEAST_COLUMNS:
-        return rows
+        # Spreadsheets pad titles above a table to its width.
+        padded = (cells_of(text, delimiter) for _, text in rows[:_MOST_ABOVE])
+        reach = _filled(last)
+        full = ((k, cells) for k, cells in enumerate(padded) if _filled(cells) >= reach)
+        first, header = next(full, (0, titles))
+        return rows if is_number(header[reach - 1]) else rows[first:]
     if delimiter == "," and width in (2 * len(titles) - 1, 2 * len(titles)) and len(titles) > 1:
         raise file.error(
             f"the row has {width} cells where {len(titles)} are expected: commas stand between"
@@ -388,12 +393,17 @@ def rows_of_table(file: TextFile) -> list[Row]:
     return rows[first:] if whole else rows
 
 
+def _filled(cells: Sequence[str]) -> int:
+    """Number of cells up to the last that is not blank."""
+    return max((position for position, cell in enumerate(cells, start=1) if cell), default=0)
+
+
 def drop_trailing_blanks(rows: list[Row], delimiter: str | None) -> list[Row]:
     """Drop from all rows the blank cells that end the first one, as spreadsheets leave them."""
     if delimiter is None:
         return rows
     first = cells_of(rows[0][1], delimiter)
-    filled = max((position for position, cell in enumerate(first, start=1) if cell), default=0)
+    filled = _filled(first)
     blank = len(first) - filled
     if blank == 0 or filled == 0:
         return rows

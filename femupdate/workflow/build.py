@@ -154,7 +154,7 @@ def build_model(
     if draft is not None:
         if name is None:
             raise BuildingError("a draft needs another program's model; name its file")
-        building = write_draft(str(name), units, Path(draft))
+        building, units = write_draft(str(name), units, Path(draft)), None
     try:
         report = _build(study, building, units, progress)
     except FemupdateError as failure:

@@ -84,6 +84,11 @@ def test_missing_file_lists_shipped_names_and_the_nearest():
     assert "did you mean 'six_story_wall_frame'?" in str(error.value)
 
 
+def test_units_are_of_another_programs_model():
+    with pytest.raises(BuildingError, match=r"units belong to another program's model.*; leave"):
+        load_building("shear_4dof", "N,mm")
+
+
 def test_file_that_is_not_toml_names_the_line(tmp_path):
     path = tmp_path / "broken.toml"
     path.write_text('name = "x"\nkind = frame\n', encoding="utf-8")

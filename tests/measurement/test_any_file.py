@@ -335,7 +335,8 @@ def test_sheets_of_workbooks_are_tables(tmp_path):
     ]
     sheets = {
         "Info": [["A frame"]],
-        "Data": [head, *([t, *v] for t, v in zip(moments, ROWS.T / 9.80665, strict=False))],
+        "Data": [["Run 3", "of 5"], [], head]
+        + [[t, *v] for t, v in zip(moments, ROWS.T / 9.80665, strict=False)],
     }
     for name in ("one.xlsx", "two.xlsx"):
         with xlsxwriter.Workbook(tmp_path / name, {"default_date_format": "hh:mm:ss.000"}) as book:
@@ -386,6 +387,8 @@ def test_frfs_without_header_are_mapped_by_number(write):
         ("ground first_floor second_floor third_floor", "base 2F 3F RF"),
         ("1st 2nd 3rd Roof", "base 2F 3F RF"),
         ("Dach 1.OG Boden 2.OG", "RF 2F base 3F"),
+        ("RDC R+1 R+2 Toiture", "base 2F 3F RF"),
+        ("Sótano Piso_1 Piso_2 Azotea", "base 2F 3F RF"),
     ],
 )
 def test_the_next_command_runs_with_the_names_that_people_give(write, names, floors):

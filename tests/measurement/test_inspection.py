@@ -85,7 +85,7 @@ def test_what_is_wrong_is_said_and_nothing_else(spoil, said):
             None,
             "the file does not say its unit; give it with --unit (identify needs none).",
         ),
-        ({"unit": "volt"}, None, "its unit 'volt' is not one of acceleration"),
+        ({"unit": "mm"}, None, "'mm' is not one of acceleration; export"),
         ({"time_step": 1e-9}, 0.01, "its sampling rate is 1e+09 Hz; buildings are measured at 5"),
         ({"time_step": 1e6}, 0.01, "its sampling rate is 1e-06 Hz"),
         ({"stated_peak": 700.0}, 0.01, "but its header says 700."),
