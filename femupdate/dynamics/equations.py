@@ -49,9 +49,9 @@ class WithSprings:
         free, rows = self.without.apply(rhs), self.springs.rows
         if not len(rows):
             return free
-        given = rows @ self._moved
+        given = rows @ self.moved
         held = np.linalg.solve(np.diag(1.0 / self.springs.stiffness) + given, rows @ free)
-        return np.asarray(free - self._moved @ held)
+        return np.asarray(free - self.moved @ held)
 
     def times(self, shapes: Floats) -> Floats:
         """Forces (n, m) that hold shapes (n, m)."""
@@ -62,7 +62,7 @@ class WithSprings:
         return np.asarray(self.without.times(shapes) + pulled)
 
     @cached_property
-    def _moved(self) -> Floats:
+    def moved(self) -> Floats:
         """(n, c) displacement under unit forces along the springs."""
         return self.without.apply(np.ascontiguousarray(self.springs.rows.T))
 

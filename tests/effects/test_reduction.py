@@ -87,14 +87,17 @@ def test_changed_equations_are_projected_by_what_has_changed(structure, name):
     modes = modes_below(structure.operators, HERE, GRID[-1])
     known = KnownModes.of(before, modes, factorize(before.stiffness))
     changed = equations_at(structure, 1.1 * HERE, ((terms, 0.3),))
-    stiffness, mass, image = known.of_changed(changed)
+    stiffness, mass, *changes = known.of_changed(changed)
     shapes, springs = known.shapes, changed.springs
     pulled = np.diag(springs.stiffness) @ (springs.rows @ shapes)
     whole = shapes.T @ (changed.stiffness @ shapes) + (springs.rows @ shapes).T @ pulled
     np.testing.assert_allclose(stiffness, whole, atol=1e-9 * np.abs(whole).max())
     np.testing.assert_allclose(mass, shapes.T @ (changed.mass @ shapes), atol=1e-9)
-    expected = changed.mass @ shapes
-    np.testing.assert_allclose(image, expected, atol=1e-9 * np.abs(expected).max())
+    for kind, (rows, times) in zip(("stiffness", "mass"), changes, strict=True):
+        found = np.zeros_like(shapes)
+        found[rows] = times
+        expected = (getattr(changed, kind) - getattr(before, kind)) @ shapes
+        np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(whole).max())
 
 
 def test_shapes_of_a_changed_model_come_from_the_modes_of_another(structure, exact, target):
