@@ -142,8 +142,11 @@ class KnownModes:
     def of(equations: Equations, modes: NaturalModes, factors: Factorization) -> "KnownModes":
         """From the modes of the equations."""
         shapes = np.ascontiguousarray(modes.shapes)
-        images = (symmetric_times(m, shapes) for m in (equations.stiffness, equations.mass))
-        return KnownModes(equations, shapes, *(along(shapes, m) for m in images), factors)
+        stiffness, mass = (
+            along(shapes, symmetric_times(matrix, shapes))
+            for matrix in (equations.stiffness, equations.mass)
+        )
+        return KnownModes(equations, shapes, stiffness, mass, factors)
 
     def of_changed(self, changed: Equations) -> tuple[Floats, Floats, Change, Change]:
         """Stiffness and mass (m, m) of changed equations on the shapes, and what changes in both.
