@@ -5,6 +5,7 @@ Data kept out of a repair say how well they are predicted before and after.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.dynamics.history import transformed_sensors
 from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import FrfData
-from femupdate.inference.likelihood import Data, Likelihood
+from femupdate.inference.likelihood import Data, Likelihood, ModelError, joint_error
 from femupdate.measurement.names import BASE
 from femupdate.measurement.observation import Histories, rotation_of
 from femupdate.progress import SILENT, Progress
@@ -344,12 +345,18 @@ class KeptOut:
 
     def _seen_by(self, problem: Likelihood, fitted: Fit) -> Likelihood:
         """The data as a problem of the structure of a fit, at their level of motion."""
+        data, error = self._judged
+        near, theta = fitted.system.model, fitted.theta()[0]
+        data = with_rest_about(data, self.model.structure, near, theta)
+        return replace(problem_of(problem.reduced, self.model.building, data), error=error)
+
+    @cached_property
+    def _judged(self) -> tuple[tuple[Data, ...], ModelError]:
+        """The data at their level of motion, and their error: what it factorises serves all."""
         data = tuple(
             kind.at_level(self.level) if isinstance(kind, FrfData) else kind for kind in self.data
         )
-        near, theta = fitted.system.model, fitted.theta()[0]
-        data = with_rest_about(data, self.model.structure, near, theta)
-        return problem_of(problem.reduced, self.model.building, data)
+        return data, joint_error(data)
 
 
 def hold(kept: KeptOut, problem: Likelihood, done: Repair) -> Held:
