@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from femupdate.arrays import Complexes, Flags, Floats
 from femupdate.measurement.names import (
@@ -343,7 +344,8 @@ def _set_by_clock(reference: _Sensor, others: Sequence[_Sensor], mode: float) ->
     for sensor in others:
         # Two hundred periods tell a pace to a few hundred ppm, the whole record the rest.
         part = min(count, int(140.0 / top / step))
-        begin = int(np.argmax(np.convolve(reference.values**2, np.ones(part), "valid")))
+        energy = np.cumsum(np.append(0.0, reference.values**2))
+        begin = int(np.argmax(energy[part:] - energy[:-part]))
         x, y = (each.values[begin : begin + part] for each in (reference, sensor))
         wide = 0.25 / (part * step * top)
         paces = wide * np.arange(-np.ceil(0.012 / wide), np.ceil(0.012 / wide) + 1)
@@ -374,7 +376,7 @@ def _agreement(
     """How well phases of two histories agree up to a frequency, at most 1, and the delay, s."""
     time = step * (np.arange(y.size) - 0.5 * y.size)
     y = np.interp(time * (1.0 + pace), time, y) if pace else y
-    padded = 2 * x.size
+    padded = next_fast_len(2 * x.size)
     window = np.hanning(x.size)
     band = int(top * padded * step)
     # Without an offset under the window, whose sign would count as a phase.
