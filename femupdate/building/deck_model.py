@@ -431,9 +431,11 @@ class _DeckReading:
         cards = self.deck.of("SPC", "SPC1")
         sets = sorted({card.whole(0) for card in cards})
         sums, chosen = {card.whole(0): card for card in self.deck.of("SPCADD")}, self.deck.chosen
-        if chosen is None and len(sets) > 1 and len(sums) != 1:
+        unclear = len(sets) > 1 and len(sums) != 1 if chosen is None else chosen not in sums
+        if unclear and cards and chosen not in sets:
+            said = "no SPC =" if chosen is None else f"SPC = {chosen}"
             raise cards[0].error(
-                f"there are sets {', '.join(map(str, sets))}, and no SPC = in case control; keep "
+                f"there are sets {', '.join(map(str, sets))}, and {said} in case control; keep "
                 "one, or write SPC = before BEGIN BULK"
             )
         if chosen is None:

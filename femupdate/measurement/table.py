@@ -271,7 +271,8 @@ class ColumnTable:
         if blank.size:
             row, column = blank[0]
             raise self.file.error(
-                "the cell is blank or nan; fill in the measured value, or remove row or column",
+                f"the cell is blank or nan ({len(blank)} in all); fill in the measured value, or "
+                "remove row or column",
                 int(self.lines[row]),
                 self.title(columns[column]),
             )

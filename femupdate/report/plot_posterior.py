@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator, ScalarFormatter
 
 from femupdate.arrays import Floats
 from femupdate.report.curves import Interval
@@ -165,10 +165,12 @@ def _label(panel: Axes, row: int, column: int, names: Sequence[str]) -> None:
         # Round values away from the ends, whose labels would push the panels apart.
         low, high = axis.get_view_interval()
         room = 0.14 * (high - low)
-        most = 3 if last < 6 else 2  # of narrow panels the figures would meet
+        # In narrow panels, and where they have many digits, more figures would meet.
+        most = 3 if last < 6 and high - low > 0.01 * max(abs(low), abs(high)) else 2
         ticks = MaxNLocator(most).tick_values(low + room, high - room)
         inner = [float(tick) for tick in ticks if low + room <= tick <= high - room]
         axis.set_major_locator(FixedLocator(inner))
+        axis.set_major_formatter(ScalarFormatter(useOffset=False))
     panel.tick_params(
         labelsize=8.0,
         bottom=row == last,

@@ -15,7 +15,7 @@ from femupdate.errors import InferenceError, StudyError
 from femupdate.inference.change import NAMED, Changes, changes
 from femupdate.inference.posterior import Posterior, load_posterior
 from femupdate.report.scale import plus_minus, with_unit
-from femupdate.result import Item, Note, Notes, Picture, Result
+from femupdate.result import Item, Note, Notes, Picture, Result, wrapped
 from femupdate.study import BUILDING_FILE, Study
 from femupdate.tables import Column, Table
 
@@ -113,7 +113,7 @@ class CompareReport(Result):
         """The verdict, every factor, and notes."""
         found, (before, after) = self.changes, self.draws
         yield Note(
-            self.sentence(),
+            wrapped(self.sentence()),
             {
                 "before": self.before.name,
                 "after": self.after.name,

@@ -81,7 +81,7 @@ SPOILED = {
     "bdf: no number": ("GRID    6               4000.", "GRID    6               4o00.",
         "'4o00.'; write"),
     "bdf: no whole number": ("CBAR    1       1 ", "CBAR    1       1.", "write a whole number"),
-    "bdf: no support": ("SPC1    7 ", "$PC1    7 ", "no node is held; add supports"),
+    "bdf: no support": ("SPC1    7 ", "$PC1    7 ", "sets 8, and SPC = 7 in case"),
     "bdf: two sets": ("SPC = 7\n", "", "sets 7, 8.*write SPC ="),
     "bdf: double element": ("CBAR    2 ", "CBAR    1 ", "line 22 has this number already"),
     "bdf: two supports": ("SPC = 7\n", "SUBCASE 1\n SPC = 7\nSUBCASE 2\n SPC = 8\n",

@@ -145,6 +145,9 @@ FIGURES = {
         for p in (1, 7)
     },
     "pairs of one case": lambda: posterior_pairs(cases(4, 1), names(4), bounds(4)),
+    "sharp pairs": lambda: posterior_pairs(
+        {"sharp": samples(5, 2e-4) + np.linspace(-0.3, 0.3, 5)}, names(5), bounds(5)
+    ),
     "pairs with a constant": lambda: posterior_pairs(
         {"fixed": np.hstack([samples(2, 0.1), np.ones((600, 1))])}, names(3), bounds(3)
     ),
@@ -347,6 +350,7 @@ def assert_legends_cover_nothing(figure: Figure) -> None:
 
 def assert_no_tick_labels_overlap(figure: Figure) -> None:
     for panel in figure.axes:
+        assert not panel.xaxis.get_offset_text().get_text()  # +1.1 beside the figures
         for labels in drawn_tick_labels(panel) if panel.get_visible() else ():
             for first, second in combinations([t.get_window_extent() for t in labels], 2):
                 assert not first.overlaps(second)
