@@ -11,7 +11,7 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.inference.frf_data import frf_data
 from femupdate.inference.likelihood import Likelihood
-from femupdate.inference.model_error import LearnedError
+from femupdate.inference.model_error import MODEL_ERROR, Harmonics, LearnedError
 from femupdate.measurement.observation import Observation
 from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.units import percent
@@ -57,6 +57,13 @@ class ErrorDraws:
     phase: SizeDraws | None
     first_hz: float
     width_hz: float
+
+    @property
+    def harmonics(self) -> Harmonics:
+        """Functions of frequency of which the errors are sums."""
+        width = self.width_hz
+        period, count = MODEL_ERROR.period * width, MODEL_ERROR.harmonics
+        return Harmonics(self.first_hz, width, period, count)
 
     def sentence(self, observation: Observation) -> str:
         """For the user."""

@@ -192,9 +192,9 @@ class CalibrationReport(Result):
         if errors is not None:
             # 5 and 95 % with errors of the model as large as learned, and elsewhere.
             rows, known = posterior.rows(len(predicted), 0), model.frequency_hz.numpy()
-            size, floors = errors.amplitude, len(seen.floors)
+            size, left = errors.amplitude, np.ones((len(seen.floors), 1))
             moved = [
-                values + drawn_error(size, row, errors, floors, known, default_rng(stream))
+                values + drawn_error(size, row, left, errors.harmonics, known, default_rng(stream))
                 for values, row, stream in zip(predicted, rows, spawn(0, len(rows)), strict=True)
             ]
             low, high = np.quantile(moved, [0.05, 0.95], axis=0)

@@ -86,7 +86,7 @@ def test_runs_that_differ_over_a_part_of_the_band_differ_there_alone():
     np.testing.assert_allclose(found[0, 160:], 0.0, atol=1e-6)
 
 
-def learned(runs=0, between=None, floors=("RF",), draws=1):
+def learned(runs=0, between=None, floors=("RF",), draws=1, sign=1.0):
     """RF was measured and the model 20 % low there, half of it (in variance) at all floors."""
     measured = Observation(
         frequency_hz=GRID,
@@ -96,7 +96,7 @@ def learned(runs=0, between=None, floors=("RF",), draws=1):
         valid=np.array([[floor == "RF"] * 10 for floor in floors]),
         between=between,
     )
-    mean = np.full((len(floors), 10), 0.2)
+    mean = np.full((len(floors), 10), 0.2) * sign
     sizes = SizeDraws(np.full((1, 1, 4), 0.1) * [1.0, 1.0, 10.0, 10.0], mean)
     errors = ErrorDraws(sizes, None, 1.0, 9.0)
     scatter = SimpleNamespace(runs=runs) if runs else None
@@ -114,11 +114,17 @@ def gain(errors, hertz):
 
 
 def test_a_share_of_the_error_of_one_event_stays_in_the_next():
-    np.testing.assert_allclose(gain(learned(), 5.0), [0.06, 0.12], rtol=0.01)
+    np.testing.assert_allclose(gain(learned(), 5.0), [0.09, 0.18], rtol=0.01)
     # A floor whose points are all left out is no measured one.
-    np.testing.assert_allclose(gain(learned(floors=("2F", "RF")), 5.0), [0.06, 0.12], rtol=0.01)
+    np.testing.assert_allclose(gain(learned(floors=("2F", "RF")), 5.0), [0.09, 0.18], rtol=0.01)
     # Outside of the band it was learned in it fades over its length of 1 Hz.
-    assert gain(learned(), 14.0)[1] == pytest.approx(0.12 * np.exp(-4.0), rel=0.1)
+    assert gain(learned(), 14.0)[1] == pytest.approx(0.18 * np.exp(-4.0), rel=0.1)
+    # What changes from point to point stays less, by its neighbours within .08 of the band: these
+    # weigh exp(-1 / .72), whose sums are geometric.
+    weight = np.exp(-1.0 / 0.72)
+    narrow = gain(learned(sign=(-1.0) ** np.arange(10)), 5.0)
+    expected = 0.18 * ((1.0 - weight) / (1.0 + weight)) ** 2
+    np.testing.assert_allclose(narrow[1], expected, rtol=0.05)
 
 
 def test_the_mean_of_several_runs_stays_and_is_known_to_their_scatter():
