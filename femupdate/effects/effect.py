@@ -83,9 +83,17 @@ class DrawnBuilding:
         """Index of a floor in `levels`."""
         return 1 + self.structure.floors.index(floor)
 
+    def plan(self, level: int) -> tuple[Floats, Floats]:
+        """Least and greatest coordinates of a floor, (3,) each, m; those of all at the base."""
+        here = self.structure.level_of == level - 1
+        if self.structure.mesh is None or level == 0 or not here.any():
+            return self.low, self.high
+        place = self.structure.points.position[here]
+        return place.min(axis=0), place.max(axis=0)
+
     def centre(self, level: int) -> Floats:
         """(3,) middle of a level, m; 0 is the base."""
-        middle = 0.5 * (self.low + self.high)
+        middle = 0.5 * np.add(*self.plan(level))
         middle[2] = self.levels[level]
         return np.asarray(middle)
 
@@ -95,22 +103,26 @@ class DrawnBuilding:
         vector[self.structure.direction] = length
         return vector
 
-    def edges(self, level: int) -> tuple[Floats, Floats]:
-        """The near corner of a level and the next one along the motion, (3,) each, m."""
-        start = self.low.copy()
+    def edges(self, level: int, under: int | None = None) -> tuple[Floats, Floats]:
+        """The near corner of a level and the next one along the motion, (3,) each, m.
+
+        Args:
+            under: the level whose plan it is, by default its own.
+        """
+        low, high = self.plan(level if under is None else under)
+        start = low.copy()
         start[2] = self.levels[level]
-        depth = float((self.high - self.low)[self.structure.direction])
-        return start, start + self.along(depth)
+        return start, start + self.along(float((high - low)[self.structure.direction]))
 
     def diagonal(self, lower: int, upper: int) -> tuple[Floats, Floats]:
         """From corner to corner between two levels, on the near face, (3,) each, m."""
-        return self.edges(lower)[0], self.edges(upper)[1]
+        return self.edges(lower, under=upper)[0], self.edges(upper)[1]
 
     def upright(self, axis: int, at: float, story: int) -> Floats:
         """(4, 3) corners of a story's face across an axis, m."""
         face = np.zeros((4, 3))
         face[:, axis] = at
-        ends = self.low[1 - axis], self.high[1 - axis]
+        ends = [end[1 - axis] for end in self.plan(story + 1)]
         face[:, 1 - axis] = [ends[0], ends[1], ends[1], ends[0]]
         bottom, top = self.low[2] + self.structure.feet[story], self.levels[story + 1]
         face[:, 2] = [bottom, bottom, top, top]

@@ -48,6 +48,12 @@ def test_two_towers_have_the_frequencies_of_opensees(opensees, tmp_path):
     np.testing.assert_allclose(theirs, ours, rtol=1e-3)
 
 
+def test_a_brace_crosses_stories_that_stand_on_one_another():
+    places = set(CATALOGUE["brace"].places(structure_of(from_document(towers()))))
+    assert {"ground-2F", "2F-4F", "3F-6F", "2F-6F", "6F-RF"} <= places
+    assert not places & {"4F-6F", "5F-6F", "5F-RF"}  # from tower to tower
+
+
 def test_a_story_carries_what_stands_on_it():
     # The middle of every story is a node.
     structure = structure_of(from_document(towers(top=3.2)))

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from femupdate.building import load_building
+from femupdate.building import from_document, load_building
 from femupdate.effects import CATALOGUE, DrawnBuilding, structure_of
 from femupdate.report import Geometry, drawn
+from tests import documents
 
 
 @pytest.fixture(scope="module", params=["shear_4dof", "two_story_openings"])
@@ -54,6 +55,16 @@ def test_what_sits_on_a_floor_is_drawn_at_its_height():
         ((centre, radius),) = drawn(CATALOGUE["added_mass"].glyphs(building, floor)).balls
         heights.append(centre[2] - radius)
     np.testing.assert_allclose(heights, building.structure.levels)
+
+
+def test_effects_of_one_tower_are_drawn_in_it():
+    building = DrawnBuilding(structure_of(from_document(documents.towers())))
+    for name, place in [("added_mass", "6F"), ("brace", "3F-6F"), ("story_damper", "6F")]:
+        glyphs = drawn(CATALOGUE[name].glyphs(building, place))
+        centres = [centre[None] for centre, _ in glyphs.balls]
+        across = np.concatenate([*centres, *glyphs.lines])[:, 0]
+        assert across.min() >= 12.0, name
+        assert across.max() <= 18.0, name
 
 
 def test_the_walls_of_one_story_are_those_of_that_story():

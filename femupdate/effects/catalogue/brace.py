@@ -1,7 +1,5 @@
 """A brace or tie that the model does not know of."""
 
-from itertools import pairwise
-
 import numpy as np
 
 from femupdate.effects.effect import DrawnBuilding, Effect, Glyph, SpringTerms, Sway, Terms, change
@@ -29,15 +27,14 @@ class Brace(Effect):
         In one story of a shear building it could not be told from the story's factor.
         """
         names = (_GROUND, *structure.floors)
-        apart = (2,) if structure.is_stick else (1, 2)
-        pairs = [(k, k + n) for n in apart for k in range(len(names) - n)]
-        return tuple(f"{names[low]}-{names[high]}" for low, high in sorted(pairs))
+        spans = [span for n in (1, 2)[structure.is_stick :] for span in _spans(structure, n)]
+        return tuple(f"{names[low]}-{names[high]}" for low, high in sorted(spans))
 
     def basis_questions(self, structure: Structure) -> tuple[tuple[str, float], ...]:
         """A brace in every story: their forces on the floors are those of all others."""
         names = (_GROUND, *structure.floors)
         size = self.parameters[0].scale
-        return tuple((f"{low}-{high}", size) for low, high in pairwise(names))
+        return tuple((f"{names[low]}-{names[high]}", size) for low, high in _spans(structure, 1))
 
     def where(self, place: str) -> str:
         """As `Effect.where`."""
@@ -61,6 +58,18 @@ class Brace(Effect):
         shear = float(structure.rigid_mass[TRANSLATION, TRANSLATION])
         spring = shear / structure.roof
         return Terms(springs=SpringTerms((rows[high] - rows[low])[None], np.array([spring])))
+
+
+def _spans(structure: Structure, stories: int) -> list[tuple[int, int]]:
+    """Numbers of two levels between which so many stories stand on one another; 0 is the ground."""
+    feet = [-1, *(1 + foot for foot in structure.building.below)]
+    spans = []
+    for high in range(1, len(feet)):
+        low = high
+        for _ in range(stories):
+            low = feet[low] if low >= 0 else low
+        spans.append((low, high))
+    return [span for span in spans if span[0] >= 0]
 
 
 def _levels(structure: Structure, place: str) -> tuple[int, int]:

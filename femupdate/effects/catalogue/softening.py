@@ -43,8 +43,8 @@ class AmplitudeSoftening(Effect):
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """The near faces of the story, or of all."""
-        sides = [(0, float(drawn.low[0])), (1, float(drawn.low[1]))]
-        faces = [drawn.upright(*side, k) for k in drawn.stories(place) for side in sides]
+        near = [(story, drawn.plan(story + 1)[0]) for story in drawn.stories(place)]
+        faces = [drawn.upright(axis, float(low[axis]), k) for k, low in near for axis in (0, 1)]
         return (Glyph.of("surfaces", faces),)
 
     def terms(self, structure: Structure, place: str) -> Terms:
