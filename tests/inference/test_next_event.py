@@ -119,9 +119,9 @@ def test_a_share_of_the_error_of_one_event_stays_in_the_next():
     np.testing.assert_allclose(gain(learned(floors=("2F", "RF")), 5.0), [0.09, 0.18], rtol=0.01)
     # Outside of the band it was learned in it fades over its length of 1 Hz.
     assert gain(learned(), 14.0)[1] == pytest.approx(0.18 * np.exp(-4.0), rel=0.1)
-    # What changes from point to point stays less, by its neighbours within .08 of the band: these
-    # weigh exp(-1 / .72), whose sums are geometric.
-    weight = np.exp(-1.0 / 0.72)
+    # What changes from point to point stays less, by its neighbours within .04 of the band: these
+    # weigh exp(-1 / .36), whose sums are geometric.
+    weight = np.exp(-1.0 / 0.36)
     narrow = gain(learned(sign=(-1.0) ** np.arange(10)), 5.0)
     expected = 0.18 * ((1.0 - weight) / (1.0 + weight)) ** 2
     np.testing.assert_allclose(narrow[1], expected, rtol=0.05)
