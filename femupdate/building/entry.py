@@ -145,46 +145,30 @@ def as_building_error(error: ValidationError, document: Any, where: str) -> Buil
     return BuildingError(f"{where}: {key + ': ' if key else ''}{sentence}{more}")
 
 
-# Units tried when a building is written, in order of preference at equal length of the text.
-_WRITTEN = {
-    "length": ("m", "mm"),
-    "area": ("m2", "mm2"),
-    "inertia": ("m4", "mm4"),
-    "mass": ("kg", "t"),
-    "stress": ("kN/mm2", "N/mm2", "Pa"),
-    "density": ("kg/m3",),
-    "stiffness": ("N/m", "kN/m"),
-    "rotational stiffness": ("N m/rad", "kN m/rad"),
-    "damping": ("N s/m", "kN s/m"),
-    "rotational damping": ("N m s/rad", "kN m s/rad"),
-    "stiffness per mass": ("1/s2",),
-    "frequency": ("Hz",),
-    "time": ("ms",),
-    "share": ("%",),
-}
-# Beyond these, SI, is no building and no model of one on a bench: a figure or its unit is wrong.
-_POSSIBLE = {
-    "length": (1e-6, 1e5),
-    "area": (1e-12, 1e8),
-    "inertia": (1e-20, 1e12),
-    "mass": (1e-6, 1e10),
-    "stress": (1e3, 1e17),
-    "density": (1e-3, 1e6),
-    "stiffness": (1e-3, 1e20),
-    "rotational stiffness": (1e-3, 1e24),
-    "damping": (1e-3, 1e15),
-    "rotational damping": (1e-3, 1e18),
-    "stiffness per mass": (1e-6, 1e15),
-    "frequency": (1e-6, 1e6),
-    "time": (0.0, 1e9),
-    "share": (0.0, 1e3),
+# Units tried when a building is written, in order of preference at equal length of the text, and
+# figures beyond which, SI, is no building and no model of one on a bench: one or its unit is wrong.
+_KINDS = {
+    "length": (("m", "mm"), 1e-6, 1e5),
+    "area": (("m2", "mm2"), 1e-12, 1e8),
+    "inertia": (("m4", "mm4"), 1e-20, 1e12),
+    "mass": (("kg", "t"), 1e-6, 1e10),
+    "stress": (("kN/mm2", "N/mm2", "Pa"), 1e3, 1e17),
+    "density": (("kg/m3",), 1e-3, 1e6),
+    "stiffness": (("N/m", "kN/m"), 1e-3, 1e20),
+    "rotational stiffness": (("N m/rad", "kN m/rad"), 1e-3, 1e24),
+    "damping": (("N s/m", "kN s/m"), 1e-3, 1e15),
+    "rotational damping": (("N m s/rad", "kN m s/rad"), 1e-3, 1e18),
+    "stiffness per mass": (("1/s2",), 1e-6, 1e15),
+    "frequency": (("Hz",), 1e-6, 1e6),
+    "time": (("ms",), 0.0, 1e9),
+    "share": (("%",), 0.0, 1e3),
 }
 
 
 def format_quantity(value: float, kind: str) -> str:
     """Return the shortest text that `parse_quantity` reads back as exactly this SI value."""
     texts = []
-    for unit in _WRITTEN[kind]:
+    for unit in _KINDS[kind][0]:
         scaled = value / factor(unit, kind)
         plain = int(scaled) if scaled.is_integer() and abs(scaled) < 1e15 else scaled
         texts.append(f"{plain!r} {unit}")
@@ -212,7 +196,7 @@ class Quantity:
         low = -math.inf if self.sign == "any" else 0.0
         if not math.isfinite(number) or number < low or (self.sign == "positive" and number == low):
             raise ValueError(f"{value!r} is not a {self.sign} {self.kind}; correct the figure")
-        least, most = _POSSIBLE[self.kind]
+        _, least, most = _KINDS[self.kind]
         too_small = self.sign == "positive" and number < least
         if too_small or abs(number) > most:
             raise ValueError(
@@ -233,7 +217,7 @@ class Quantity:
         return float(value)
 
     def _example(self) -> str:
-        return f'"1.5 {_WRITTEN[self.kind][0]}"'
+        return f'"1.5 {_KINDS[self.kind][0][0]}"'
 
     def __get_pydantic_core_schema__(
         self, source: type[Any], handler: GetCoreSchemaHandler

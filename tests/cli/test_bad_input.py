@@ -252,11 +252,18 @@ def test_no_study(femupdate, after, tmp_path):
     assert not (tmp_path / "study").exists()
 
 
-def test_no_posterior(femupdate, after, calibrated, snapshot):
-    (calibrated / "posterior.nc").unlink()
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [
+        ("posterior.nc", "holds no posterior; run `femupdate calibrate` first"),
+        ("building.toml", "has no building yet"),  # no other building must step in
+    ],
+)
+def test_a_file_of_the_study_is_gone(femupdate, after, calibrated, snapshot, file, said):
+    (calibrated / file).unlink()
     before = snapshot(calibrated)
     done = femupdate(*after(calibrated))
-    assert "holds no posterior; run `femupdate calibrate` first" in done.complaint
+    assert said in done.complaint
     assert snapshot(calibrated) == before
 
 
@@ -283,15 +290,6 @@ def test_a_posterior_of_another_version_of_the_building(
     before = snapshot(calibrated)
     done = femupdate(*after(calibrated))
     assert "was made from another building; run `femupdate calibrate` again" in done.complaint
-    assert snapshot(calibrated) == before
-
-
-def test_a_study_whose_building_file_is_gone(femupdate, after, calibrated, snapshot):
-    """No other building must step in."""
-    (calibrated / "building.toml").unlink()
-    before = snapshot(calibrated)
-    done = femupdate(*after(calibrated))
-    assert "has no building yet" in done.complaint
     assert snapshot(calibrated) == before
 
 
