@@ -4,8 +4,8 @@ The error of a model has a part that stays, for the structure is the same, and a
 (Kennedy and O'Hagan 2001, JRSS B 63, 425). What stays is known where it was measured: its mean
 corrects the response, and only what is left is drawn. One event shows the sum of both, and stated
 shares of its variance stay: of amplitudes more the more slowly they vary over frequency, for peaks
-move from event to event. Of several runs the mean stays, and what they differ by is drawn. At a
-floor that was not measured only what all floors have in common is known.
+move from event to event. Of the mean of several runs more stays, and what they differ by is drawn.
+At a floor that was not measured only what all floors have in common is known.
 
 Part of what was measured did not follow the base at all; the next measurement will have such a part
 too. How well these bands hold what is measured is the benchmark `femupdate benchmark measured`.
@@ -137,13 +137,17 @@ class EventErrors:
 
     def _staying(self, frequency: Floats, row: Floats, *, broad: bool) -> Floats:
         """What stays of a mean error (k,), see `_left`."""
-        if self.posterior.scatter is not None:
-            return row
+        scatter = self.posterior.scatter
+        runs = 1 if scatter is None else scatter.runs
+        share = _BROAD_STAYS if broad else _STAYS
+        # In the mean of several runs their own parts are the smaller.
+        lessened = 1.0 + (runs - 1) * share
+        row = runs * share / lessened * row
         if not broad:
-            return _STAYS * row
-        width = _BROAD * (frequency[-1] - frequency[0]) or 1.0
+            return row
+        width = _BROAD * (frequency[-1] - frequency[0]) / np.sqrt(lessened) or 1.0
         near = np.exp(-np.abs(frequency[:, None] - frequency) / width)
-        return np.asarray(_BROAD_STAYS * near @ row / near.sum(axis=1))
+        return np.asarray(near @ row / near.sum(axis=1))
 
     def _fading(self, frequency: Floats) -> Floats:
         return np.asarray(1.0 - np.exp(-((frequency / self.fade_hz) ** 2)))
