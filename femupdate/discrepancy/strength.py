@@ -171,7 +171,10 @@ def peaks_with(base: Fit, fitted: Fit, run: Observation, direction: str) -> str:
     _, _, inputs, step = _of_measured(histories, direction, base.system.floors)
     band = np.array([run.frequency_hz[0], base.likelihood.top_hz])
     stories = base.likelihood.building.story_names
+    theta, _, sizes = base.split
     frequency = np.geomspace(band[0], band[1], 60)
+    # Oscillators far below the building follow what little the ends of a record leave.
+    frequency = frequency[frequency > 0.5 * base.system.first_hz(theta, sizes)]
     told = []
     for each in (base, fitted):
         sample = each.system, each.split, inputs, step
