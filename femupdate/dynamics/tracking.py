@@ -165,7 +165,7 @@ def mesh_modes(structure: Structure) -> FullModes:
     massive = int((operators.mass.diagonal() > 0.0).sum())  # a single cantilever has few
     count = min(max(_LEAST, min(_KEPT, len(operators.free) // 8)), max(1, massive))
     modes = lowest_modes(operators, np.ones(operators.parameters), count)
-    full = operators.expand(modes.shapes).reshape(len(operators.model.nodes), 6, -1)[:, :3]
+    full = operators.expand(modes.shapes).reshape(len(operators.model.nodes), 6, -1)
     shapes = np.moveaxis(full, 2, 0)
     mass = np.zeros((len(shapes), 2))
     for axis in (0, 1):  # shares of the whole mass, that of the supports included
@@ -173,10 +173,12 @@ def mesh_modes(structure: Structure) -> FullModes:
         total = float(rigid @ (operators.mass_full @ rigid)) or 1.0  # no mass moves along it
         mass[:, axis] = (modes.shapes.T @ operators.inertia(axis)) ** 2 / total
     levels = operators.model.nodes[:, 2].min() + np.asarray(structure.levels)
+    # Mass of the nodes, and their own inertia about z.
     nodal = (operators.mass_full @ operators.rigid_translation(0)).reshape(-1, 6)[:, 0]
+    nodal = np.stack([nodal, operators.mass_full.diagonal()[5::6]])
     return FullModes(
         modes.frequency_hz,
-        shapes.reshape(len(shapes), -1),
+        shapes[:, :, :3].reshape(len(shapes), -1),
         mass,
         tuple(_direction(shape, operators.model.nodes, nodal, levels) for shape in shapes),
     )
@@ -188,9 +190,10 @@ def _direction(shape: Floats, nodes: Floats, mass: Floats, levels: Floats) -> st
     near = 1e-3 * max(float(np.ptp(nodes[:, 2])), 1e-9)
     energy = np.zeros(4)
     for level in levels:
-        on = (np.abs(nodes[:, 2] - level) < near) & (mass > 0.0)
+        on = (np.abs(nodes[:, 2] - level) < near) & (mass[0] > 0.0)
         if on.any():
-            energy += _plate(shape[on], nodes[on, :2], mass[on])
+            energy += _plate(shape[on, :3], nodes[on, :2], mass[0, on])
+            energy[2] += mass[1, on] @ shape[on, 5] ** 2
     most = (X, Y, TORSION, FLOORS)[int(energy.argmax())]
     return DIAGONAL if most in (X, Y) and energy[:2].min() > 0.5 * energy[:2].max() else most
 

@@ -102,9 +102,11 @@ def inspect(
     for path in map(Path, files):
         try:
             if program_of(path):
-                units = f" --units {unit}" if unit else ""
+                words = model_words(path, unit)
+                wanted = unit or ("FORCE,LENGTH" if "say force and length" in words[-1] else "")
+                units = f" --units {wanted}" if wanted else ""
                 command = f"femupdate build-model {path}{units} --draft {path.stem}.toml"
-                models.append((path, model_words(path, unit), command))
+                models.append((path, words, command))
             else:
                 read.append(inspect_file(path, unit, timed(columns, rate)))
         except (BuildingError, MeasurementError) as error:

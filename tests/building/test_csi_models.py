@@ -123,6 +123,13 @@ def test_a_draft_asks_for_frequencies_that_a_slow_cantilever_has(mass, tmp_path)
     assert abs(grid.frequencies_hz()[-1] - 8.0 * expected[0]) <= grid.step
 
 
+def test_a_mass_at_one_node_turns_in_torsion(tmp_path):
+    path = tmp_path / "column.s2k"
+    path.write_text(COLUMN.replace("Mass3=50", "Mass3=0   MMI3=1E+08") + END)
+    modes = mesh_modes(structure_of(load_building(path)))
+    assert modes.direction == ("Y", "torsion", "X")
+
+
 def test_a_direction_without_mass_has_no_share(tmp_path):
     path = tmp_path / "column.s2k"
     path.write_text(COLUMN.replace("Mass2=50   Mass3=50", "Mass2=0   Mass3=0") + END)

@@ -378,6 +378,9 @@ def test_a_deck_is_inspected_drafted_and_cut(tmp_path):
     assert [deck for deck, *_ in report.models] == [path]
     assert "Units N and mm" in " ".join(report.lines())
     assert report.refused[0].startswith("broken.nas: it has no GRID")
+    write(tmp_path, FRAME.replace("2.5-9", "0.").replace("7.85-9", "0."))
+    assert " --units FORCE,LENGTH --draft frame.toml" in "".join(inspect(path).lines())
+    write(tmp_path, FRAME)
     draft = write_draft(path, None, tmp_path / "own" / "mine.toml")
     building = load_building(draft)
     np.testing.assert_allclose(building.floor_levels, [3.0, 6.0])
