@@ -92,24 +92,50 @@ def turning_beams(model: FiniteElementModel, operators: AffineOperators) -> tupl
     """Beams whose ends turn against the columns in the vertical plane, on a spring each.
 
     At unit size the spring has the E I / L of its beam, L from joint to joint; it is scaled by the
-    factor of the beam's story. The rotation is condensed: k = 1 / (1 / k(0) + s L / (E I)).
+    factor of the beam's story.
     """
-    beams = bars_of(model, ("beam",))
     joint = np.zeros(len(model.nodes), dtype=bool)
     joint[bars_of(model, ("column",)).nodes.ravel()] = True
-    ends = joint[beams.nodes]
-    rows, inner = beams.bending_ends(model.nodes)
-    spring = beams.youngs_modulus * beams.inertia_y / _spans(beams, model.nodes, joint)
-    # Columns and ratios of what springs at some ends take away.
-    softened = np.where(ends[:, :, None] & ends[:, None, :], inner, 0.0) / spring[:, None, None]
-    ratios, vectors = np.linalg.eigh(softened)
-    ratios = np.maximum(ratios, 0.0)
-    forces = vectors.mT @ (np.where(ends[:, :, None], rows, 0.0) / np.sqrt(spring)[:, None, None])
+    return _turning(bars_of(model, ("beam",)), joint, joint, (1,), operators)
+
+
+def turning_feet(model: FiniteElementModel, operators: AffineOperators) -> tuple[Stiffness, ...]:
+    """Columns whose held feet turn in both planes, on springs that are made likewise."""
+    foot, joint = np.asarray(model.fixed.all(axis=1)), np.zeros(len(model.nodes), dtype=bool)
+    for block in model.elements:
+        joint[block.nodes[np.isin(block.kind, ("beam", "slab"))].ravel()] = True
+    return _turning(bars_of(model, ("column",)), foot, joint | foot, (1, 2), operators)
+
+
+def _turning(
+    bars: Beams, turns: Flags, joint: Flags, axes: tuple[int, ...], operators: AffineOperators
+) -> tuple[Stiffness, ...]:
+    """Bars whose ends at some nodes turn about local axes, rotations condensed.
+
+    That is k = 1 / (1 / k(0) + s L / (E I)).
+
+    Args:
+        turns: (N,) nodes where ends turn.
+        joint: (N,) nodes at which bars end.
+    """
+    points = operators.model.nodes
+    spans, ends = _spans(bars, points, joint), turns[bars.nodes]
+    columns, series = [], []
+    for axis in axes:
+        rows, inner = bars.bending_ends(points, axis)
+        inertia = bars.inertia_y if axis == 1 else bars.inertia_z
+        spring = bars.youngs_modulus * inertia / spans
+        # Columns and ratios of what springs at some ends take away.
+        softened = np.where(ends[:, :, None] & ends[:, None, :], inner, 0.0)
+        ratios, vectors = np.linalg.eigh(softened / spring[:, None, None])
+        series.append(np.maximum(ratios, 0.0).ravel())
+        taken = np.where(ends[:, :, None], rows, 0.0) / np.sqrt(spring)[:, None, None]
+        columns.append((vectors.mT @ taken).reshape(-1, rows.shape[-1]))
     return rank_one_terms(
-        np.repeat(beams.nodes, 2, axis=0),
-        np.repeat(beams.group, 2),
-        forces.reshape(-1, forces.shape[-1]),
-        ratios.ravel(),
+        np.tile(np.repeat(bars.nodes, 2, axis=0), (len(axes), 1)),
+        np.tile(np.repeat(bars.group, 2), len(axes)),
+        np.concatenate(columns),
+        np.concatenate(series),
         operators,
         sign=-1.0,
     )

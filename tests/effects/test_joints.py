@@ -13,8 +13,8 @@ from femupdate.effects import CATALOGUE, Placed, structure_of
 from femupdate.fe import Beams, RigidLinks, Springs, assemble
 from tests import documents
 
-JOINTS = CATALOGUE["joint_flexibility"]
-TURN = {0: 4, 1: 3}  # axis of a beam and the rotation that bends it in the vertical plane
+JOINTS, FEET = CATALOGUE["joint_flexibility"], CATALOGUE["foot_flexibility"]
+TURN = {0: [4], 1: [3], 2: [3, 4]}  # axis of a bar and rotations that bend it in upright planes
 
 
 def stick(heights, springs, masses):
@@ -62,25 +62,28 @@ def test_a_stick_is_its_columns_with_rotations_condensed():
     np.testing.assert_allclose(full.stiffness.toarray(), exact, rtol=1e-9, atol=1e-3)
 
 
-def opened(mesh, size):
-    """The mesh with springs E I / (s L) between its beams' ends and the columns."""
+def opened(mesh, size, kind):
+    """The mesh with springs E I / (s L) between its beams' ends and columns, or under columns."""
     model = mesh.model
     beams = model.elements_of(Beams)
-    in_column = np.isin(np.arange(len(model.nodes)), beams.nodes[beams.kind == "column"])
+    turns = np.isin(np.arange(len(model.nodes)), beams.nodes[beams.kind == "column"])
+    if kind == "column":
+        turns = model.fixed.all(axis=1)
     nodes, points = beams.nodes.copy(), list(model.nodes)
     master, slave, tied, springs = [], [], [], []
-    for element in np.flatnonzero(beams.kind == "beam"):
+    for element in np.flatnonzero(beams.kind == kind):
         ends = model.nodes[beams.nodes[element]]
         along = int(np.abs(ends[1] - ends[0]).argmax())
         length = SPANS[along](ends.mean(axis=0)[along])
         stiffness = beams.youngs_modulus[element] * beams.inertia_y[element] / length / size
-        for end in np.flatnonzero(in_column[beams.nodes[element]]):
+        for end in np.flatnonzero(turns[beams.nodes[element]]):
             points.append(ends[end])
             nodes[element, end] = len(points) - 1
             master.append(beams.nodes[element, end])
             slave.append(len(points) - 1)
-            tied.append(np.arange(6) != TURN[along])
-            springs.append((master[-1], slave[-1], TURN[along], stiffness, beams.group[element]))
+            tied.append(~np.isin(np.arange(6), TURN[along]))
+            pair = master[-1], slave[-1]
+            springs += [(*pair, axis, stiffness, beams.group[element]) for axis in TURN[along]]
     pairs = np.array([spring[:2] for spring in springs])
     rest = [np.array([spring[k] for spring in springs]) for k in (2, 3, 4)]
     others = [part for part in model.elements if not isinstance(part, Beams)]
@@ -96,15 +99,17 @@ def opened(mesh, size):
 
 
 # Beams of the frame from column to column: 5 and 4 m along x, 6 m along y.
-SPANS = {0: lambda x: 5.0 if x < 5.0 else 4.0, 1: lambda y: 6.0}
+SPANS = {0: lambda x: 5.0 if x < 5.0 else 4.0, 1: lambda y: 6.0, 2: lambda z: 3.4}
 
 
 @pytest.mark.parametrize("mesh", [5.0, 2.0])
-def test_a_frame_with_flexible_joints_is_one_with_springs_at_its_beams(frame_document, mesh):
-    structure = structure_of(from_document({**frame_document, "mesh": {"size": mesh}}))
-    theta, size = np.array([0.8, 1.3]), 0.3
-    ours = equations_at(structure, theta, [(JOINTS.terms(structure, "all"), size)]).stiffness
-    exact = assemble(opened(structure.mesh, size))
+@pytest.mark.parametrize(("effect", "kind"), [(JOINTS, "beam"), (FEET, "column")])
+def test_flexible_joints_and_feet_are_springs(frame_document, mesh, effect, kind):
+    known = {"beam": documents.rectangle(0.3, 0.5), "column": documents.rectangle(0.5, 0.5)}
+    made = frame_document | {"mesh": {"size": mesh}, "sections": known}
+    structure, theta, size = structure_of(from_document(made)), np.array([0.8, 1.3]), 0.3
+    ours = equations_at(structure, theta, [(effect.terms(structure, "all"), size)]).stiffness
+    exact = assemble(opened(structure.mesh, size, kind))
     load = structure.rigid_force[:, 0]
     moved = np.linalg.solve(ours.toarray(), load)
     full = np.zeros(exact.dof)

@@ -1,6 +1,6 @@
 """Joints between columns and floors that rotate."""
 
-from femupdate.effects.bars import turning_beams, turning_floors
+from femupdate.effects.bars import turning_beams, turning_feet, turning_floors
 from femupdate.effects.effect import DrawnBuilding, Effect, Glyph, Terms, change
 from femupdate.effects.structure import Structure
 
@@ -14,6 +14,7 @@ class JointFlexibility(Effect):
     stories act on the next ones through the floors between them, and f2 / f1 rises.
     """
 
+    joints = "Joints"
     name = "joint_flexibility"
     title = "Flexible joints"
     sentence = (
@@ -31,7 +32,8 @@ class JointFlexibility(Effect):
 
     def said(self, place: str, size: float) -> str:
         """As `Effect.said`."""
-        return f"Joints are {1.0 / max(size, 1e-12):.3g} times as stiff as E I / L of the member"
+        times = 1.0 / max(size, 1e-12)
+        return f"{self.joints} are {times:.3g} times as stiff as E I / L of the member"
 
     def scatter(self, size: float, sd: float) -> str:
         """As `Effect.scatter`: of the stiffness, which is one over the size."""
@@ -50,3 +52,34 @@ class JointFlexibility(Effect):
         mesh, operators = structure.meshed
         turning = structure.once(("joints",), lambda: turning_beams(mesh.model, operators))
         return Terms(stiffness=turning)
+
+
+class FootFlexibility(JointFlexibility):
+    """Rotational springs under the columns of a frame, alike at all feet that are held."""
+
+    joints = "Column feet"
+    name = "foot_flexibility"
+    title = "Flexible column feet"
+    sentence = (
+        "The feet of the columns rotate (thin base plates, shallow pockets, soft ground under each "
+        "footing), so the lowest story is softer, and its columns bend more at their heads."
+    )
+    settled_by = "gyroscopes or pairs of vertical sensors at a column's foot"
+    parameters = change("E I / L of the column over the foot's stiffness", 0.1, 0.0, 2.0)
+
+    def places(self, structure: Structure) -> tuple[str, ...]:
+        """All feet together, where columns of a frame are held against turning."""
+        if structure.is_stick:
+            return ()
+        return ("base",) if self.terms(structure, "base").changes_shapes else ()
+
+    def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
+        """A ball at the ends of the base's near edge."""
+        return tuple(Glyph.of("ball", corner, drawn.radius) for corner in drawn.edges(0))
+
+    def terms(self, structure: Structure, place: str) -> Terms:
+        """At unit size a foot is as stiff as E I / L of its column."""
+        mesh, operators = structure.meshed
+        return Terms(
+            stiffness=structure.once(("feet",), lambda: turning_feet(mesh.model, operators))
+        )

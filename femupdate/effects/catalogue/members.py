@@ -43,6 +43,21 @@ class SlabParticipation(MemberStiffness):
     kinds = ("slab",)
 
 
+class BraceStiffness(MemberStiffness):
+    """A factor on the modelled braces' stiffness of one story or of all."""
+
+    name = "brace_stiffness"
+    title = "Stiffness of the braces"
+    sentence = (
+        "The braces are stiffer or softer than the story factor says, apart from the frame: "
+        "another section, slack or slipping connections, braces that have buckled."
+    )
+    clause = "The braces are {change} than modelled {where}"
+    settled_by = "the braces' ends, their straightness, or strains along them"
+    parameters = change("change of the braces' stiffness", 0.3, -0.95, 3.0)
+    kinds = ("brace",)
+
+
 class InfillStiffness(MemberStiffness):
     """A factor on the struts of infills of one story or of all."""
 

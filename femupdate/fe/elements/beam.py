@@ -24,7 +24,6 @@ BEAM_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 _AXIAL = np.array([0, 6])
 _TORSION = np.array([3, 9])
 _ARMS_HEAD = ("rigid arms: first x", "y", "z", "second x", "y", "z", "bits of released forces")
-_ENDS_Y = np.array([4, 10])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,16 +115,17 @@ class Beams(Elements):
         factor, vectors = np.linalg.eigh(symmetric(twice))
         return np.clip(2.0 / np.maximum(factor, 1.0) - 1.0, 0.0, 1.0), motion.mT @ columns @ vectors
 
-    def bending_ends(self, points: Floats) -> tuple[Floats, Floats]:
-        """Moments about the local y axis at both ends, (n, 2).
+    def bending_ends(self, points: Floats, axis: int) -> tuple[Floats, Floats]:
+        """Moments about a local axis, 1 for y or 2 for z, at both ends, (n, 2).
 
         Returns:
             Per unit motion of the nodes in global axes (n, 2, 12), and per unit rotation of either
             end (n, 2, 2).
         """
         motion, local = self._local(points)
-        rows = local.stiffness[:, _ENDS_Y]
-        return rows @ motion, rows[:, :, _ENDS_Y]
+        ends = [3 + axis, 9 + axis]
+        rows = local.stiffness[:, ends]
+        return rows @ motion, rows[:, :, ends]
 
     def _with(self, factor: float, *names: str) -> Self:
         return replace(self, **{name: factor * getattr(self, name) for name in names})
