@@ -260,7 +260,9 @@ def stick():
 @pytest.fixture(scope="session")
 def frame(frame_document):
     infill = {"along": "P", "from": "A", "to": "B", "thickness": 0.15, "formula": "EN 1998-1"}
-    structure = structure_of(from_document(frame_document | {"infills": [infill]}))
+    brace = {"along": "Q", "from": "B", "to": "C", "section": "beam"}
+    more = {"infills": [infill], "braces": [brace]}
+    structure = structure_of(from_document(frame_document | more))
     theta = np.array([0.8, 1.3])
     grid = np.linspace(0.5, 30.0, 60)
     equations = frame_equations(structure.mesh, structure.mesh.model, theta)
