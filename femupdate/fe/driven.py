@@ -14,7 +14,7 @@ from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats
 from femupdate.errors import StructureError
-from femupdate.fe.products import along, combined, orthonormal
+from femupdate.fe.products import along, combined, diagonal, orthonormal, symmetric_times
 from femupdate.fe.solve import NaturalModes
 
 _POINTS = 400  # frequencies at which it is checked
@@ -55,40 +55,44 @@ def driven_shapes(
             force that symmetry makes zero, may err by as much as that.
 
     Raises:
-        StructureError: 1200 shapes are not enough.
+        StructureError: 1200 shapes are not enough, or a stiffness is negative.
     """
     # The observed rows start shapes as well: the error of a response is the product of both errors.
-    fresh = factorization.apply(np.column_stack([forces, rows.T]))
+    loads = np.column_stack([forces, rows.T])
     most, tolerance = 1200, 1e-2  # of shapes; rms change of ln of the response, of every group
-    room = most + fresh.shape[1]
-    basis = np.empty((len(forces), room), order="F")
-    small = np.zeros((room, room))  # the stiffness on the basis
+    # What has no mass would grow in the shapes unseen. A share of the stiffness, the mass of what
+    # moves at ten thousand times the top, shows it, changes no mode and leads where mass does.
+    share = (2.0 * np.pi * 1e4 * top_hz) ** -2
+    basis = np.empty((len(forces), most + loads.shape[1]), order="F")
+    small = np.zeros((basis.shape[1],) * 2)  # the stiffness on the basis
     last: list[Floats] | None = None
     count, looked = 0, 0
+
+    def weigh(shapes: Floats) -> Floats:
+        return symmetric_times(mass, shapes) + share * factorization.times(shapes)
+
     while count < most:
-        block, moved = orthonormal(fresh, basis[:, :count], mass)
+        fresh = factorization.apply(loads)
+        moved = symmetric_times(mass, fresh) + share * loads
+        block, loads = orthonormal(fresh, basis[:, :count], weigh, moved)
+        exhausted = block.shape[1] == 0
         basis[:, count : count + block.shape[1]] = block
         count += block.shape[1]
-        exhausted = block.shape[1] == 0
         # The response is checked every sixteen shapes.
         if exhausted or count >= looked + 16:
             new = slice(looked, count)
             pulled = factorization.times(basis[:, new])
             small[:count, new] = along(basis[:, :count], pulled)
             small[new, :count] = small[:count, new].T
-            pulled = small[:count, :count]
-            squared, directions = np.linalg.eigh(0.5 * (pulled + pulled.T))
-            frequency = np.sqrt(np.maximum(squared, 0.0)) / (2.0 * np.pi)
-            modes = NaturalModes(frequency, directions)  # as combinations of the basis
-            driven = modes.shapes.T @ along(basis[:, :count], forces)
+            omega, vectors = diagonal(small[:count, :count])
+            driven = vectors.T @ along(basis[:, :count], forces)
             # Of watched rows nobody looks for a hundredth of what is smaller than the largest.
-            omega = 2.0 * np.pi * frequency[:, None]
             w = 2.0 * np.pi * top_hz * np.arange(1, _POINTS + 1) / _POINTS
-            flexible = 1.0 / (omega**2 - w**2 + 2j * 0.01 * omega * w)
+            flexible = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * 0.01 * omega[:, None] * w)
             alone = np.abs(flexible)
             response = []  # ln of the motion (c, o, k) under every force, of each group
             for group, least in ((rows, 0.0), *((some, 1e-3) for some in watched)):
-                seen = (group @ basis[:, :count]) @ modes.shapes
+                seen = (group @ basis[:, :count]) @ vectors
                 size = np.abs(np.stack([(seen * force) @ flexible for force in driven.T]))
                 # Beside its bound by Cauchy and Schwarz, what symmetry makes zero is rounding.
                 bound = (driven**2).T[:, None] @ alone * (seen**2 @ alone)
@@ -100,7 +104,6 @@ def driven_shapes(
                 for after, before in zip(response, last or (), strict=False)
             ]
             if exhausted or (moves and float(np.sqrt(np.max(moves))) < tolerance):
-                return NaturalModes(modes.frequency_hz, combined(basis[:, :count], modes.shapes))
+                return NaturalModes(omega / (2.0 * np.pi), combined(basis[:, :count], vectors))
             last, looked = response, count
-        fresh = factorization.apply(moved)
     raise StructureError(f"{most} shapes do not give the response up to {top_hz:g} Hz; lower that")

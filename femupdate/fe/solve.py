@@ -1,6 +1,7 @@
 """Static displacement and the lowest modes of the full model."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.linalg import eigh
@@ -179,16 +180,17 @@ def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
 def _lanczos(problem: _Problem, count: int, width: int) -> tuple[Floats, Floats] | None:
     """Block Lanczos method that keeps all vectors (Golub and Underwood 1977)."""
     mass, apply = problem.mass, problem.factorization.apply
+    weigh = partial(symmetric_times, mass)
     size, most, look = mass.shape[0], 6 * (count + 2 * width), 1.4 * count
     basis, small, done = np.empty((size, most), order="F"), np.zeros((most, most)), 0
     start = np.random.default_rng(20240).standard_normal((size, width))
-    before, (block, image) = start[:, :0], orthonormal(apply(mass @ start), start[:, :0], mass)
+    before, (block, image) = start[:, :0], orthonormal(apply(mass @ start), start[:, :0], weigh)
     while len(block.T) and done + len(block.T) <= most:
         new = slice(done, done + len(block.T))
         basis[:, new], ahead = block, apply(image)
         small[new, new], small[done - len(before.T) : done, new] = image.T @ ahead, before.T @ ahead
         before, done = image, new.stop
-        block, image = orthonormal(ahead, basis[:, :done], mass)
+        block, image = orthonormal(ahead, basis[:, :done], weigh)
         if done < count or (done < look and len(block.T)):
             continue
         inverse, inside = eigh(small[:done, :done], lower=False)
