@@ -114,8 +114,8 @@ TEMPERED = "Importance sampling did not reach this posterior; the runs' spread i
 _LABEL = "Sampling (data-space likelihood)"
 # Particles of Hamiltonian moves for each of up to four maxima, in groups of eight at least.
 _POPULATION, _LEAST_GROUP, _MOST_MAXIMA = 128, 8, 4
-# Levels of tempering, twice as many as were seen, and steps of a trajectory: of a told time alone.
-_LEVELS, _STEPS = {False: 80, True: 36}, 4
+# Levels of tempering, as many as were seen, and steps of a trajectory: of a told time alone.
+_LEVELS, _STEPS = {False: 40, True: 18}, 4
 # Gradients of a building do not go faster by the hundred on a processor.
 _TRAJECTORIES = SmcSettings(unmoved=0.0, rows=32)
 
@@ -269,7 +269,7 @@ def sampled_by_trajectories(
 
 def _by_power(bar: Percent, beta: float) -> None:
     """Move a bar evenly in the logarithm of beta, which runs from about 1e-5 to 1."""
-    bar.reached(1.0 + max(math.log10(beta) / 5.0, -1.0), f"power {beta:.2g}")
+    bar.reached(1.0 + max(math.log10(beta) / 5.0, -1.0), f"data count {100 * beta:.2g} %")
 
 
 def sample_exact(
