@@ -114,13 +114,18 @@ class MeshError:
     def steps(self) -> Floats:
         """(c, q) one standard deviation of every error of the corrected model, as sizes.
 
-        Each member's own, what another program would do to all of them alike, and how far off the
-        limit is to which the model is corrected.
+        Each member's own, what another program would do to all of them alike and to all of a kind,
+        and how far off the limit is to which the model is corrected.
         """
         open_ = MESH_ERROR.open_factor * np.asarray(self.sd)
         common = MESH_ERROR.open_factor * self.share_sd * np.asarray(self.mean)
         alike = np.full(len(self.labels), MESH_ERROR.of_all)
-        return np.vstack([np.diag(np.hypot(open_, MESH_ERROR.formulation)), alike, common])
+        kinds = np.array([label.partition("@")[0] for label in self.labels])
+        apart = np.unique(kinds)[:, None] == kinds
+        slabs = kinds == "slab_participation"
+        of_kind = apart * np.where(slabs, MESH_ERROR.of_slabs, MESH_ERROR.of_kind)
+        own = np.diag(np.hypot(open_, MESH_ERROR.formulation))
+        return np.vstack([own, alike, common, of_kind])
 
     def of_mesh(self, ratio: float) -> "MeshError":
         """Of the coarse mesh, `ratio` times the building's own, whose half was the finer one.
