@@ -121,9 +121,8 @@ class MeshError:
         common = MESH_ERROR.open_factor * self.share_sd * np.asarray(self.mean)
         alike = np.full(len(self.labels), MESH_ERROR.of_all)
         kinds = np.array([label.partition("@")[0] for label in self.labels])
-        apart = np.unique(kinds)[:, None] == kinds
-        slabs = kinds == "slab_participation"
-        of_kind = apart * np.where(slabs, MESH_ERROR.of_slabs, MESH_ERROR.of_kind)
+        sizes = np.where(kinds == "slab_participation", MESH_ERROR.of_slabs, MESH_ERROR.of_kind)
+        of_kind = (np.unique(kinds)[:, None] == kinds) * sizes
         own = np.diag(np.hypot(open_, MESH_ERROR.formulation))
         return np.vstack([own, alike, common, of_kind])
 

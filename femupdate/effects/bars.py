@@ -110,9 +110,7 @@ def turning_feet(model: FiniteElementModel, operators: AffineOperators) -> tuple
 def _turning(
     bars: Beams, turns: Flags, joint: Flags, axes: tuple[int, ...], operators: AffineOperators
 ) -> tuple[Stiffness, ...]:
-    """Bars whose ends at some nodes turn about local axes, rotations condensed.
-
-    That is k = 1 / (1 / k(0) + s L / (E I)).
+    """Bars whose ends turn about local axes, condensed: k = 1 / (1 / k(0) + s L / (E I)).
 
     Args:
         turns: (N,) nodes where ends turn.

@@ -61,15 +61,11 @@ class Brace(Effect):
 
 
 def _spans(structure: Structure, stories: int) -> list[tuple[int, int]]:
-    """Numbers of two levels between which so many stories stand on one another; 0 is the ground."""
+    """Two levels, 0 is the ground, between which one or two stories stand on one another."""
     feet = [-1, *(1 + foot for foot in structure.building.below)]
-    spans = []
-    for high in range(1, len(feet)):
-        low = high
-        for _ in range(stories):
-            low = feet[low] if low >= 0 else low
-        spans.append((low, high))
-    return [span for span in spans if span[0] >= 0]
+    tops = range(1, len(feet))
+    lows = [feet[top] if stories == 1 else feet[feet[top]] for top in tops]
+    return [(low, top) for low, top in zip(lows, tops, strict=True) if low >= 0]
 
 
 def _levels(structure: Structure, place: str) -> tuple[int, int]:

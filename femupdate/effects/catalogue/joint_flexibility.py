@@ -69,9 +69,8 @@ class FootFlexibility(JointFlexibility):
 
     def places(self, structure: Structure) -> tuple[str, ...]:
         """All feet together, where columns of a frame are held against turning."""
-        if structure.is_stick:
-            return ()
-        return ("base",) if self.terms(structure, "base").changes_shapes else ()
+        there = not structure.is_stick and self.terms(structure, "base").changes_shapes
+        return ("base",) if there else ()
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:
         """A ball at the ends of the base's near edge."""
