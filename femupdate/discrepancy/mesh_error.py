@@ -123,8 +123,8 @@ class MeshError:
         kinds = np.array([label.partition("@")[0] for label in self.labels])
         sizes = np.where(kinds == "slab_participation", MESH_ERROR.of_slabs, MESH_ERROR.of_kind)
         of_kind = (np.unique(kinds)[:, None] == kinds) * sizes
-        own = np.diag(np.hypot(open_, MESH_ERROR.formulation))
-        return np.vstack([own, alike, common, of_kind])
+        each = np.diag(np.hypot(open_, MESH_ERROR.formulation))
+        return np.vstack([each, alike, common, of_kind])
 
     def of_mesh(self, ratio: float) -> "MeshError":
         """Of the coarse mesh, `ratio` times the building's own, whose half was the finer one.
