@@ -210,23 +210,24 @@ def test_errors_of_members_are_those_of_small_steps(coarse, learned):
 
 def test_errors_of_members_far_beyond_the_noise_leave_factors_right(coarse, learned):
     """On straight lines from no error factors would make up for them."""
-    theta = np.array([0.9, 1.1])
+    theta, away = np.array([0.9, 1.1]), []
     reduced = corrected(near(coarse)(theta), learned)
     system, open_ = System(reduced.model, ConstantDamping()), left_open(learned, reduced)
-    errors = 2.0 * torch.from_numpy(np.random.default_rng(4).standard_normal(len(learned.steps)))
-    true = open_.held(errors, system)[1]
-    measured = np.abs(frf(replace(reduced, model=true.model), theta))
-    noise = np.full(measured.shape, 0.003)
-    seen = Observation(GRID, reduced.model.floors, np.log(measured), noise, noise > 0)
-    data = frf_data(seen, reduced.model.floors, table=COARSE_ERROR)
-    found = settled(replace(likelihood_of((data,), system, PRIOR), known=open_), 1)
-    middle = PRIOR.from_normal(found.found.z[:1])
-    slope = (PRIOR.from_normal(found.found.z[:1] + 1e-5) - middle)[0, :2] / 1e-5
-    sd = slope * torch.linalg.inv(found.found.precision[0]).diagonal().sqrt()
-    away = ((middle[0, :2] - torch.from_numpy(theta)) / sd).abs()
-    # The errors are twice as large as stated, and three of their standard deviations are usual.
-    assert (away < 6.0).all()
-    assert (sd < 0.1).all()
-    # Sought once more with factors, errors stay where they are.
-    again = found.likelihood.holding_likeliest(middle).known.likeliest
-    torch.testing.assert_close(again, found.likelihood.known.likeliest, rtol=0.0, atol=0.02)
+    for seed in (4, 5):
+        errors = torch.from_numpy(np.random.default_rng(seed).standard_normal(len(learned.steps)))
+        true = open_.held(2.0 * errors, system)[1]
+        measured = np.abs(frf(replace(reduced, model=true.model), theta))
+        noise = np.full(measured.shape, 0.003)
+        seen = Observation(GRID, reduced.model.floors, np.log(measured), noise, noise > 0)
+        data = frf_data(seen, reduced.model.floors, table=COARSE_ERROR)
+        found = settled(replace(likelihood_of((data,), system, PRIOR), known=open_), 1)
+        middle = PRIOR.from_normal(found.found.z[:1])
+        slope = (PRIOR.from_normal(found.found.z[:1] + 1e-5) - middle)[0, :2] / 1e-5
+        sd = slope * torch.linalg.inv(found.found.precision[0]).diagonal().sqrt()
+        away.append((middle[0, :2] - torch.from_numpy(theta)) / sd)
+        assert (sd < 0.1).all()
+        # Sought once more with factors, errors stay where they are.
+        again = found.likelihood.holding_likeliest(middle).known.likeliest
+        torch.testing.assert_close(again, found.likelihood.known.likeliest, rtol=0.0, atol=0.02)
+    # The errors are twice as large as stated; by straight lines from none it is 9.2 and 3.2.
+    assert (torch.stack(away).square().mean(0).sqrt() < 4.0).all()
