@@ -29,7 +29,7 @@ from .parameters import (
     INPUT_FILE,
     NAMES,
     STUDY_FOLDER,
-    Input,
+    Kind,
 )
 
 
@@ -306,6 +306,7 @@ def _require_inputs() -> None:
     context = click.get_current_context()
     for parameter in context.command.params:
         value = context.params.get(parameter.name or "")
-        if isinstance(parameter.type, Input) and value is not None:
+        kind = parameter.type
+        if isinstance(kind, Kind) and kind.require is not None and value is not None:
             for item in value if isinstance(value, tuple) else (value,):
-                parameter.type.require(item)
+                kind.require(item)
