@@ -80,10 +80,6 @@ class _Log:
     """Progress where there is no terminal: now and then a line with the time that is left.
 
     Of a few steps, which may take any time each, it tells the time so far instead.
-
-    Args:
-        label: of the work.
-        total: units of it.
     """
 
     def __init__(self, label: str, total: int) -> None:

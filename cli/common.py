@@ -141,9 +141,7 @@ def study_options(
             whose name is asked for as well.
         posterior: ask for the name of a posterior, which the study may lack.
         writes: the command writes into the study.
-        draws: add --no-pictures.
         shares: add --dask, which says where the work is done.
-        seeded: add --seed.
     """
     asked = {
         _POSTERIOR: posterior or bool(needs),

@@ -146,7 +146,6 @@ def train(
         thorough: twice the samples and three times the epochs.
         fresh: train even where a fitting surrogate exists.
         device: of torch, for the training.
-        settings: see `Training`.
 
     Raises:
         SurrogateError: too few samples, or no surrogate serves the building.
@@ -228,7 +227,6 @@ def predict(
         measured: file with the floors measured in the same motion, to compare.
         columns: its column names, ours to the file's.
         rate: samples a second, of a table without times.
-        settings: see `Predicting`.
 
     Raises:
         MeasurementError: the record or what was measured cannot be used.
@@ -352,7 +350,6 @@ def simulate(
     Args:
         building: its file or its shipped name.
         path: of the file; the truth goes beside it.
-        settings: see `Simulating`.
 
     Raises:
         BuildingError: the building cannot be read.

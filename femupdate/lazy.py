@@ -9,7 +9,6 @@ def lazily(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
     """Return the `__getattr__` of a package: commands start without what they do not use.
 
     Args:
-        package: its name.
         modules: the module inside the package that holds each public name; "module:inner" where
             it has another name there.
     """

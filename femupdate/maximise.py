@@ -156,7 +156,6 @@ def distinct(descent: Descent, log_mass: Tensor, *, nats: float, count: int) -> 
 
     Args:
         nats: that one may be lighter than the heaviest.
-        count: of them, at most.
     """
     z, precision = descent.z.double(), descent.precision
     rows: list[int] = []
@@ -192,19 +191,15 @@ class LeastSquares(Protocol):
 
     def raw(self, z: Tensor) -> Tensor:
         """Residuals (s, n) at unknowns z (s, d), observed less predicted."""
-        ...
 
     def whitened(self, raw: Tensor) -> Tensor:
         """The same of unit covariance, (s, m)."""
-        ...
 
     def derivative(self, z: Tensor, residual: Tensor, first: int) -> Tensor:
         """Change (s, m, d - first) of the whitened prediction by the unknowns from one on."""
-        ...
 
     def with_derivative(self, z: Tensor, first: int) -> tuple[Tensor, Tensor, Tensor]:
         """Residuals, the same whitened, and their derivative, at once."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,7 +207,6 @@ class Search:
     """How a search goes, and when it ends.
 
     Attributes:
-        iterations: steps, at most.
         small: gain of a step, as a share of the objective, below which a start is finished.
         most_damping: beyond which a start is finished.
         longest: of a step, in any unknown.

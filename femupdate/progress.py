@@ -13,15 +13,12 @@ class Progress(Protocol):
 
     def start(self, label: str, total: int) -> None:
         """A piece of work of `total` units begins; it ends when the next one begins."""
-        ...
 
     def advance(self, count: int = 1, note: str = "") -> None:
         """`count` more units are done; several threads may call this."""
-        ...
 
     def say(self, text: str) -> None:
         """Something that the user should know."""
-        ...
 
 
 class Silent:

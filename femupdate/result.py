@@ -42,7 +42,6 @@ class Notes:
     """Sentences that the user should know, the decisive first.
 
     Attributes:
-        sentences: all of them.
         rest: where those are that the terminal leaves out; it shows all where this is empty.
         key: in JSON.
         detail: on the terminal they are shown to those who ask for more.

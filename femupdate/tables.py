@@ -55,8 +55,6 @@ class Table:
     Attributes:
         name: of its CSV file, without ending.
         columns: all of the same length.
-        caption: what it shows.
-        note: how to read it.
         key: of a list of its rows in JSON.
         corner: heading of the first column on the terminal, where another says what it is.
         words_last: the last column is of words, which stand to the left.
@@ -133,8 +131,6 @@ def table(
     """Return a table, a row on a line, with the first column aligned left, the others right.
 
     Args:
-        head: of the columns.
-        rows: cells.
         words_last: align the last column left as well.
     """
     left = {0, len(head) - 1} if words_last else {0}

@@ -29,8 +29,6 @@ class Finding:
     """One candidate after fitting, the last effect of a fit.
 
     Attributes:
-        score: its score test.
-        fitted: the model with it.
         log_evidence: over the model without it.
         changes: what it does to frequencies and responses.
         tested: on data to which it was not fitted; None where it was not.

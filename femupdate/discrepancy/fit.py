@@ -256,7 +256,6 @@ def fit(
 
     Args:
         likelihood: of the data, with the row of the table of errors that is taken for true.
-        iterations: steps, at most.
         steps: the unknowns with their priors; by default those of the likelihood's prior.
         near: Jacobian (m, k) by the first unknowns at a point near the start, if known.
         renewed: whether that is made anew where no step helps, and at the end.

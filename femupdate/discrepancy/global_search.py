@@ -35,7 +35,6 @@ def global_fit(
     Args:
         problem: the likelihood of the data.
         base: the model so far, fitted.
-        scores: tests of every effect.
     """
     rough = coarse(problem)
     alone = fit(rough, base.placed, base.z, _ROUGH_STEPS)

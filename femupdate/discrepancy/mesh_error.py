@@ -339,7 +339,6 @@ class OpenMesh:
     """The errors that a corrected mesh leaves open, as `inference.likelihood.KnownErrors`.
 
     Attributes:
-        mesh: the error.
         terms: of the effects that stand for it, on the basis of the corrected model.
         of_members: the errors of members that the system holds, in standard deviations; none where
             it is empty.

@@ -57,7 +57,6 @@ class Repair:
     Attributes:
         before: the model as it was, fitted.
         after: the model with all that was added, fitted; the same as before where nothing was.
-        rounds: what was added.
         last: the diagnosis that ended it.
         left: what the model after still misses.
         problem: as the model after was fitted to it.
@@ -264,7 +263,6 @@ class Held:
     """How well two models predict data that neither was fitted to.
 
     Attributes:
-        name: of the file.
         compared: what of it, beside histories.
         figures: before and after: `error`, rms of the predicted less the measured floor
             accelerations over the rms of the measured, up to the highest fitted frequency;
@@ -300,13 +298,9 @@ class KeptOut:
     """Data that no model is fitted to.
 
     Attributes:
-        name: of the file.
-        model: of the building.
         data: as the finder judges them.
-        floors: that they show.
         level: of the data, in doublings above those that are fitted.
         histories: under base motion, where there are any.
-        direction: of the motion.
     """
 
     name: str

@@ -31,7 +31,6 @@ class Score:
     """What one effect at one place could explain.
 
     Attributes:
-        placed: the effect.
         start: its parameters at which the test was made and a fit may start.
         statistic: residuals along what only this effect does, in standard deviations; zero where
             the sign is impossible.

@@ -60,7 +60,6 @@ def judged_by_strength(
 
     Args:
         run: from the histories of which the diagnosis was made; None where there are several runs.
-        direction: of the motion.
     """
     if run is None or run.histories is None:
         return found

@@ -22,7 +22,6 @@ class DiagnosisSettings:
         false_share: of names that may be false, the usual rate of false discoveries.
         least_frequency: share of a natural frequency below which a change is of no consequence.
         least_response: of a response below which a change or an error is of no consequence.
-        seed: of starts and samples.
     """
 
     fitted: int = 10

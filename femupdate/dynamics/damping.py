@@ -18,7 +18,6 @@ class DampingLaw(Protocol):
 
     def ratio(self, omega: Tensor, zeta: Tensor) -> Tensor:
         """Damping ratios (N, m) from circular frequencies (N, m), rad/s, and zeta (N,)."""
-        ...
 
 
 class ConstantDamping:

@@ -45,11 +45,9 @@ class Estimate(Protocol):
     @property
     def turns(self) -> bool:
         """Whether it asks for these."""
-        ...
 
     def __call__(self, frf: Tensor, turned: Tensor | None = None) -> Tensor:
         """(N, f, k) as measured."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,11 +25,9 @@ class Factored(Protocol):
 
     def apply(self, rhs: Floats) -> Floats:
         """Solve for (n, m)."""
-        ...
 
     def times(self, shapes: Floats) -> Floats:
         """The matrix times (n, m)."""
-        ...
 
 
 def driven_shapes(

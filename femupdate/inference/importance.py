@@ -36,7 +36,6 @@ class SamplerRun:
         effective: effective sample size of weighted draws that these were chosen from; zero
             likewise.
         effective_share: of those; zero likewise.
-        levels: of tempering.
         invalid: evaluations that gave no finite number; all count as impossible.
         acceptance: mean share of moves accepted while draws were kept; NaN where none were.
     """

@@ -160,15 +160,12 @@ class KnownErrors(Protocol):
 
     def __call__(self, data: Sequence[Data], system: System, values: Values) -> Tensor:
         """One standard deviation of every error (c, n), in the unit of the residuals."""
-        ...
 
     def held(self, likeliest: Tensor, system: System) -> "tuple[KnownErrors, System]":
         """The same, and the system, with others (m,) of the first errors in it."""
-        ...
 
     def freed(self, system: System) -> tuple[System, Callable[[Tensor], Tensor]]:
         """The system with effects that stand for these errors, and their sizes by errors (n, m)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

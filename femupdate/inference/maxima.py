@@ -83,11 +83,7 @@ def _covariance(precision: Tensor) -> Tensor:
 def draws_about(
     prior: Parameters, log_likelihood: LogLikelihood, found: Descent, count: int, seed: Seed
 ) -> WeightedDraws | None:
-    """Weighted parameters (count, p) about maxima, or None where too few of them would count.
-
-    Args:
-        found: the maxima, see `found_from`.
-    """
+    """Weighted parameters (count, p) about maxima, or None where too few of them would count."""
     covariance, centre = _covariance(found.precision), found.z.double()
     # Normal priors are those of sizes, which trade with factors along thin ridges.
     in_logs = bool(prior.centres.numel())

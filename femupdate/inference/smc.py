@@ -69,7 +69,6 @@ class Tempered:
         start: density of standard normal coordinates; the prior where None.
 
     Attributes:
-        beta: which rises.
         evaluations: of the likelihood so far, one a particle and move.
         invalid: how many of them gave no finite number; all count as impossible.
     """
@@ -130,17 +129,14 @@ class Move(Protocol):
     @property
     def slopes(self) -> bool:
         """Whether it needs the derivatives of the log likelihood."""
-        ...
 
     def fit(self, density: Tempered, points: Points, generator: torch.Generator) -> None:
         """Learn from the particles at the start of a level."""
-        ...
 
     def step(
         self, density: Tempered, points: Points, generator: torch.Generator
     ) -> tuple[Points, float]:
         """Particles after one move of all, and the share of the moves accepted."""
-        ...
 
 
 class RandomWalk:

@@ -210,7 +210,6 @@ class IdentifiedModes:
         floors: (f,) with a sensor, bottom to top.
         shape: (m, f) displacement of the floors against the fixed base, in any scale and sign.
         shape_sd: (m, f) standard deviations, in the scale of the shape.
-        doubts: see `mode_findings`.
     """
 
     names: tuple[str, ...]

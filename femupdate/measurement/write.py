@@ -169,7 +169,6 @@ def write_mapping(
 
     Args:
         columns: our column name to the channel's number or the column's name.
-        channels: all of the file.
         unit: of the accelerations, where the file does not say it.
     """
 

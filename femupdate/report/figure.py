@@ -140,8 +140,6 @@ def panel_grid(
     """Return a figure of panels that share their axes, and its panels row by row.
 
     Args:
-        count: of panels.
-        columns: of the grid.
         size: width and height of a panel, inches.
         across, up: labels of the two axes, with their units.
     """
@@ -192,7 +190,6 @@ def add_head(
 
     Args:
         figure: with all its panels drawn.
-        title: in bold.
         handles: of the legend, with their labels; default everything drawn that has a label.
         note: quiet lines under the title that say how to read the figure.
         columns: of the legend; default all on one line.

@@ -178,7 +178,6 @@ def member_force_bands(
 
     Args:
         members: of each its name, and the histories of its normal force, shear and moment.
-        note: under the title.
     """
     time, shear = members[0][1][1].x, members[0][1][1].mean
     start, end = strong_part(time, shear)

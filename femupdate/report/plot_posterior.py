@@ -33,7 +33,6 @@ def posterior_pairs(
 
     Args:
         sets: draws (S, p) of one to six posteriors of the same parameters, by what they are of.
-        names: p names.
         bounds: (p, 2) prior bounds.
         truth: (p,) true values, where they are known.
     """

@@ -45,7 +45,6 @@ def gap_story(
     Args:
         maps: residuals of the first data before and after.
         building: to mark on it what was added.
-        added: effects.
         curves: ln|H| of every floor, with the model after in `beside`; none without FRFs.
         names: p names of the stiffness factors.
         draws: (n, p) of them before and after.

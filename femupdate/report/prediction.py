@@ -64,9 +64,7 @@ class Prediction(Result):
         path: the netCDF file.
         damping: what damping was used, in words.
         notes: what the user should know, the warnings among them.
-        seconds: all the time taken.
         quantities: peaks, drift ratios, base shear and stiffness of the stories, by key.
-        motion: of the base.
         measured: (f, n) floors measured in the same motion, m/s2, if any.
         floor_spectra: where they were asked for, over the first hundred samples.
         members: forces of the members asked for.

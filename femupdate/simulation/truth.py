@@ -179,9 +179,6 @@ def fine_model(
 ) -> FineModel:
     """Mesh and assemble a building; a shear building is taken as it is.
 
-    Args:
-        mesh_size, sensors: see `sensor_places`.
-
     Raises:
         BuildingError, StructureError: as `sensor_places`, or a shear building is given either.
     """

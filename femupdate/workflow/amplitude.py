@@ -230,7 +230,6 @@ def own_level(reached: Callable[[Integers, Floats], Floats], count: int, start: 
 
     Args:
         reached: levels of the responses of some draws with the stiffness of levels.
-        start: where the search begins.
 
     Stiffness changes the level of the response little, so that taking each answer for the next
     question leads there. Once two questions err to opposite sides, the next lies between them:

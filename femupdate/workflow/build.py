@@ -41,7 +41,6 @@ class BuildReport(Result):
     """What was built.
 
     Attributes:
-        folder: of the study.
         modes: lowest of the full model at theta = 1.
         dof: degrees of freedom of the full model after supports.
         mass_kg: of the model, its supports included.

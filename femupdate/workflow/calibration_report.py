@@ -152,17 +152,12 @@ class CalibrationReport(Result):
     """A posterior and what to make of it.
 
     Attributes:
-        model: whose parameters they are.
-        posterior: the draws.
-        path: where they are stored.
         misfit: mean squared whitened residual of ln|H| at the posterior draw that fits best; 1
             when the model explains the data to within their noise.
         check: posterior predictive p-values; None where theta carries errors of the model, with
             which no draw of it meets the data.
         notes: what the user should know, in sentences.
-        seconds: all the time taken.
         invalid: evaluations without a number.
-        files: the observations.
         details: those notes that few ask for.
     """
 

@@ -379,7 +379,6 @@ def concluded(
     Args:
         model: with the effects that the building lists.
         seeds: of damping ratios, checks, scatter between runs, and what all members err by.
-        path: where the posterior goes.
 
     Raises:
         InferenceError: factors outside of the prior meet the data far better than all inside.

@@ -56,14 +56,9 @@ class DiagnosisReport(Result):
     """A diagnosis and what was made of it.
 
     Attributes:
-        diagnosis: what was found.
         problem: what it was found from.
         limits: factors that end at a limit of their prior, in a sentence.
         screen: what else is to be said of the data and their channels, in sentences.
-        settings: of the diagnosis.
-        path: of the JSON file.
-        seconds: all the time taken.
-        files: the observations.
     """
 
     diagnosis: Diagnosis

@@ -173,9 +173,6 @@ def read_measured_of(
 ) -> Measured:
     """Read the files of a source, of any kind.
 
-    Args:
-        apart: see `measured_of`.
-
     Raises:
         MeasurementError: a file cannot be used, belongs to another building, or is in another
             unit or quantity than it says.

@@ -75,10 +75,8 @@ class PredictionSettings:
     """How to predict.
 
     Attributes:
-        samples: posterior draws used.
         damping: one ratio for all of them; None takes each draw's own where the posterior has it,
             else the building's.
-        seed: which draws.
         spectrum_damping: damping ratio of the oscillators on the floors whose response spectra are
             asked for; None for no spectra.
         members: places in the building, m: the end forces of the beam elements nearest to them are
@@ -117,7 +115,6 @@ def predict_study(
     """Predict floor histories and story shears for a ground motion.
 
     Args:
-        study: with a posterior.
         measured: observation file with the floors measured in the same motion, to compare.
         columns: its column names, ours to the file's.
 

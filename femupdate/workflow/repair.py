@@ -71,8 +71,6 @@ class RepairReport(Result):
         held: on data kept out, if any.
         in_turn: mean squared residual of each half of the data by a fit to the other, before and
             after; None where other data were kept out, NaN where the data have no halves.
-        path: of the JSON file.
-        seconds: all the time taken.
     """
 
     repair: Repair

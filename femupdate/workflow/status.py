@@ -40,7 +40,6 @@ class Holding:
 
     Attributes:
         state: "current", "stale", "changed by hand" or "missing".
-        reason: why it is stale.
         created: UTC time, ISO 8601.
         sources: files that it was made from.
         again: the command, with all it needs, that makes it again.
