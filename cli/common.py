@@ -140,7 +140,6 @@ def study_options(
         needs: artefact that the study must hold, made by `femupdate calibrate`; of a posterior,
             whose name is asked for as well.
         posterior: ask for the name of a posterior, which the study may lack.
-        writes: the command writes into the study.
         shares: add --dask, which says where the work is done.
     """
     asked = {

@@ -128,11 +128,7 @@ class Table:
 def table(
     head: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, words_last: bool = False
 ) -> str:
-    """Return a table, a row on a line, with the first column aligned left, the others right.
-
-    Args:
-        words_last: align the last column left as well.
-    """
+    """Return a table, a row on a line, with the first column aligned left, the others right."""
     left = {0, len(head) - 1} if words_last else {0}
     widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
     sides = [str.ljust if k in left else str.rjust for k in range(len(head))]

@@ -172,7 +172,7 @@ def described(
         floors=building.floors,
         floor_nodes=floor_nodes,
         floor_level=building.floor_levels,
-        foot_level=building.foot_levels,
+        foot_level=np.append(0.0, building.floor_levels)[np.array(building.below) + 1],
         base_nodes=base,
         direction="xy".index(building.sensors.direction),
         story_names=building.story_names,

@@ -355,12 +355,10 @@ class MeshedBuilding(Building):
 
     @property
     def by_kind(self) -> bool:
-        """As of a `Building`."""
         return self.parameters is not None and "kind" in self.parameters.by
 
     @property
     def has_dashpots(self) -> bool:
-        """As of a `Building`."""
         return any(any(group.dashpots) for group in (self.supports, *self.springs))
 
     @property
@@ -374,13 +372,7 @@ class MeshedBuilding(Building):
         return np.array(levels[1:])
 
     @property
-    def foot_levels(self) -> Floats:
-        """Heights of the floors on which the stories stand above the base, (stories,) m."""
-        return np.append(0.0, self.floor_levels)[np.array(self.below) + 1]
-
-    @property
     def below(self) -> tuple[int, ...]:
-        """As of a `Building`."""
         places = (BASE, *self.story_names)
         return tuple(
             k - 1 if story.on is None else places.index(story.on) - 1

@@ -407,7 +407,6 @@ def add_area(
         name: of its section; without one it is its load alone.
         changes: where its modifiers stand.
         load: what else is mass, kg/m2.
-        in_diaphragm: whether all its corners are.
     """
     if name.upper() in ("", "NONE", "NULL"):  # an opening, or an area for loads
         tables.skipped[f"{row.table} without a section"] += 1

@@ -46,12 +46,10 @@ class NastranModel(ModelFile[Card]):
 
     @property
     def materials(self) -> list[tuple[float, float]]:
-        """As of a `ModelFile`."""
         return [(c.real(1, 0.0), c.real(4, 0.0) * self.mass_factor) for c in self.of("MAT1")]
 
     @property
     def left_out(self) -> dict[str, int]:
-        """As of a `ModelFile`."""
         names = [n for n in self.counts if LEFT_OUT.fullmatch(n) and n not in TAKEN]
         counts = {name: self.counts[name] for name in names}
         read = ("WTMASS", "COUPMASS")
@@ -122,7 +120,6 @@ class NastranModel(ModelFile[Card]):
         return known(user, self.systems, number, "CORD2R")
 
     def fill(self, tables: ModelTables) -> None:
-        """As of a `ModelFile`."""
         for card in self.of("PARAM"):
             if card.text(0).upper() == "COUPMASS" and tables.said.mass is None:
                 said = "lumped" if card.whole(1) < 0 else "consistent"

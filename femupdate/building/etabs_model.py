@@ -93,7 +93,6 @@ class EtabsModel(ModelFile[Row]):
 
     @cached_property
     def unsized(self) -> list[str]:
-        """As of a `ModelFile`."""
         rows = self.merged["FRAMESECTION"]
         used = dict.fromkeys(row.text("SECTION") for row in self.of("LINEASSIGN"))
         return [name for name in used if name in rows and not rows[name].text("D", "AREA")]

@@ -172,12 +172,10 @@ class OpenSeesModel(ModelFile[_Object]):
 
     @property
     def lacks(self) -> tuple[str, ...]:
-        """As of a `ModelFile`."""
         heavy = any(e.values.get("massperlength") or e.kind in _SHELLS for e in self.elements)
         return ("mesh.diaphragms", *(("mesh.mass",) if heavy else ()), "supports.base")
 
     def fill(self, tables: ModelTables) -> None:
-        """As of a `ModelFile`."""
         for node in self.of("node"):
             name = str(node.values.get("name"))
             if name in tables.number:

@@ -85,7 +85,6 @@ def diagnose(
     """Find where a model fails, and rank what could be missing.
 
     Args:
-        problem: the likelihood of the data.
         base: the model so far, fitted; by default that without effects.
         progress: advances by one a step, with a note of what is being done.
         distant: with one effect more, at a theta from where all are fitted as well.

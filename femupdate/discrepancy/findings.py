@@ -181,7 +181,6 @@ class Diagnosis:
         unobservable: labels of effects that these sensors could not show.
         twins: labels that the leading finding cannot be told from.
         left: what the model misses, with the effect where one is named, or with both of a pair.
-        sentence: the verdict for an engineer.
         pair: two that explain together what the best alone does not, the stronger first, with the
             sizes that they have together; empty where none was sought or found.
         allowed: the model with the usual tolerances, where they explain what no name may then.

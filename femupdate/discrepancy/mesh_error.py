@@ -158,8 +158,6 @@ def learn_mesh_error(
     """Compare a model with that of a finer mesh.
 
     Args:
-        coarse: the building on its mesh.
-        fine: the building on the finer mesh.
         thetas: (n, p) at which they are compared.
         top_hz: up to which modes are.
 

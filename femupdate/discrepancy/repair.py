@@ -94,7 +94,6 @@ def repair(
     the engineer does.
 
     Args:
-        problem: the likelihood of the data.
         base: the model as it is, fitted.
         renewed: makes the problem and the fit anew where an exchange of channels was added, which
             moves theta far; by default they stay.

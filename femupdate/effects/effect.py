@@ -346,15 +346,12 @@ class Sway(NamedTuple):
     drift: Floats
 
 
-def _all_and_each(structure: Structure) -> tuple[str, ...]:
-    names = structure.building.story_names
-    return ("all", *names) if len(names) > 1 else ("all",)
-
-
 PLACES: dict[str, Callable[[Structure], tuple[str, ...]]] = {
     "the base": lambda structure: ("base",),
     "all stories together": lambda structure: ("all",),
-    "all stories together, and every story": _all_and_each,
+    "all stories together, and every story": lambda structure: (
+        ("all", *names) if len(names := structure.building.story_names) > 1 else ("all",)
+    ),
     "all floors together": lambda structure: ("floors",),
     "every floor": lambda structure: structure.floors,
     "every story, named after the floor above it": lambda structure: structure.floors,
@@ -494,13 +491,6 @@ class Effect(ABC):
         """The FRFs (N, f, k) as they are measured; `rows` are the floors of the place."""
         return frf
 
-    def place_rows(self, place: str, floors: tuple[str, ...]) -> tuple[int, ...]:
-        """Rows that a place names; a floor may have several (one a sensor)."""
-        if place == "floors":
-            return tuple(range(len(floors)))
-        named = place.split(",")
-        return tuple(k for part in named for k, floor in enumerate(floors) if floor == part)
-
 
 @dataclass(frozen=True)
 class Placed:
@@ -572,6 +562,8 @@ def observed(
     """
     for listed, values in zip(placed, split_sizes(placed, sizes), strict=True):
         if over_base or listed.place != "base":
-            rows = listed.effect.place_rows(listed.place, floors)
+            # A floor may have several rows, one a sensor.
+            named = floors if listed.place == "floors" else listed.place.split(",")
+            rows = tuple(k for part in named for k, floor in enumerate(floors) if floor == part)
             frf = listed.effect.observe(frf, omega, values, rows)
     return frf

@@ -74,7 +74,6 @@ class _DampingOfModes(OtherDampingLaw):
     """
 
     def places(self, structure: Structure) -> tuple[str, ...]:
-        """As `Effect.places`."""
         return _OCTAVES
 
     def terms(self, structure: Structure, place: str) -> Terms:
@@ -98,11 +97,9 @@ class _MembersOfAKind(MemberStiffness):
     kinds = ()
 
     def places(self, structure: Structure) -> tuple[str, ...]:
-        """As `Effect.places`."""
         return _kinds(structure.building)
 
     def points(self, structure: Structure) -> tuple[str, ...]:
-        """As `Effect.points`."""
         return ()
 
     def terms(self, structure: Structure, place: str) -> Terms:

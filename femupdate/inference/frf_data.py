@@ -363,15 +363,6 @@ class FrfData:
     def _root(self) -> Tensor:
         return (1.0 / self.sd) * self.independent**0.5
 
-    def with_least_noise(self, least: float) -> "FrfData":
-        """The same with the noise that the latent likelihood allows it at least.
-
-        Args:
-            least: standard deviation of ln|H| that the precision of a point, times its share that
-                errs independently, does not go below.
-        """
-        return replace(self, sd=torch.maximum(self.sd, least * self.independent**0.5))
-
     def coarse(self, noise: float) -> "FrfData":
         """The same with so much more noise in ln|H|."""
         return replace(self, sd=(self.sd**2 + noise**2).sqrt())
@@ -557,13 +548,7 @@ def forced_data(
     use_phase: bool = False,
     table: ErrorTable = MODEL_ERROR,
 ) -> FrfData:
-    """Responses to a force at the frequencies that say something.
-
-    Args:
-        rest: static displacement that the reduced model lacks.
-        use_phase: compare phases where they were measured.
-        table: what the model may err by.
-    """
+    """Responses to a force at the frequencies that say something; arguments of `frf_data`."""
 
     def read(source: Observation, parts: Sequence[Observation]) -> FrfData:
         seen = at_frequencies(source, np.asarray(source.valid.any(axis=0)))
@@ -577,9 +562,12 @@ def forced_data(
         )
 
     whole = read(forced, forced.halves)
+    if forced.coherence is not None or whole.points < 20:
+        return whole
     # Points of a table err independently: of twenty and more every other one is a half.
-    parted = forced.coherence is None and whole.points >= 20
-    return in_alternate_points(whole) if parted else whole
+    even = torch.arange(len(whole.frequency_hz)) % 2 == 0
+    sds = (torch.where(kept, whole.sd, torch.inf) for kept in (even, ~even))
+    return replace(whole, halves=tuple(replace(whole, sd=sd, halves=()) for sd in sds))
 
 
 def log_responses(data: FrfData, system: System, parameters: Tensor, zeta: Tensor) -> Tensor:
@@ -589,15 +577,6 @@ def log_responses(data: FrfData, system: System, parameters: Tensor, zeta: Tenso
         theta, sizes = system.split(some)
         parts.append(data.logarithm(data.predicted(system, theta, ratio, sizes)))
     return torch.cat(parts)
-
-
-def in_alternate_points(data: FrfData) -> FrfData:
-    """A table of FRFs whose points err independently, with every other one as its halves."""
-    even = torch.arange(len(data.frequency_hz)) % 2 == 0
-    parts = (
-        replace(data, sd=torch.where(kept, data.sd, torch.inf), halves=()) for kept in (even, ~even)
-    )
-    return replace(data, halves=tuple(parts))
 
 
 def together(first: FrfData, second: FrfData) -> FrfData:

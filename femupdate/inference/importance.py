@@ -330,11 +330,7 @@ class WeightedDraws:
 
 
 class Counted:
-    """A likelihood that counts its evaluations and tells of them as they are made.
-
-    Args:
-        progress: advances by one an evaluation.
-    """
+    """A likelihood that counts its evaluations and tells of them as they are made."""
 
     def __init__(self, target: LogLikelihood, progress: Progress = SILENT, rows: int = 256) -> None:
         self._target, self._progress, self._rows = target, progress, rows

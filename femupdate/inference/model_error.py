@@ -238,12 +238,6 @@ class _Factor:
         return kinds if len(kinds) == len(self.kind) else kinds[self.kind]
 
     @property
-    def half_log_determinants(self) -> Tensor:
-        """(r,) of the precisions."""
-        alone = self.groups.diagonal(dim1=2, dim2=3).log().sum((1, 2))
-        return self.each(alone) + self.shared.diagonal(dim1=1, dim2=2).log().sum(1)
-
-    @property
     def size(self) -> int:
         """Numbers in it."""
         return self.groups.numel() + self.across.numel() + self.shared.numel()
@@ -455,7 +449,10 @@ class LearnedError:
         explained = factor.each(first.square().sum((1, 2))) + rest.square().sum(1)  # (r, n)
         squares = (tamed.square().sum(2) - explained / noise[:, None] ** 2) / noise[:, None] ** 2
         constant = self._of(rows, "log_weight") - self._points * noise.log()
-        constant = constant - factor.half_log_determinants + self._narrower[errs]
+        alone = factor.groups.diagonal(dim1=2, dim2=3).log().sum((1, 2))
+        shared = factor.shared.diagonal(dim1=1, dim2=2).log().sum(1)
+        # Less half the log determinants of the precisions.
+        constant = constant - (factor.each(alone) + shared) + self._narrower[errs]
         return (constant[:, None] - 0.5 * squares).T
 
     def log_density(self, residuals: Tensor) -> Tensor:

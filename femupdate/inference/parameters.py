@@ -406,17 +406,13 @@ def reduction_target(building: Building) -> ReductionTarget:
     )
 
 
-def size_names(placed: Sequence[Placed]) -> tuple[str, ...]:
-    """Names of the parameters of effects, such as `added_mass@3F.size`."""
-    return tuple(f"{listed.label}.{p.name}" for listed in placed for p in listed.effect.parameters)
-
-
 def effect_parameters(placed: Sequence[Placed], *, searched: bool = False) -> Parameters:
     """The effects' parameters with the priors of the catalogue.
 
     Within what is likely; or, where they are `searched` for, as far as they can be.
     """
-    pairs = zip(size_names(placed), parameters_of(placed), strict=True)
+    names = [f"{listed.label}.{p.name}" for listed in placed for p in listed.effect.parameters]
+    pairs = zip(names, parameters_of(placed), strict=True)
     return Parameters(
         tuple(
             Parameter(

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from femupdate.arrays import Floats
@@ -58,7 +57,7 @@ def stick_mode_shapes(
         panel.set(xticks=(-1.0, 0.0, 1.0))
     widest = max(1.0, *(abs(bound) for bound in axes[0].get_xlim()))
     axes[0].set_xlim(-1.05 * widest, 1.05 * widest)
-    mark_floors(axes[0], levels, floors)
+    axes[0].set(yticks=levels, yticklabels=floors)
     figure.supxlabel("Displacement over its largest", fontsize=10.0)
     thin = "" if shapes_sd is None else thin_band_note(2.0 * nearly_all(shapes_sd / largest))
     add_head(figure, title, note=thin)
@@ -69,8 +68,3 @@ def upright(shapes: Floats) -> Floats:
     """Shapes (k, f) over their largest, their tops to the right: the sign of a mode is free."""
     largest = np.maximum(np.abs(shapes).max(axis=1, keepdims=True), 1e-300)
     return np.asarray(np.where(shapes[:, -1:] < 0.0, -1.0, 1.0) * shapes / largest)
-
-
-def mark_floors(panel: Axes, heights: Floats, floors: Sequence[str]) -> None:
-    """Name the floors, the base first, at their heights."""
-    panel.set(yticks=heights, yticklabels=floors)

@@ -58,7 +58,6 @@ class Prediction(Result):
     Attributes:
         summary: bands and peaks of the next measurement: parameters, scatter between events,
             errors of the model and what does not follow the base.
-        alone: those of the parameters alone.
         best: (f, n) floor acceleration by the mean of these and by what stays of the model's
             error, m/s2.
         path: the netCDF file.
@@ -67,7 +66,6 @@ class Prediction(Result):
         quantities: peaks, drift ratios, base shear and stiffness of the stories, by key.
         measured: (f, n) floors measured in the same motion, m/s2, if any.
         floor_spectra: where they were asked for, over the first hundred samples.
-        members: forces of the members asked for.
         forces: the same as told and kept.
     """
 

@@ -115,7 +115,6 @@ def render(
         geometry: the building at rest, drawn as a grey outline.
         moved: (N, 3) where its nodes are drawn.
         values: (N,) what colours it, from 0 to `top`.
-        color_map: name of a matplotlib colour map.
         top: value of the last colour.
         marks: names and axes beside the building.
     """
@@ -128,7 +127,8 @@ def render(
     }
     with _plotter() as (pyvista, plotter):
         if len(geometry.shells):
-            shells = _quads(pyvista, moved, geometry.shells)
+            faces = np.insert(geometry.shells, 0, 4, axis=1).ravel()
+            shells = pyvista.PolyData(moved, faces=faces)
             shells.point_data["value"] = values
             plotter.add_mesh(shells, **look)
         if len(geometry.beams):
@@ -181,10 +181,6 @@ def _picture(pyvista: Any, plotter: Any, marks: Landmarks) -> Pixels:
     plotter.enable_parallel_projection()
     plotter.view_vector(VIEW, viewup=(0.0, 0.0, 1.0))
     return np.asarray(plotter.screenshot(return_img=True))[..., :3]
-
-
-def _quads(pyvista: Any, points: Floats, quads: Integers) -> Any:
-    return pyvista.PolyData(points, faces=np.insert(quads, 0, 4, axis=1).ravel())
 
 
 def _lines(pyvista: Any, points: Floats, lines: Integers) -> Any:

@@ -67,7 +67,6 @@ def compute_dataset(
         samples: how many, a Sobol sequence over the box.
         modes: kept for each sample, at most.
         top_hz: top of the frequency grid.
-        progress: advances by one for each sample.
         shard: samples of one.
 
     Raises:

@@ -113,11 +113,6 @@ def to_place(theta: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
     return 2.0 * (theta.sqrt() - lower.sqrt()) / (upper.sqrt() - lower.sqrt()) - 1.0
 
 
-def from_place(place: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
-    """Inverse of `to_place`."""
-    return (lower.sqrt() + 0.5 * (place + 1.0) * (upper.sqrt() - lower.sqrt())).square()
-
-
 def parameter_features(theta: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
     """Features (B, 3 p) of theta: position by root, value and logarithm, from -1 to 1."""
     linear = 2.0 * (theta - lower) / (upper - lower) - 1.0
@@ -385,7 +380,8 @@ class Mvae(nn.Module):
         """theta (B, p) at z (B, z), at most slightly outside the prior's box."""
         reach = 1.0 + _BEYOND
         place = (z[:, : self.sizes.parameters] / _ROOT_SPREAD).clamp(-reach, reach)
-        return from_place(place, self.lower, self.upper)
+        lower, upper = self.lower.sqrt(), self.upper.sqrt()
+        return (lower + 0.5 * (place + 1.0) * (upper - lower)).square()  # the inverse of `to_place`
 
     def reach(self) -> Tensor:
         """Largest coordinates (z,), of either sign, for which there is a theta."""

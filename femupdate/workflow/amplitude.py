@@ -172,7 +172,6 @@ def at_own_level(
         draws: as they hold at the record that they were found from.
         settings: of the posterior, with the level that theta holds at; without it all stays.
         keep_damping: leave the damping ratios as they are.
-        progress: advances by one a draw.
 
     Returns:
         The draws there, their levels (S,) in doublings above the record, a sentence for the user.

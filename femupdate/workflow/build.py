@@ -44,7 +44,6 @@ class BuildReport(Result):
         modes: lowest of the full model at theta = 1.
         dof: degrees of freedom of the full model after supports.
         mass_kg: of the model, its supports included.
-        checks: what was checked, a sentence each.
     """
 
     folder: Path

@@ -1,7 +1,7 @@
 """Bases on which effects act, and the error of a mesh, as a study keeps them."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -17,9 +17,8 @@ from femupdate.discrepancy.thresholds import MESH_ERROR as THRESHOLDS
 from femupdate.dynamics.finer_mesh import on_finer_mesh, on_nodes_of
 from femupdate.dynamics.reduced import ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.reduction import reduce_structure
-from femupdate.dynamics.snapshots import ReductionTarget, log_even_samples
+from femupdate.dynamics.snapshots import log_even_samples
 from femupdate.dynamics.system import System, parameters_of
-from femupdate.effects.effect import Placed
 from femupdate.effects.registry import building_effects, check_places
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.inference.parameters import reduction_target, theta_prior
@@ -43,22 +42,15 @@ def open_structure(study: Study, building: Building) -> ReducedStructure:
         return lumped(structure)
 
     def make() -> Floats:
-        placed = building_effects(building).placed
-        target = with_size_ranges(reduction_target(building), placed)
+        placed, target = building_effects(building).placed, reduction_target(building)
+        # Its box holds what is likely of the sizes of effects besides.
+        likely = np.array([parameter.likely for parameter in parameters_of(placed)]).reshape(-1, 2)
+        lower, upper = np.append(target.lower, likely[:, 0]), np.append(target.upper, likely[:, 1])
+        target = replace(target, lower=lower, upper=upper)
         return reduce_structure(structure, target, placed).reduced.basis
 
     basis = study.cached(basis_part(BASIS, structure), finder_origin(building), make)
     return reduced_on(structure, basis)
-
-
-def with_size_ranges(target: ReductionTarget, placed: Sequence[Placed]) -> ReductionTarget:
-    """A target whose box holds what is likely of the sizes of effects besides."""
-    likely = np.array([parameter.likely for parameter in parameters_of(placed)]).reshape(-1, 2)
-    return replace(
-        target,
-        lower=np.concatenate([target.lower, likely[:, 0]]),
-        upper=np.concatenate([target.upper, likely[:, 1]]),
-    )
 
 
 def finder_origin(building: Building) -> dict[str, str]:

@@ -70,7 +70,6 @@ class Sampled:
 
     Attributes:
         parameters: that the columns of their draws are.
-        notes: how it went, in sentences.
         likelihood: of what was measured, with the errors of the model that the data show.
         latent: of the latent likelihood, where it was found by a search.
         least_noise: standard deviation of ln|H| below which the likelihood does not believe the
@@ -168,7 +167,8 @@ def smooth_likelihood(model: StudyModel, measured: Measured) -> Likelihood:
         base = base if phase else base.as_logs(model.system, modes=None)
         cost = cost_of_scatter(measured.base, base)
     # Of what the reduced model is known to miss, the data say nothing.
-    base = base.with_least_noise(max(model.least_noise, model.reduction_error))
+    least = max(model.least_noise, model.reduction_error) * base.independent**0.5
+    base = replace(base, sd=torch.maximum(base.sd, least))
     whole = likelihood_of((base, *others), model.system, model.parameters, cost)
     return replace(whole, known=model.shared)
 
@@ -176,13 +176,7 @@ def smooth_likelihood(model: StudyModel, measured: Measured) -> Likelihood:
 def base_data(
     records: Iterable[Observation], system: System, use_phase: bool, table: ErrorTable = MODEL_ERROR
 ) -> FrfData:
-    """FRFs under base motion of one record or several, each at its level and with its halves.
-
-    Args:
-        system: whose floors they are of.
-        use_phase: compare phases where they were measured.
-        table: what the model may err by.
-    """
+    """FRFs under base motion of one record or several, each at its level and with its halves."""
 
     def read(one: Observation) -> FrfData:
         halves = tuple(read(replace(half, level=one.level, halves=())) for half in one.halves)

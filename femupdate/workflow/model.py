@@ -106,13 +106,6 @@ FINER_PART = StudyPart(FINER, "finer_mesh.npz", "calibrate", FinerMesh.write, Fi
 """The finer mesh of a building, as a study keeps it."""
 
 
-def kept_finer(study: Study, building: Building) -> FinerMesh | None:
-    """That of a study, or None where it has none."""
-    if isinstance(building, ShearBuilding):
-        return None
-    return study.kept(FINER_PART, finer_origin(building))
-
-
 def finer_origin(building: Building) -> dict[str, str]:
     """What it is made from, for the study's record."""
     origin = {"building": mechanics_hash(without_effects(building))}
@@ -252,7 +245,9 @@ def open_calibrated(study: Study, progress: Progress = SILENT) -> StudyModel:
 
 def on_kept_finer(study: Study, model: StudyModel) -> StudyModel:
     """The model on the finer mesh that its study keeps, or as it is where there is none."""
-    finer = model.finer or kept_finer(study, model.building)
+    finer, building = model.finer, model.building
+    if finer is None and not isinstance(building, ShearBuilding):
+        finer = study.kept(FINER_PART, finer_origin(building))
     if finer is None or finer is model.finer:
         return model
     system = System(finer.corrected, model.law)

@@ -124,7 +124,8 @@ def mode_pictures(
             title="Mode shapes of the posterior" if several else "Mode shapes, all factors 1",
         )
         return [Picture(f"{name}s", draw)]
-    geometry = cache(partial(_geometry, model))  # one mesh for all pictures
+    # One mesh for all pictures.
+    geometry = cache(lambda: Geometry.of_model(mesh_building(model.building).model))
 
     def drawn(mode: StudyMode) -> Figure:
         name, frequency, share = _heading(mode).split("\n")
@@ -141,10 +142,6 @@ def mode_pictures(
         Picture(f"{name}_{label}", partial(drawn, mode))
         for label, mode in zip(labels, modes, strict=True)
     ]
-
-
-def _geometry(model: StudyModel) -> Geometry:
-    return Geometry.of_model(mesh_building(model.building).model)
 
 
 def _heading(mode: StudyMode) -> str:

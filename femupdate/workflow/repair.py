@@ -68,7 +68,6 @@ class RepairReport(Result):
         building: as repaired.
         study: of the repaired building; None where nothing was added.
         theta_before, theta_after: (n, p) draws of the stiffness factors.
-        held: on data kept out, if any.
         in_turn: mean squared residual of each half of the data by a fit to the other, before and
             after; None where other data were kept out, NaN where the data have no halves.
     """

@@ -41,7 +41,6 @@ class Holding:
     Attributes:
         state: "current", "stale", "changed by hand" or "missing".
         created: UTC time, ISO 8601.
-        sources: files that it was made from.
         again: the command, with all it needs, that makes it again.
     """
 

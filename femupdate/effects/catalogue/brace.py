@@ -37,7 +37,6 @@ class Brace(Effect):
         return tuple((f"{names[low]}-{names[high]}", size) for low, high in _spans(structure, 1))
 
     def where(self, place: str) -> str:
-        """As `Effect.where`."""
         return "between " + place.replace(_GROUND, "the ground").replace("-", " and ", 1)
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:

@@ -69,7 +69,6 @@ class ChannelDelay(ChannelEffect):
     needs_phase = True
 
     def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
         return f"{place} is {1000.0 * abs(size):.3g} ms {'late' if size > 0.0 else 'early'}"
 
     def factor(self, omega: Tensor, sizes: Tensor) -> Tensor:
@@ -167,7 +166,6 @@ class RollOff(ChannelEffect):
     parameters = change("(10 Hz over the corner frequency)^2", 0.03, 0.0, 4.0)
 
     def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
         corner = 10.0 / max(size, 1e-12) ** 0.5
         return f"The floor sensors lose what lies above {corner:.3g} Hz"
 

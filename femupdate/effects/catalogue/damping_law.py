@@ -30,11 +30,9 @@ class OtherDampingLaw(Effect):
         return tuple(_LAWS)
 
     def where(self, place: str) -> str:
-        """As `Effect.where`."""
         return f"({_LAWS[place]})"
 
     def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
         if size < 0.0 and place == "proportional":
             return f"Damping falls with frequency: by {-100.0 * size:.3g} % against {_LAWS[place]}"
         return f"Damping follows {_LAWS[place]} by {100.0 * size:.3g} %"

@@ -25,7 +25,6 @@ class Eccentricity(Effect):
         return ("all",) if np.ptp(across) > 0.0 else ()
 
     def where(self, place: str) -> str:
-        """As `Effect.where`."""
         return "on all floors"
 
     def glyphs(self, drawn: DrawnBuilding, place: str) -> tuple[Glyph, ...]:

@@ -31,7 +31,6 @@ class JointFlexibility(Effect):
         return (_ALL,) if self.terms(structure, _ALL).changes_shapes else ()
 
     def said(self, place: str, size: float) -> str:
-        """As `Effect.said`."""
         times = 1.0 / max(size, 1e-12)
         return f"{self.joints} are {times:.3g} times as stiff as E I / L of the member"
 

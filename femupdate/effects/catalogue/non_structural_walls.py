@@ -36,7 +36,6 @@ class NonStructuralWalls(Effect):
         return tuple(places) if lines else ()
 
     def where(self, place: str) -> str:
-        """As `Effect.where`."""
         line, _, story = place.partition("/")
         line = "" if line == _ALL else f"on line {line} "
         return f"{line}in {story or 'all stories'}"

@@ -56,7 +56,6 @@ class StoryDamper(Effect):
         )
 
     def where(self, place: str) -> str:
-        """As `Effect.where`."""
         floor, _, point = place.partition("/")
         return f"below {floor}" + (f" at {point}" if point else "")
 
