@@ -431,9 +431,12 @@ class Study:
         """
         artefact = self.artefact(name)
         if artefact is None or not self.path(artefact.file).is_file():
+            others = [path for path in self.posteriors() if path != self.posterior]
+            meant = f", or choose {' or '.join(others)} with --posterior"
             raise StudyError(
                 f"the study {self.folder} holds no {self.key(name)}; run "
-                f"`{self.made_by(command)}` first{self._others(name)}"
+                f"`{self.made_by(command)}` first"
+                + (meant if others and name == MAIN_POSTERIOR else "")
             )
         path = self.path(artefact.file)
         if file_hash(path) != artefact.sha256:
@@ -442,13 +445,6 @@ class Study:
                 f"`femupdate {command}` again"
             )
         return path
-
-    def _others(self, name: str) -> str:
-        """Posteriors that could be meant instead."""
-        others = [path for path in self.posteriors() if path != self.posterior]
-        if name != MAIN_POSTERIOR or not others:
-            return ""
-        return f", or choose {' or '.join(others)} with --posterior"
 
     def check_fresh(self, name: str, made_from: Mapping[str, str], command: str) -> None:
         """Make sure that an artefact was made from these things.

@@ -30,7 +30,7 @@ _ROUGH_STEPS = 10
 def global_fit(
     problem: Likelihood, base: Fit, scores: Sequence[Score], seed: int = 0
 ) -> Fit | None:
-    """The best fit with one effect more as if noise were coarse, or None where none explains half."""
+    """The best fit with one effect more by coarse noise, or None where none explains half."""
     rough = coarse(problem)
     alone = fit(rough, base.placed, base.z, _ROUGH_STEPS)
     cheap = problem.reduced.model.size <= 60

@@ -374,14 +374,8 @@ class OpenMesh:
         # On the whole basis: what it left out of members, factors would still have.
         top_hz = 1.25 * max(kind.top_hz for kind in data)
         modes = modes_shown(system.model, values.theta[0].numpy(), top_hz)
-        of_members = torch.cat(self._members(data, system, values), dim=1)
-        return torch.cat([of_members, *self._of_modes(data, system, values, modes)])
-
-    def _members(self, data: Sequence[Data], system: System, values: Values) -> list[Tensor]:
-        """Changes (c, n) of every kind of data by one error of the members after the other.
-
-        Along tangents: a whole step bends at peaks, and data would tell it from stiffness factors.
-        """
+        # By one error of the members after the other, along tangents: a whole step bends at peaks,
+        # and data would tell it from stiffness factors.
         part = 0.02  # of an error, along which responses are differentiated
         wide, sizes = self.freed(system)
         moved = torch.cat(
@@ -395,7 +389,9 @@ class OpenMesh:
         )
         found = _predicted(data, wide, both)
         parts = zip(data, found, strict=True)
-        return [member.moved(all_[:1], all_[1:]) / part for member, all_ in parts]
+        of_members = [member.moved(all_[:1], all_[1:]) / part for member, all_ in parts]
+        of_modes = self._of_modes(data, system, values, modes)
+        return torch.cat([torch.cat(of_members, dim=1), *of_modes])
 
     def _of_modes(
         self, data: Sequence[Data], system: System, values: Values, modes: MeshModes

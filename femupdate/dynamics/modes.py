@@ -140,8 +140,14 @@ def _summed(inverse: Tensor, ratio: Tensor, pairs: Tensor, omega: Tensor) -> tup
     ends = inverse.new_tensor([band.ends for band in bands])  # (b, 2)
     before = (inverse[:, :, None, None] * ends.square() > 1.0).sum(dim=1)  # (N, b, 2)
     near = before[..., 0].amin(dim=0).tolist(), before[..., 1].amax(dim=0).tolist()
-    parts = [_in_band(terms, *pair) for pair in zip(bands, *near, strict=True)]
-    real, imaginary = zip(*parts, strict=True)
+    real, imaginary = [], []
+    for band, first, last in zip(bands, *near, strict=True):
+        beyond = [torch.cat([part[..., :first], part[..., last:]], dim=-1) for part in terms]
+        within = [part[..., first:last] for part in terms]
+        far = modal_sum(beyond[0], beyond[1], beyond[2], band.points)
+        inside = modal_sum(within[0], within[1], within[2], band.omega)
+        real.append(inside[0] + far[0] @ band.weights)
+        imaginary.append(inside[1] + far[1] @ band.weights)
     return torch.cat(real, dim=-1), torch.cat(imaginary, dim=-1)
 
 
@@ -170,20 +176,6 @@ def _bands(grid: bytes) -> tuple[_Band, ...]:
         nodes = torch.from_numpy(middle + half * chebyshev_points)
         bands.append(_Band(omega, ends, nodes, torch.from_numpy(transform @ basis.T)))
     return tuple(bands)
-
-
-def _in_band(
-    terms: tuple[Tensor, Tensor, Tensor], band: _Band, first: int, last: int
-) -> tuple[Tensor, Tensor]:
-    """Sums (N, p, k) of the terms of `modal_sum` in a band; some modes lie near it."""
-    far = [
-        torch.cat([part[..., :first], part[..., last:]], dim=-1) if first else part[..., last:]
-        for part in terms
-    ]
-    near = [part[..., first:last] for part in terms]
-    rest = modal_sum(far[0], far[1], far[2], band.points)
-    inside = modal_sum(near[0], near[1], near[2], band.omega)
-    return inside[0] + rest[0] @ band.weights, inside[1] + rest[1] @ band.weights
 
 
 @dataclass(frozen=True)
@@ -284,9 +276,12 @@ def keep_modes(
         return ModalData(omega, effect, effect.new_zeros(*effect.shape[:2], SERIES_TERMS))
     if top_frequency_hz is None:
         raise ValueError("top_frequency_hz is needed to leave modes out")
-    order = _importance(omega, effect, 2.0 * torch.pi * top_frequency_hz).argsort(
-        dim=1, descending=True
-    )
+    # What leaving a mode out can change at most of any floor's H. In the band that is the resonance
+    # peak, at a damping ratio of .01; above it the series' rest.
+    ratio = 2.0 * torch.pi * top_frequency_hz / omega.clamp_min(1e-9)
+    rest = ratio ** (2 * SERIES_TERMS + 2) / (1.0 - (ratio**2).clamp_max(_ABOVE**-2))
+    most = effect.abs().amax(dim=1) * torch.where(ratio < 1.0 / _ABOVE, rest, 50.0)
+    order = most.argsort(dim=1, descending=True)
     kept = order[:, :modes].sort(dim=1).values
     left = order[:, modes:]
     omega_left = omega.gather(1, left)
@@ -300,15 +295,3 @@ def keep_modes(
         effect.gather(2, kept[:, None, :].expand(-1, effect.shape[1], -1)),
         effect_left @ powers,
     )
-
-
-def _importance(omega: Tensor, effect: Tensor, top: float) -> Tensor:
-    """Largest change that leaving a mode out can make to any floor's H.
-
-    In the band that is the resonance peak, at a damping ratio of .01; above it the series' rest.
-    """
-    size = effect.abs().amax(dim=1)
-    ratio = top / omega.clamp_min(1e-9)
-    above = ratio < 1.0 / _ABOVE
-    series = ratio ** (2 * SERIES_TERMS + 2) / (1.0 - (ratio**2).clamp_max(_ABOVE**-2))
-    return size * torch.where(above, series, 50.0)

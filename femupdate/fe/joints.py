@@ -214,20 +214,7 @@ def _joint(
     offset = np.zeros(3)
     if beams.offset is not None:
         offset = beams.offset[beam, int(beams.nodes[beam, 1] == node)]
-    edge, position = _edge(points, sheets, quads, node, (normal, across, away), depth)
-    return EdgeJoint(node, beam, across, depth, float(offset @ across), edge, position)
-
-
-def _edge(
-    points: Floats,
-    sheets: _Sheets,
-    quads: Integers,
-    node: int,
-    axes: tuple[Floats, Floats, Floats],
-    depth: float,
-) -> tuple[Integers, Floats]:
-    """Nodes that continue the shell's edge from a node, over the depth or to the next ones."""
-    normal, across, away = axes
+    # Nodes that continue the shell's edge from the node, over the depth or to the next ones.
     near = np.unique(quads)
     reach = max(depth, float(np.linalg.norm(points[near] - points[node], axis=1).max()))
     same = np.abs(sheets.normal @ normal) > _SAME_PLANE
@@ -244,4 +231,5 @@ def _edge(
     chosen = level & (aside <= _SLANT * np.abs(along)) & (np.abs(along) > _ROUNDING * depth)
     chosen &= (np.abs(along) <= 1.5 * depth) | np.isin(candidates, near)
     order = np.argsort(along[chosen], kind="stable")
-    return candidates[chosen][order], along[chosen][order]
+    edge, position = candidates[chosen][order], along[chosen][order]
+    return EdgeJoint(node, beam, across, depth, float(offset @ across), edge, position)

@@ -170,7 +170,9 @@ class FrfData:
     def error(self, known: Tensor | None) -> LearnedError:
         """What the model may err by, beside errors (c, n) that are known beforehand."""
         # A load case has no neighbours that could err alike.
-        several = len(self.frequency_hz) > len(self.blocks)
+        several, leaking = len(self.frequency_hz) > len(self.blocks), None
+        if self.leaking is not None:
+            leaking = torch.where(self.valid, self.leaking / self.sd, 1.0).clamp_min(1.0)
         return LearnedError(
             self.weight,
             self.frequency_hz,
@@ -179,7 +181,7 @@ class FrfData:
             table=self.table if several or not self.table.sizes else NOISE_ALONE,
             parts=self._parts,
             cancelled=self._cancelled if self.forced or known is not None else None,
-            leaking=self._leaking,
+            leaking=leaking,
             shared=self._shared,
         )
 
@@ -197,13 +199,6 @@ class FrfData:
         ]
         shared = torch.cat(parts) / self.sd
         return shared.clamp_max(0.99) if len(self.rows) > 1 and shared.any() else None
-
-    @property
-    def _leaking(self) -> Tensor | None:
-        """(f, k) noise with what leaks over that without, one or above; None of tables."""
-        if self.leaking is None:
-            return None
-        return torch.where(self.valid, self.leaking / self.sd, 1.0).clamp_min(1.0)
 
     @property
     def _cancelled(self) -> Tensor | None:

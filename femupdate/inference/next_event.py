@@ -92,21 +92,9 @@ class EventErrors:
         # A story errs as the floor on top of it does.
         top = np.minimum(np.arange(some.story_drift.shape[1]), len(floors) - 1)
         frequency = _frequencies(some.floor_acceleration, some.time_step)
-        factor = self._factor(floors, frequency, first, len(some))
-        return replace(
-            some,
-            floor_acceleration=_filtered(some.floor_acceleration, some.time_step, factor),
-            story_shear=_filtered(some.story_shear, some.time_step, factor[:, top]),
-            story_drift=_filtered(some.story_drift, some.time_step, factor[:, top]),
-        )
-
-    def _factor(
-        self, floors: tuple[str, ...], frequency: Floats, first: int, count: int
-    ) -> Complexes:
-        """exp(error) (n, f, k) of samples from the first on."""
-        parts = np.zeros((2, count, len(floors), len(frequency)))
+        parts = np.zeros((2, len(some), len(floors), len(frequency)))
         errors = self.posterior.model_error
-        for sample in range(count):
+        for sample in range(len(some)):
             row = self.rows[first + sample]
             amplitude, phase, apart, alone = (
                 np.random.default_rng(stream) for stream in spawn(self._streams[first + sample], 4)
@@ -121,7 +109,13 @@ class EventErrors:
             parts[:, sample] += self._apart(floors, frequency, apart)
             parts[:, sample] += self._alone(floors, frequency, alone)
         drawn = parts[0] + 1j * parts[1] + self._mean(floors, frequency)
-        return np.asarray(np.exp(self._fading(frequency) * drawn))
+        factor = np.exp(self._fading(frequency) * drawn)
+        return replace(
+            some,
+            floor_acceleration=_filtered(some.floor_acceleration, some.time_step, factor),
+            story_shear=_filtered(some.story_shear, some.time_step, factor[:, top]),
+            story_drift=_filtered(some.story_drift, some.time_step, factor[:, top]),
+        )
 
     def _left(self, harmonics: Harmonics, floors: tuple[str, ...], *, broad: bool) -> Floats:
         """Share of the standard deviation of errors (f, j) that no event has shown."""

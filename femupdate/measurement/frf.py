@@ -362,7 +362,13 @@ def _parts_of_noise(
     of_base = _of_base(across, valid)
     # A gain that errs with the estimate would give its points weight by their errors.
     smooth = np.exp(2.0 * _smooth(np.log(np.abs(spectra.cross) / spectra.base + _TINY)))
-    alone = _of_floors(left - of_base, left, gain) * gain / at_grid(smooth) / counted
+    # What is left at each floor but not at all is nothing, as a difference, at half of the points
+    # where the base's noise rules. That of a sensor, the least, is even over frequency, and found
+    # best where little else is left.
+    beside, weight = left - of_base, np.nan_to_num(1.0 / np.maximum(left * gain, _TINY) ** 2)
+    even = (weight * np.nan_to_num(beside * gain)).sum(axis=1)
+    even = np.maximum(even / np.maximum(weight.sum(axis=1), _TINY), 0.0)[:, None]
+    alone = np.maximum(beside, even / gain) * gain / at_grid(smooth) / counted
     # What is brought along leaks into the first segment, and is in no means. Tried on towers in
     # motion of 20 to 120 s, damping 1 and 2 %: as much, or a third of it.
     brought = early * np.maximum(leaking**2 - left / counted, 0.0).min(axis=0) / averages**2
@@ -382,19 +388,6 @@ def _of_base(across: Complexes, valid: Flags) -> float:
     common = (weight * across[first, second][:, seen].real).sum() / max(weight.sum(), _TINY)
     # Of towers with noise of 1 to 20 %, 20 to 600 s long: .7 to .95 of the truth.
     return max(float(common), 0.0)
-
-
-def _of_floors(beside: Floats, left: Floats, gain: Floats) -> Floats:
-    """What is left at each floor but not at all, over its |H|^2 (f, m), at least a sensor's noise.
-
-    As a difference it is nothing at half of the points where the base's noise rules. That of a
-    sensor is even over frequency, and found best where little else is left.
-    """
-    weight = np.nan_to_num(1.0 / np.maximum(left * gain, _TINY) ** 2)
-    even = (weight * np.nan_to_num(beside * gain)).sum(axis=1) / np.maximum(
-        weight.sum(axis=1), _TINY
-    )
-    return np.maximum(beside, np.maximum(even, 0.0)[:, None] / gain)
 
 
 def _trusted(spectra: Spectra, incoherent: Floats, noise: Floats, averages: float) -> Flags:

@@ -287,13 +287,13 @@ def _next(
     pages = [(_typed(shown, f"report{option}"), reason, shown)]
     if shown.folder != study.folder:
         pages += [(_typed(study, "report"), "The same of the building before `repair`.", study)]
-    return tuple((command, why) for command, why, of in pages if not _page_is_written(of))
-
-
-def _page_is_written(study: Study) -> bool:
-    """Whether a page lies in a study that nothing was recorded in since."""
-    page, record = study.result(PAGE), study.path(MANIFEST)
-    return page.exists() and page.stat().st_mtime >= record.stat().st_mtime
+    # But for those that are written, and nothing was recorded since.
+    return tuple(
+        (command, why)
+        for command, why, of in pages
+        for page, record in [(of.result(PAGE), of.path(MANIFEST))]
+        if not page.exists() or page.stat().st_mtime < record.stat().st_mtime
+    )
 
 
 def _typed(study: Study, command: str, item: Holding | None = None) -> str:

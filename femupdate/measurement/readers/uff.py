@@ -64,22 +64,18 @@ def read(path: Path) -> Recording:
     """Histories, functions of frequency, modes and points of a universal file."""
     file = TextFile(path)
     pyuff = reading_package(file, "pyuff", "pyuff", "universal files")
+    lines = path.read_bytes().decode(errors="replace").replace("\r\n", "\n").split("\n")
+    at = [k for k, line in enumerate(lines) if line.strip() == "-1"]
+    if len(at) % 2 and not any(re.match(r" *58b", line) for line in lines):  # of bytes none is sure
+        raise file.error("the last set has no end: the file is cut off; export it again")
+    texts = [tuple(lines[a + 1 : b]) for a, b in zip(at[::2], at[1::2], strict=False)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        texts, content = _texts(file), pyuff.UFF(str(path))
+        content = pyuff.UFF(str(path))
         types = [int(kind) for kind in content.get_set_types()]
         texts = texts if len(texts) == len(types) else [()] * len(types)
         sets = [_set(content, k, texts[k]) for k, kind in enumerate(types) if kind in _READ]
     return _recording(file, types, sets)
-
-
-def _texts(file: TextFile) -> list[tuple[str, ...]]:
-    """Lines of every set, without those that part them."""
-    lines = file.path.read_bytes().decode(errors="replace").replace("\r\n", "\n").split("\n")
-    at = [k for k, line in enumerate(lines) if line.strip() == "-1"]
-    if len(at) % 2 and not any(re.match(r" *58b", line) for line in lines):  # of bytes none is sure
-        raise file.error("the last set has no end: the file is cut off; export it again")
-    return [tuple(lines[a + 1 : b]) for a, b in zip(at[::2], at[1::2], strict=False)]
 
 
 def _set(content: Any, number: int, lines: Sequence[str]) -> dict[str, Any]:
