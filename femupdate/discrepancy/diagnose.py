@@ -149,7 +149,8 @@ def _diagnosed(
             verdict = INDISTINGUISHABLE if same else AMBIGUOUS
     best = findings[0].fitted if verdict in (NAMED, PARTLY) else base
     labels, left = tuple(twin.placed.label for twin in twins), best.remains()
-    sentence = sentence_of(verdict, findings, labels, left, removed(base, best))
+    others = [twin.in_words for twin in twins]
+    sentence = sentence_of(verdict, findings, others, left, removed(base, best))
     if allowed is not None:
         sentence = within_tolerances(verdict, findings, allowed.remains())
     problem.error.forget()

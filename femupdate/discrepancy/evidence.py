@@ -75,17 +75,18 @@ class Tested:
     """An effect on data to which it was not fitted.
 
     Attributes:
-        gains: log density gained on the second half by what the first half says, and the reverse.
+        log_e_values: of the mean over both orders of the halves; where errors are known
+            beforehand, as they are about the base and about the likeliest effect.
         certified: whether the effect holds there.
     """
 
-    gains: tuple[float, ...]
+    log_e_values: tuple[float, ...]
     certified: bool
 
     @property
     def log_e_value(self) -> float:
-        """Of the mean of both e-values."""
-        return float(np.logaddexp.reduce(self.gains) - np.log(len(self.gains)))
+        """Of the least, which is an e-value, too."""
+        return min(self.log_e_values)
 
 
 def certify(
@@ -95,20 +96,23 @@ def certify(
 
     Args:
         base: the model without the effects, fitted to all data.
-        fits: with one effect more each.
+        fits: with one effect more each, the likeliest first.
         tried: number of effects from which these were chosen.
         false_share: of false discoveries that is allowed.
     """
     if not problem.divisible:
         return {}
-    first, second = (_Half.of(problem, base, number) for number in (0, 1))
+    # About the base alone, errors would tell twins apart that explain what it does not.
+    places = [base, fits[0]] if problem.error.knows else [base]
+    halves = [[_Half.of(problem, base, number, there) for number in (0, 1)] for there in places]
     tests = {}
     for fitted in fits:
-        gains = (
-            second.gain(fitted, first.values(fitted)),
-            first.gain(fitted, second.values(fitted)),
-        )
-        tests[fitted.placed[-1].label] = Tested(gains, False)
+        gains = [
+            [second.gain(fitted, first.values(fitted)) for first, second in (both, both[::-1])]
+            for both in halves
+        ]
+        log_e_values = tuple(float(np.logaddexp.reduce(orders) - np.log(2.0)) for orders in gains)
+        tests[fitted.placed[-1].label] = Tested(log_e_values, False)
     values = sorted((test.log_e_value for test in tests.values()), reverse=True)
     least = least_log_e_value(values, tried, false_share)
     return {k: replace(test, certified=test.log_e_value >= least) for k, test in tests.items()}
@@ -123,7 +127,7 @@ def missed_in_turn(fitted: Fit) -> float:
     problem = fitted.likelihood
     if not problem.divisible:
         return float("nan")
-    first, second = (_Half.of(problem, fitted, number) for number in (0, 1))
+    first, second = (_Half.of(problem, fitted, number, fitted) for number in (0, 1))
     missed = mean_square(second.problem, first.base), mean_square(first.problem, second.base)
     return float(np.mean(missed))
 
@@ -195,8 +199,8 @@ class _Half:
     base: Fit
 
     @staticmethod
-    def of(problem: Likelihood, base: Fit, number: int) -> "_Half":
-        half = about(problem.half(number), base)
+    def of(problem: Likelihood, base: Fit, number: int, there: Fit) -> "_Half":
+        half = about(problem.half(number), there)
         return _Half(half, fit(half, base.placed, base.z, FIRST_STEPS))
 
     def values(self, fitted: Fit) -> Tensor:

@@ -100,11 +100,14 @@ class Finding:
         return same_place and other.placed.effect.name in self.placed.effect.contains
 
     def far_behind(self, other: "Finding", settings: DiagnosisSettings) -> bool:
-        """Whether other data hold it far less likely, where what both are fitted to does not."""
+        """Whether other data hold it far less likely, where what both are fitted to does not.
+
+        So they must wherever errors known beforehand are taken from.
+        """
         if self.tested is None or other.tested is None:
             return False
-        value = other.tested.log_e_value
-        return self.tested.log_e_value < value - settings.margin(value)
+        both = zip(self.tested.log_e_values, other.tested.log_e_values, strict=True)
+        return all(mine < value - settings.margin(value) for mine, value in both)
 
     @property
     def in_words(self) -> str:
@@ -321,10 +324,7 @@ def rivals(
 
 
 def unseen(
-    unobservable: tuple[str, ...],
-    verdict: str,
-    findings: Sequence[Finding],
-    twins: tuple[str, ...],
+    unobservable: tuple[str, ...], verdict: str, findings: Sequence[Finding], twins: Sequence[str]
 ) -> tuple[str, ...]:
     """Labels of what cannot be seen, but for what the verdict names: that was seen.
 
@@ -391,15 +391,12 @@ def share_in_words(share: float) -> str:
 
 
 def sentence_of(
-    verdict: str,
-    findings: Sequence[Finding],
-    twins: tuple[str, ...],
-    left: Remains,
-    share: float,
+    verdict: str, findings: Sequence[Finding], twins: Sequence[str], left: Remains, share: float
 ) -> str:
-    """The verdict for an engineer; the share is that which the first removes of the misfit.
+    """The verdict for an engineer, with twins in words.
 
-    Beside an unknown cause, zero where there are no candidates.
+    The share is that which the first removes of the misfit. Beside an unknown cause, zero where
+    there are no candidates.
     """
     if verdict == NONE:
         text = "The model explains the data; nothing needs to be added."
@@ -432,5 +429,5 @@ def sentence_of(
             f"{first.in_words}. {first.placed.effect.sentence} {told} something else is missing "
             f"as well.{doubt} {left.sentence}"
         )
-    how = "cannot be told from" if verdict == INDISTINGUISHABLE else "competes with"
-    return f"{first.in_words}. It {how} {', '.join(twins)}."
+    which = "sensors cannot" if verdict == INDISTINGUISHABLE else "data do not"
+    return f"{'. Or: '.join([first.in_words, *twins])}. These {which} tell which."

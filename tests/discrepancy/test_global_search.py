@@ -67,4 +67,5 @@ def test_of_two_floors_either_mass_is_told(chains, building_of, observe, pose):
     problem = pose(building, observe(("2F", "RF"), GRID, frf, 0.01, 2))
     found, both = diagnose(problem), frozenset({"added_mass@2F", "added_mass@RF"})
     assert {found.leading.placed.label, *found.twins} == both
+    assert all(f"{floor} carries" in found.sentence for floor in ("2F", "RF"))
     assert diagnose(problem, base=found.leading.fitted, among=both).verdict != NAMED

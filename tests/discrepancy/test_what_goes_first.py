@@ -18,14 +18,11 @@ SETTINGS = DiagnosisSettings()
 LATE, MASS = Placed(CATALOGUE["channel_delay"], "RF"), Placed(CATALOGUE["added_mass"], "RF")
 
 
-def finding(placed, log_evidence, log_e_value=None, certified=True):
-    """With a size that anybody would look for, and the test on the other half, if there was one."""
+def finding(placed, log_evidence, *log_e_values, certified=True):
+    """With a size that anybody would look for, and the tests on the other half, if any."""
     changes = SimpleNamespace(matters=lambda *_: True)
-    tested = None
-    if log_e_value is not None:
-        tested = Outcome((log_e_value, log_e_value), certified)
-    density = torch.tensor([4.0 * log_evidence])
-    fitted = SimpleNamespace(placed=(placed,), densities=(density,))
+    tested = Outcome(log_e_values, certified) if log_e_values else None
+    fitted = SimpleNamespace(placed=(placed,), densities=(torch.tensor([4.0 * log_evidence]),))
     return Finding(None, fitted, log_evidence, changes, tested, 1.0, 0.1)
 
 
@@ -101,6 +98,14 @@ def test_one_place_that_is_likelier_than_all_is_a_rival_of_all(place, log_eviden
     order = in_order(order, SETTINGS, lambda *_: False)
     assert order[0] is everywhere
     assert rivals(order, SETTINGS, lambda *_: False) == [other] * rival
+
+
+@pytest.mark.parametrize(("there", "rival"), [(23.0, True), (5.0, False)])
+def test_what_is_as_likely_about_the_first_stays_its_rival(there, rival):
+    """About the base other data hold it far less likely; errors of a mesh differ there."""
+    other = finding(Placed(MASS.effect, "2F"), 11.5, 5.0, there)
+    first = finding(MASS, 12.0, 24.0, 24.0)
+    assert rivals((first, other), SETTINGS, lambda *_: False) == [other] * rival
 
 
 def test_data_kept_out_add_nothing_that_is_not_clear_of_nothing(chains, building_of, observe, pose):
