@@ -167,8 +167,7 @@ def study_options(
                 answer = function(*args, study=study, bars=bars, **kwargs)
                 study = Study(study.folder, kwargs.get("name", study.posterior))
                 if writes and (tables := answer.result.tables()):
-                    written = write_tables(study.result("tables"), tables)
-                    answer = replace(answer, tables=written)
+                    answer = replace(answer, tables=write_tables(study.result("tables"), tables))
                 if pictures:
                     from femupdate.report.figure import draw
 

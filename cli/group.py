@@ -84,8 +84,7 @@ class GroupedCommand(click.Command):
         for parameter in self.get_params(ctx):
             record = parameter.get_help_record(ctx)
             if record is not None and isinstance(parameter, click.Option):
-                name = longest_name(parameter).lstrip("-")
-                under[headings.get(name, _SETTINGS)].append(record)
+                under[headings.get(longest_name(parameter).lstrip("-"), _SETTINGS)].append(record)
         for heading, records in under.items():
             if records:
                 with formatter.section(heading):

@@ -260,8 +260,7 @@ def _wall_stories(building: FrameBuilding) -> Iterator[_WallStory]:
                 if story in resolve(o.stories, stories, "story", "stories")
                 for low in [float(bottom[group]) + o.bottom]
             ]
-            openings = np.array(sides).reshape(-1, 4)
-            yield _WallStory(key, wall, run, group, openings)
+            yield _WallStory(key, wall, run, group, np.array(sides).reshape(-1, 4))
 
 
 def wall_blocks(building: FrameBuilding, lattice: Lattice) -> Iterator[ElementBlock]:

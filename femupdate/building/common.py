@@ -110,8 +110,7 @@ class Damping(Entry):
 
     def _complaints(self) -> Complaints:
         if self.ratio >= 1.0:
-            text = f"{self.ratio:g} must lie below 1 (critical); 2 % is written 0.02"
-            yield ("ratio", text)
+            yield ("ratio", f"{self.ratio:g} must lie below 1 (critical); 2 % is written 0.02")
         if self.law == "constant":
             for key in ("anchors", "ratios"):
                 if getattr(self, key) is not None:
@@ -201,8 +200,7 @@ class ParameterGrouping(Entry):
 
     def _complaints(self) -> Complaints:
         if self.by not in (("story",), ("story", "kind")):
-            text = f'{list(self.by)} is no division; write ["story"] or ["story", "kind"]'
-            yield ("by", text)
+            yield ("by", f'{list(self.by)} is no division; write ["story"] or ["story", "kind"]')
 
 
 class EffectEntry(Entry):

@@ -76,8 +76,7 @@ def _on_springs(
         tied=np.ones((len(base), DOF_PER_NODE), dtype=np.bool_),
     )
     nodes = np.concatenate([model.nodes, middle[None]])
-    fixed = np.concatenate([model.fixed, held])
-    model = replace(model, nodes=nodes, fixed=fixed)
+    model = replace(model, nodes=nodes, fixed=np.concatenate([model.fixed, held]))
     return with_springs(model, np.array([footing]), supports), links
 
 

@@ -297,8 +297,7 @@ class Properties:
             raise row.error("its thickness must be positive; correct it")
         bending = 0.0 if "membrane" in kind else row.real("BENDTHICK", "TB", usual=thick)
         sizes = thick * tables.length, bending * tables.length
-        factors = modifiers(row, AREA_MODIFIERS)
-        return AreaSection(stuff, weight, *sizes, factors, more)
+        return AreaSection(stuff, weight, *sizes, modifiers(row, AREA_MODIFIERS), more)
 
 
 def local_axes(axis: Floats, angle: float) -> Floats:

@@ -215,8 +215,7 @@ class ShearStory(Story):
 
     def _complaints(self) -> Complaints:
         if (self.stiffness is None) == (self.stiffness_per_mass is None):
-            text = "give either stiffness or stiffness_per_mass, and not both"
-            yield ("stiffness", text)
+            yield ("stiffness", "give either stiffness or stiffness_per_mass, and not both")
 
     @property
     def spring(self) -> float:
@@ -433,8 +432,7 @@ class MeshBuilding(MeshedBuilding):
                 resolve(rigid, self.floors, "floor", "mesh.diaphragms")
             return
         if self.by_kind:
-            text = "a mesh of parts has one factor a story; remove it"
-            raise Complaint("parameters", text)
+            raise Complaint("parameters", "a mesh of parts has one factor a story; remove it")
         super().check()
         if not self.parts:
             raise Complaint("parts", "no group of the mesh has a meaning; add a [[parts]] table")

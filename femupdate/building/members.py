@@ -274,8 +274,7 @@ class Base(Entry):
 
     def _complaints(self) -> Complaints:
         if self.mass is not None and self.base not in RELEASED:
-            text = f'it needs base = "slides" or "free", not {self.base!r}; change one'
-            yield ("mass", text)
+            yield ("mass", f'it needs base = "slides" or "free", not {self.base!r}; change one')
 
 
 class Supports(Base, SixSprings):

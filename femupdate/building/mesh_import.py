@@ -306,5 +306,4 @@ def _diaphragms(
             on_floor = sides[(np.abs(nodes[sides, 2] - level) < LEVEL).all(axis=1)]
             piece = piece_of(len(nodes), on_floor)  # what does not touch is another diaphragm
             for label in np.unique(piece[on_floor]):
-                slab = np.unique(on_floor[piece[on_floor[:, 0]] == label])
-                yield np.searchsorted(used, slab)
+                yield np.searchsorted(used, np.unique(on_floor[piece[on_floor[:, 0]] == label]))

@@ -91,8 +91,7 @@ def building_model(building: MeshBuilding) -> ReadModel:
     file = open_model(Path(mesh.file).expanduser())
     assert mesh.force is not None
     if file.units not in (None, (mesh.force, mesh.unit)):
-        text = f"the model is in {','.join(file.units or ())}; write those"
-        raise Complaint("mesh.unit", text)
+        raise Complaint("mesh.unit", f"the model is in {','.join(file.units or ())}; write those")
     base = building.supports.base if "supports" in building.model_fields_set else None
     given = {"supports.base": base, "mesh.diaphragms": mesh.diaphragms, "mesh.mass": mesh.mass}
     for key in file.lacks:

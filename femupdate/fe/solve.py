@@ -237,5 +237,4 @@ def _modes(problem: _Problem, values: Floats, shapes: Floats) -> NaturalModes:
     # Of components as close as this to the largest, the first decides the sign.
     largest = (magnitude >= (1.0 - 1e-6) * magnitude.max(axis=0)).argmax(axis=0)
     sign = np.sign(shapes[largest, np.arange(len(values))])
-    frequency = np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
-    return NaturalModes(frequency, shapes * (sign / norm))
+    return NaturalModes(np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi), shapes * (sign / norm))

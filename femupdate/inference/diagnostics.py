@@ -41,8 +41,7 @@ def separate_modes(x: Tensor) -> Tensor:
     ]
     mixture = max(fits, key=lambda fit: float(fit.log_density(some).mean()))
     group = torch.tensor(_joined(mixture), device=x.device)
-    member = group[mixture.component_log_density(x).argmax(dim=1)]
-    return _numbered(x, _seen_apart(x, member))
+    return _numbered(x, _seen_apart(x, group[mixture.component_log_density(x).argmax(dim=1)]))
 
 
 def _joined(mixture: Mixture) -> list[int]:

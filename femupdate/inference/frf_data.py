@@ -376,8 +376,7 @@ class FrfData:
         """The same with another static displacement that the reduced model lacks under a force."""
         if not self.forced:
             return self
-        halves = tuple(half.with_rest(rest) for half in self.halves)
-        return replace(self, rest=rest, halves=halves)
+        return replace(self, rest=rest, halves=tuple(half.with_rest(rest) for half in self.halves))
 
     def at_level(self, level: float) -> "FrfData":
         """The same with every record at a level, in doublings."""

@@ -139,8 +139,7 @@ def acceleration_unit(file: TextFile, channel: RecordedChannel, asked: str | Non
 
 def in_m_s2(file: TextFile, channel: RecordedChannel, asked: str | None) -> Floats:
     """Values (n,) of a channel of acceleration in m/s2."""
-    unit = acceleration_unit(file, channel, asked)
-    return channel.values * si_factor(file, unit, "acceleration")
+    return channel.values * si_factor(file, acceleration_unit(file, channel, asked), "acceleration")
 
 
 def channel_listing(file: TextFile, channels: Sequence[RecordedChannel], unit: str | None) -> str:

@@ -149,8 +149,7 @@ class Prediction(Result):
         yield Note("  mean, and 5 to 95 % in brackets", detail=True, page=False)
         yield from self.forces or member_tables(self.members)
         if self.members:
-            forces = [member.as_dict() for member in self.members]
-            yield Note(content={"member_forces": forces})
+            yield Note(content={"member_forces": [member.as_dict() for member in self.members]})
         if spectra is not None:
             yield Note(content={"floor_spectra": spectra.as_dict(floors)})
             yield spectra.table(floors)

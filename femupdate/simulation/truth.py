@@ -193,8 +193,7 @@ def fine_model(
         return FineModel(building, structure_of(building), channels, places, None)
     sensed, size, channels, places = sensor_places(building, mesh_size, sensors)
     halved = isinstance(sensed, MeshBuilding)
-    structure = structure_of(sensed, size, halved=halved)
-    return FineModel(sensed, structure, channels, places, size)
+    return FineModel(sensed, structure_of(sensed, size, halved=halved), channels, places, size)
 
 
 def truth_of(

@@ -446,8 +446,7 @@ def _draw_samples(
     theta = task.dataset.theta[rows].to(task.device, torch.float32)
     modal, zeta = task.dataset.modal[rows].to(task.device), zeta.to(task.device, torch.float32)
     parts = task.system.log_frf_batches(modal, theta, zeta, task.frequency_hz)
-    pool = torch.cat([part.to(torch.float16) for part in parts])
-    return _Samples(theta, zeta, pool)
+    return _Samples(theta, zeta, torch.cat([part.to(torch.float16) for part in parts]))
 
 
 def _epoch(

@@ -189,8 +189,7 @@ def identify(
     names = tuple(ours.name for ours in floors)
     found = identify_modes(values, channels[0].time_step, names, band_hz, order)
     said = [f"modes of {path.name} by femupdate identify", *found.notes]
-    written = write_modes(output, found.modes, said)
-    return _modes_told(found, path, written)
+    return _modes_told(found, path, write_modes(output, found.modes, said))
 
 
 def _modes_told(found: AmbientModes, path: Path, written: Path) -> Told:

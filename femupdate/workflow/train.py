@@ -132,8 +132,7 @@ def train_study(
     )
     between = time.monotonic()
     checkpoint = study.path(_CHECKPOINT)
-    task = training_task(model, dataset, device)
-    result = train_mvae(task, settings, checkpoint, progress)
+    result = train_mvae(training_task(model, dataset, device), settings, checkpoint, progress)
     how = {
         "samples": samples,
         "modes": _MODES_KEPT,

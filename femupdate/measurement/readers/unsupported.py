@@ -55,8 +55,7 @@ def _known(head: str, suffix: str) -> tuple[str, str] | None:
     found = [
         (what, advice) for begins, what, advice in _KNOWN if re.match(begins, head, re.S | re.I)
     ]
-    binary = "\0" in head
-    return found[0] if found else _SUFFIXES.get(suffix) if binary else None
+    return found[0] if found else _SUFFIXES.get(suffix) if "\0" in head else None
 
 
 def recognises(head: str, suffix: str) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from femupdate.arrays import Floats
 from femupdate.errors import InferenceError
 
-# Starts: of a hundred buildings of four stories and less all have what the roots of polynomials give.
+# Enough for all that the roots of polynomials give, in a hundred buildings of up to four stories.
 _STARTS, _STEPS = 1000, 40
 
 
