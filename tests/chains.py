@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tests.documents import reduced_stick
+
 
 @dataclass(frozen=True)
 class Chain:
@@ -22,6 +24,19 @@ class Chain:
 
     def but(self, **changes):
         return replace(self, **changes)
+
+    def at(self, theta, **changes):
+        """With its springs times factors."""
+        return self.but(springs=np.asarray(theta) * self.springs, **changes)
+
+    def reduced(self):
+        """The same as femupdate has it."""
+        return reduced_stick(self.masses, self.springs)
+
+    @property
+    def matrices(self):
+        """M and K of the floors on a rigid base."""
+        return np.diag(self.masses), _stiffness(self.springs)
 
     def frf(self, frequency_hz):
         """Absolute acceleration of the floors over that of the ground, (n, k), complex."""

@@ -1,4 +1,4 @@
-"""Shear chains with matrices of their own, and a small frame building."""
+"""Shear chains solved by hand, and a small frame building."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -6,43 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 import torch
-from scipy.linalg import eigh
 
 from femupdate.building import from_document
 from femupdate.effects import structure_of
 from tests import documents
-
-
-@dataclass(frozen=True)
-class Chain:
-    """A shear chain: masses (n,), kg, and story springs (n,), N/m, at theta = 1."""
-
-    mass: np.ndarray
-    spring: np.ndarray
-
-    def matrices(self, theta):
-        """Textbook M and K: k_i + k_{i+1} on the diagonal, -k_{i+1} beside it."""
-        k = np.append(np.asarray(theta) * self.spring, 0.0)
-        K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
-        return np.diag(self.mass), K
-
-    def reduced(self):
-        return documents.reduced_stick(self.mass, self.spring)
-
-    def modal_damping(self, theta, zeta):
-        """C with the same damping ratio in every mode (Clough and Penzien, 1993, section 12-5)."""
-        M, K = self.matrices(theta)
-        squared, modes = eigh(K, M)
-        return M @ modes @ np.diag(2.0 * zeta * np.sqrt(squared)) @ modes.T @ M
-
-    def frf(self, theta, frequency_hz, C):
-        """Absolute acceleration over base acceleration (n, k), one linear solution each."""
-        M, K = self.matrices(theta)
-        columns = []
-        for w in 2.0 * np.pi * np.asarray(frequency_hz):
-            dynamic = K + 1j * w * C - w**2 * M
-            columns.append(1.0 + w**2 * np.linalg.solve(dynamic, M @ np.ones(len(M))))
-        return np.stack(columns, axis=1)
+from tests.chains import Chain
 
 
 @pytest.fixture(scope="session")
@@ -56,11 +24,6 @@ def tall_chain():
     """Thirty floors: most modes lie above any grid that is used here."""
     rng = np.random.default_rng(5)
     return Chain(1000.0 * rng.uniform(0.5, 1.5, 30), 1e7 * rng.uniform(0.5, 1.5, 30))
-
-
-@pytest.fixture(scope="session")
-def make_chain():
-    return Chain
 
 
 @pytest.fixture(scope="session")

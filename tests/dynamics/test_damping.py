@@ -38,7 +38,7 @@ def test_rayleigh_damping_has_its_ratio_at_both_anchors_and_less_between(low, hi
 def test_rayleigh_damping_is_that_of_a0_m_plus_a1_k(chain, tensor):
     """The diagonal of Phi^T C Phi is 2 zeta omega; off it there is nothing."""
     law = RayleighDamping(0.03, (1.0, 20.0))
-    M, K = chain.matrices([0.5, 2.1, 0.8, 1.3])
+    M, K = chain.at([0.5, 2.1, 0.8, 1.3]).matrices
     squared, modes = torch.linalg.eigh(
         tensor(np.linalg.inv(M) ** 0.5 @ K @ np.linalg.inv(M) ** 0.5)
     )

@@ -6,6 +6,7 @@ import torch
 from femupdate.benchmarks.modal_frf import complex_frf, log_frf
 
 from femupdate.dynamics import ConstantDamping, RayleighDamping, System
+from tests.chains import Chain, rayleigh
 
 FREQUENCY = np.linspace(0.0, 20.0, 57)
 # Equal masses m and springs theta_i 1000 m, one roof curve for all four (Katafygiotis and Lam 2002,
@@ -27,15 +28,13 @@ def test_constant_modal_damping_against_a_direct_solution(chain, thetas, tensor,
         tensor([zeta] * 3),
     )
     for row, theta in enumerate(thetas):
-        expected = chain.frf(theta, FREQUENCY, chain.modal_damping(theta, zeta))
+        expected = chain.at(theta, zeta=zeta).frf(FREQUENCY)
         # Near a resonance without damping the solution itself loses five digits.
         np.testing.assert_allclose(found[row], expected, rtol=1e-8, atol=1e-8)
 
 
 def test_rayleigh_damping_against_a_direct_solution(chain, thetas, tensor):
     law = RayleighDamping(0.02, (1.0, 20.0))
-    low, high = 2.0 * np.pi * 1.0, 2.0 * np.pi * 20.0
-    of_mass, of_stiffness = 0.04 * low * high / (low + high), 0.04 / (low + high)
     found = complex_frf(
         System(chain.reduced()).modal_data(tensor(thetas)),
         tensor(FREQUENCY),
@@ -43,13 +42,12 @@ def test_rayleigh_damping_against_a_direct_solution(chain, thetas, tensor):
         tensor([9.9] * 3),
     )
     for row, theta in enumerate(thetas):
-        M, K = chain.matrices(theta)
-        expected = chain.frf(theta, FREQUENCY, of_mass * M + of_stiffness * K)
+        expected = chain.at(theta, proportional=rayleigh(0.02, 1.0, 20.0)).frf(FREQUENCY)
         np.testing.assert_allclose(found[row], expected, rtol=1e-10, atol=1e-10)
 
 
-def test_the_four_solutions_of_the_benchmark_have_one_roof_curve(make_chain, tensor):
-    equal = make_chain(np.ones(4), np.full(4, 1000.0))
+def test_the_four_solutions_of_the_benchmark_have_one_roof_curve(tensor):
+    equal = Chain(np.ones(4), np.full(4, 1000.0))
     frequency = 0.02 * np.arange(1, 1025)
     data = System(equal.reduced()).modal_data(tensor(EQUIVALENT))
     found = log_frf(data, tensor(frequency), RayleighDamping(0.02, (1.0, 20.0)), torch.zeros(4))

@@ -7,12 +7,13 @@ from femupdate.benchmarks.modal_frf import complex_frf
 from scipy.linalg import eigh
 
 from femupdate.dynamics import ConstantDamping, ReducedModel, System, modal_sum
+from tests.chains import Chain
 
 
 def test_modes_are_those_of_scipy(chain, thetas, tensor):
     modes = System(chain.reduced()).modes(tensor(thetas), tensor(np.zeros((3, 0))))
     for row, theta in enumerate(thetas):
-        M, K = chain.matrices(theta)
+        M, K = chain.at(theta).matrices
         squared = eigh(K, M, eigvals_only=True)
         # Two eigenvalue solvers in float64.
         np.testing.assert_allclose(modes.omega[row] ** 2, squared, rtol=1e-12)
@@ -85,13 +86,13 @@ def test_modes_in_the_band_that_no_floor_feels_do_not_spoil_the_series():
 
 
 @pytest.mark.parametrize("size", [1, 2])
-def test_the_smallest_buildings(make_chain, tensor, size):
-    chain = make_chain(np.array([2.0, 1.0])[:size], np.array([700.0, 300.0])[:size])
+def test_the_smallest_buildings(tensor, size):
+    chain = Chain(np.array([2.0, 1.0])[:size], np.array([700.0, 300.0])[:size])
     theta = np.array([[1.7, 0.6]])[:, :size]
     frequency = np.array([0.5, 1.9, 4.0])
     data = System(chain.reduced()).modal_data(tensor(theta))
     found = complex_frf(data, tensor(frequency), ConstantDamping(), tensor([0.03]))
-    expected = chain.frf(theta[0], frequency, chain.modal_damping(theta[0], 0.03))
+    expected = chain.at(theta[0], zeta=0.03).frf(frequency)
     np.testing.assert_allclose(found[0], expected, rtol=1e-11)
 
 
