@@ -149,11 +149,15 @@ def whole_text(file: Path) -> str:
 def _lines(file: Path, users: tuple[Path, ...]) -> list[tuple[str, int, str]]:
     """Lines of a deck with their file and number, those of INCLUDE in its place."""
     lines: list[tuple[str, int, str]] = []
-    for number, line in enumerate(file_text(file).splitlines(), 1):
+    numbered = enumerate(file_text(file).splitlines(), 1)
+    for number, line in numbered:
         text = line.split("$", 1)[0].strip()
         if not re.match(r"INCLUDE\b", text, re.I):
             lines.append((file.name, number, line))
             continue
+        for quote in "'\"":  # a long path goes on below
+            while text.count(quote) % 2:
+                text += next(numbered, (0, quote))[1].strip()
         named = text[7:].strip(" ='\",").replace("\\", "/")
         path = file.parent / named
         error = Card(file.name, "INCLUDE", number, ()).error

@@ -25,6 +25,9 @@ from femupdate.progress import SILENT, Progress
 from femupdate.workers import everywhere
 
 _DIGITS = 6  # decimals of a metre in which lines of two meshes are the same
+# Shapes, over those of the coarse mesh. Rms of ln|H| of the six-story frame about its posterior:
+# .0012 with as many, where posterior means moved by .17 sd, .0009 with 260 for 230, .0003 with 300.
+_SHAPES = 1.3
 
 
 def on_finer_mesh(
@@ -35,7 +38,7 @@ def on_finer_mesh(
     thetas: Floats,
     progress: Progress = SILENT,
 ) -> ReducedStructure:
-    """Return the structure of a finer mesh on as many shapes as the coarse one has.
+    """Return the structure of a finer mesh on a third more shapes than the coarse one has.
 
     Args:
         coarse: the building on its mesh.
@@ -55,7 +58,8 @@ def on_finer_mesh(
     forces = space.condensed(np.column_stack([loads, static, held]))
     task = partial(_moved, space, reduced, forces, target)
     shapes = everywhere(task, list(thetas), progress)
-    return reduced_on(fine, space.expanded(compressed(space.mass, shapes, reduced.size)))
+    size = round(_SHAPES * reduced.size)
+    return reduced_on(fine, space.expanded(compressed(space.mass, shapes, size)))
 
 
 def on_nodes_of(coarse: Structure, reduced: ReducedStructure) -> ReducedModel:

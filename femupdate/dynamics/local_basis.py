@@ -16,7 +16,7 @@ from scipy.sparse import csc_matrix
 
 from femupdate.arrays import Floats, Indices, Singles
 from femupdate.dynamics.equations import Equations, WithSprings, equations_at
-from femupdate.dynamics.reduced import ReducedStructure, lumped, reduced_on
+from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.snapshots import STATIC_WEIGHT, FeltModes, ReductionTarget, compressed
 from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.registry import CATALOGUE
@@ -25,7 +25,7 @@ from femupdate.fe.assembly import with_terms
 from femupdate.fe.driven import Factored
 from femupdate.fe.factorization import Factorization
 from femupdate.fe.mechanism import factorize_held
-from femupdate.fe.products import along, combined, symmetric_times
+from femupdate.fe.products import along, combined, diagonal, symmetric_times
 from femupdate.fe.solve import NaturalModes, modes_below
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
@@ -83,6 +83,22 @@ def local_structure(
     task = partial(_answer, structure, KnownModes.of(middle, modes, factors), target)
     shapes += everywhere(task, questions, progress)
     return reduced_on(structure, compressed(structure.mass, shapes, size))
+
+
+def model_about(model: ReducedModel, thetas: Floats, target: ReductionTarget) -> ReducedModel:
+    """A reduced model on shapes of its own responses about thetas (n, p), those first that count.
+
+    A posterior fills little of the prior: a third of the shapes serve there.
+    """
+    shapes = []
+    for theta in thetas:
+        omega, modes = diagonal(model.stiffness(theta))
+        driven = model.excitation @ modes
+        dashpots = None if model.dashpots is None else model.dashpots @ modes
+        felt = FeltModes(omega, driven, model.floor_shapes @ modes, dashpots)
+        weights = [felt.combinations(target), STATIC_WEIGHT * (driven / omega**2)[:, None]]
+        shapes.append(modes @ np.column_stack(weights))
+    return model.on(np.linalg.svd(np.column_stack(shapes), full_matrices=False)[0])
 
 
 def _along_ports(structure: Structure, factors: Factored, sets: Sequence[Sized]) -> list[Floats]:

@@ -125,18 +125,22 @@ class ReducedModel:
 
     def first(self, count: int) -> "ReducedModel":
         """The model on the first shapes of its basis."""
-        kept, rotation = slice(count), self.rotation
+        return self.on(np.eye(self.size, count))
+
+    def on(self, shapes: Floats) -> "ReducedModel":
+        """The model on orthonormal combinations (r, c) of its coordinates, without its nodes."""
+        rotation = self.rotation
         return replace(
             self,
-            stiffness_terms=self.stiffness_terms[:, kept, kept],
-            stiffness_constant=self.stiffness_constant[kept, kept],
-            excitation=self.excitation[kept],
-            floor_shapes=self.floor_shapes[:, kept],
-            story_inertia=self.story_inertia[:, kept],
-            story_drift=self.story_drift[:, kept],
+            stiffness_terms=shapes.T @ self.stiffness_terms @ shapes,
+            stiffness_constant=shapes.T @ self.stiffness_constant @ shapes,
+            excitation=self.excitation @ shapes,
+            floor_shapes=self.floor_shapes @ shapes,
+            story_inertia=self.story_inertia @ shapes,
+            story_drift=self.story_drift @ shapes,
             node_shapes=None,
-            rotation=None if rotation is None else replace(rotation, force=rotation.force[kept]),
-            dashpots=None if self.dashpots is None else self.dashpots[:, kept],
+            rotation=None if rotation is None else replace(rotation, force=rotation.force @ shapes),
+            dashpots=None if self.dashpots is None else self.dashpots @ shapes,
         )
 
     def arrays(self) -> dict[str, NDArray[Any]]:

@@ -10,7 +10,7 @@ __all__, __getattr__ = public(
         "frf_data": "base_logs forced_data frf_data",
         "latent_likelihood": "LatentLikelihood",
         "likelihood": "likelihood_of",
-        "maxima": "best_of_prior draws_about found_from settled",
+        "maxima": "best_of_prior draws_about found_from on_fewer_shapes settled",
         "mode_data": "ModalErrors",
         "model_error": "COARSE_ERROR STATED",
         "next_event": "EventErrors",

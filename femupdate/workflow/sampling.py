@@ -16,7 +16,13 @@ from femupdate.errors import InferenceError
 from femupdate.inference.importance import Counted, SamplerRun, draws_about_particles
 from femupdate.inference.latent_likelihood import LatentLikelihood
 from femupdate.inference.likelihood import Data, Likelihood
-from femupdate.inference.maxima import FEW, coarse_maxima, draws_about, wide_start
+from femupdate.inference.maxima import (
+    FEW,
+    coarse_maxima,
+    draws_about,
+    on_fewer_shapes,
+    wide_start,
+)
 from femupdate.inference.model_error import COARSE_ERROR
 from femupdate.inference.parameters import Parameters, effect_parameters
 from femupdate.inference.smc import Hamiltonian, LogLikelihood, SmcSettings, TemperedSmc
@@ -159,14 +165,14 @@ def sampled_about_maxima(
 ) -> Sampled | None:
     """Equally weighted draws, by importance draws about the maxima; None where too few count."""
     assert target.maxima is not None
-    prior = target.likelihood.prior
+    prior, (drawing, choosing) = target.likelihood.prior, spawn(seed, 2)
+    likelihood = on_fewer_shapes(target.likelihood, target.maxima, drawing)
     # Rounds of fitting take some hundred draws a parameter.
     total = count + 200 * prior.size
-    ahead = _ahead(prior, target.likelihood, 64, total)
+    ahead = _ahead(prior, likelihood, 64, total)
     show.start(f"Importance sampling ({ahead}, {total:,} responses of the building)", total)
-    drawing, choosing = spawn(seed, 2)
     # A thousand at a time: all processors start and end together.
-    counted = Counted(target.likelihood, show, rows=1024)
+    counted = Counted(likelihood, show, rows=1024)
     found = draws_about(prior, counted, target.maxima, count, drawing)
     if found is None:
         return None

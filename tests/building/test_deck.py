@@ -126,7 +126,7 @@ def test_what_a_deck_includes_is_part_of_it(tmp_path):
     path = write(tmp_path, FRAME)
     whole = load_building(path)
     expected = frequencies(mesh_building(whole))
-    write(tmp_path, FRAME[:start] + "INCLUDE 'members.inc'\n" + FRAME[end:])
+    write(tmp_path, FRAME[:start] + "INCLUDE './\nmembers.inc'\n" + FRAME[end:])
     parts = load_building(path)
     np.testing.assert_allclose(frequencies(mesh_building(parts)), expected, rtol=1e-9)
     before = building_hash(parts)

@@ -1,5 +1,7 @@
 """Importance draws about maxima against closed forms, from starts that are only near."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -12,6 +14,7 @@ from femupdate.inference import (
     draws_about,
     found_from,
     likelihood_of,
+    on_fewer_shapes,
     settled,
 )
 from femupdate.measurement import Observation
@@ -129,3 +132,26 @@ def test_the_highest_maximum_of_a_roof_is_found_from_the_prior(theta):
     best = prior.from_normal(found.found.z)
     # A maximum lies above the truth, by 3.5 nats in the mean.
     assert found.likelihood(best).max() > found.likelihood(truth) - 1.0
+
+
+def test_about_a_maximum_a_model_needs_few_of_its_shapes():
+    """What they change of the likelihood of a long chain, at draws that they were not made from."""
+    whole = reduced_stick(np.full(60, 2e4), np.full(60, 4e8))
+    halves = np.stack([whole.stiffness_terms[:30].sum(0), whole.stiffness_terms[30:].sum(0)])
+    rows = {"floor_shapes": whole.floor_shapes[[29, 59]], "floors": ("31F", "RF")}
+    system = System(replace(whole, stiffness_terms=halves, rotation=None, **rows))
+    prior = Parameters.uniform(["theta_1", "theta_2"], [1 / 3] * 2, [3.0] * 2)
+    prior += Parameters.uniform(["zeta"], [0.005], [0.06], kind="damping")
+    truth, grid = torch.tensor([[0.8, 1.3, 0.02]]).double(), 0.05 * torch.arange(1, 301).double()
+    frf = system.frf(truth[:, :2], truth[:, 2], truth[:, 3:], grid)[0].abs().log().numpy()
+    sd = np.full(frf.shape, 0.01)
+    noise = 0.01 * np.random.default_rng(7).standard_normal(frf.shape)
+    seen = Observation(grid.numpy(), system.floors, frf + noise, sd, sd > 0.0)
+    found = settled(likelihood_of((base_logs(seen, system),), system, prior), 0)
+    few = on_fewer_shapes(found.likelihood, found.found, 1)
+    assert few.system.model.size <= 40
+    scale = torch.linalg.inv(found.found.precision[0]).diagonal().sqrt()
+    normal = torch.randn(40, 3, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
+    drawn = prior.from_normal(found.found.z[0] + 2.0 * scale * normal)
+    # Twice as far as the posterior reaches; where shapes were chosen they err by .05 nats.
+    np.testing.assert_allclose(few(drawn), found.likelihood(drawn), atol=0.3)
