@@ -3,14 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from femupdate.benchmarks.solver.meshes import (  # noqa: F401 (tests reach them through the fixture)
+from femupdate.benchmarks.solver.meshes import (  # noqa: F401 (tests take them from here)
     RX,
     RY,
     RZ,
     UX,
     UY,
     UZ,
-    area_shares,
     beams,
     chain,
     displacement,

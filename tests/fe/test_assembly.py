@@ -7,6 +7,7 @@ import pytest
 
 from femupdate.errors import StructureError
 from femupdate.fe import Beams, PointMasses, Shells, Springs, assemble
+from tests.fe import meshes
 
 
 @pytest.fixture
@@ -24,7 +25,7 @@ def parts():
 
 
 @pytest.fixture
-def structure(meshes, parts):
+def structure(parts):
     points, elements = meshes.frame_with_wall()
     fixed = meshes.hold(len(points), (points[:, 2] == 0, range(6)))
     return meshes.model(points, fixed, groups=3, **elements, **parts)

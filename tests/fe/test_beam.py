@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 from femupdate.errors import StructureError
+from tests.fe import meshes
 
 E, NU, DENSITY = 210e9, 0.3, 7850.0
 G = E / (2 * (1 + NU))
@@ -33,7 +34,7 @@ def local_axes(direction, up):
     return np.array([x, np.cross(z, x), z])
 
 
-def cantilever(meshes, length, count, direction=(1.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), **changes):
+def cantilever(length, count, direction=(1.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), **changes):
     direction = np.asarray(direction) / np.linalg.norm(direction)
     points = np.linspace(0, length, count + 1)[:, None] * direction
     fixed = meshes.zeros(count + 1).astype(bool)
@@ -47,10 +48,10 @@ def cantilever(meshes, length, count, direction=(1.0, 0.0, 0.0), up=(0.0, 0.0, 1
     ("direction", "up"),
     [((1, 0, 0), (0, 0, 1)), ((0, 0, 1), (1, 0.3, 0)), ((2.0, -1.0, 1.5), (0.2, 0.1, 1.0))],
 )
-def test_tip_displacement_is_exact(meshes, count, direction, up):
+def test_tip_displacement_is_exact(count, direction, up):
     """Axial, shear with bending, torsion and end moments, each in the beam's own axes."""
     length, axes = 2.5, local_axes(np.array(direction, float), np.array(up, float))
-    model = cantilever(meshes, length, count, direction, up)
+    model = cantilever(length, count, direction, up)
 
     def tip(component, value):
         load = meshes.zeros(count + 1)
@@ -72,9 +73,9 @@ def test_tip_displacement_is_exact(meshes, count, direction, up):
 
 
 @pytest.mark.parametrize("along", [1, 2])
-def test_infinite_shear_area_gives_euler_bernoulli(meshes, along):
+def test_infinite_shear_area_gives_euler_bernoulli(along):
     inertia, shear_area = PLANES[along]
-    model = cantilever(meshes, 2.5, 1, **{shear_area: np.inf})
+    model = cantilever(2.5, 1, **{shear_area: np.inf})
     load = meshes.zeros(2)
     load[1, along] = 1.0
     expected = 2.5**3 / (3 * E * SECTION[inertia])
@@ -102,7 +103,7 @@ def shape_mass(length, inertia, shear_area):
 
 @pytest.mark.parametrize("length", [0.2, 1.0, 8.0])
 @pytest.mark.parametrize("along", [1, 2])
-def test_mass_is_that_of_the_static_shapes(meshes, length, along):
+def test_mass_is_that_of_the_static_shapes(length, along):
     beams = meshes.beams([[0, 1]], **SECTION)
     mass = beams.matrices(np.array([[0.0, 0, 0], [length, 0, 0]])).mass[0]
     inertia, shear_area = (SECTION[name] for name in PLANES[along])
@@ -114,7 +115,7 @@ def test_mass_is_that_of_the_static_shapes(meshes, length, along):
 
 @given(start=vectors, way=vectors, up=vectors)
 @settings(max_examples=100, deadline=None)
-def test_rigid_motion_and_momentum_in_any_position(meshes, start, way, up):
+def test_rigid_motion_and_momentum_in_any_position(start, way, up):
     start, way, up = (np.array(v) for v in (start, way, up))
     length = np.linalg.norm(way)
     if length < 0.1 or np.linalg.norm(np.cross(way, up)) < 1e-2:
@@ -163,13 +164,13 @@ def test_rigid_motion_and_momentum_in_any_position(meshes, start, way, up):
         ({"up": (0.0, 0.0, 0.0)}, "`up` along its axis"),
     ],
 )
-def test_an_impossible_beam_is_refused_by_name(meshes, changes, message):
+def test_an_impossible_beam_is_refused_by_name(changes, message):
     beams = meshes.beams([[0, 1]], **{**SECTION, **changes})
     with pytest.raises(StructureError, match=message):
         beams.matrices(np.array([[0.0, 0, 0], [1.0, 0, 0]]))
 
 
-def test_a_beam_without_length_is_refused_by_name(meshes):
+def test_a_beam_without_length_is_refused_by_name():
     beams = meshes.beams([[7, 8], [9, 4]], **SECTION)
     points = np.zeros((10, 3))
     points[8, 0], points[[9, 4]] = 1.0, 5.0

@@ -6,6 +6,7 @@ from scipy.sparse import csc_matrix, diags
 
 from femupdate.errors import StructureError
 from femupdate.fe import PointMasses, assemble, driven_shapes, factorize
+from tests.fe import meshes
 
 ROWS = np.eye(400)[[50, 399]]
 
@@ -50,7 +51,7 @@ def test_watched_rows_are_right_though_they_start_no_shapes(rod):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_masses_at_a_few_nodes_alone(meshes, seed):
+def test_masses_at_a_few_nodes_alone(seed):
     rng = np.random.default_rng(seed)
     points = np.array([(x, 0.0, z) for z in (0.0, 3.0, 6.0, 9.0) for x in (0.0, 5.0, 10.0)])
     lines = [[k, k + 3] for k in range(9)] + [[k, k + 1] for k in range(3, 11) if k % 3 < 2]

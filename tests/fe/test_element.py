@@ -7,10 +7,11 @@ import pytest
 
 from femupdate.errors import StructureError
 from femupdate.fe import Beams, Shells, Triangles, cell_types, element_for, element_kinds
+from tests.fe import meshes
 
 
 @pytest.fixture
-def model(meshes):
+def model():
     points, elements = meshes.frame_with_wall()
     fixed = meshes.hold(len(points), (points[:, 2] == 0, range(6)))
     return meshes.model(points, fixed, groups=2, **elements)

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from femupdate.fe import PointMasses, RigidLinks, Springs, assemble, lowest_modes, opensees_script
+from tests.fe import meshes
 
 THETA = np.array([0.7, 1.4])
 
 
-def building(meshes, **changes):
+def building(**changes):
     """A wall, a slab with masses on it and a column, on springs; parts of two stiffness groups."""
     points, parts = meshes.frame_with_wall(3)
     foot = np.flatnonzero(points[:, 2] == 0)
@@ -43,8 +44,8 @@ def run(script, tmp_path, *options):
 
 
 @pytest.mark.parametrize("shell", ["ASDShellQ4", "ShellMITC4"])
-def test_opensees_finds_the_same_frequencies(meshes, opensees, tmp_path, shell):
-    model = building(meshes)
+def test_opensees_finds_the_same_frequencies(opensees, tmp_path, shell):
+    model = building()
     script = opensees_script(model, THETA, types={"shell": shell})
     theirs = run(script, tmp_path, "--modes", "6")
     ours = lowest_modes(assemble(model), THETA, 6).frequency_hz
@@ -66,7 +67,7 @@ SECTION = {
 }
 
 
-def test_released_ends_mean_the_same(meshes, opensees, tmp_path):
+def test_released_ends_mean_the_same(opensees, tmp_path):
     """A portal whose slanting beam has a hinge at its start, and a column without one moment."""
     points = np.array([[0, 0, 0], [0, 0, 3.0], [4, 1, 3.5], [4, 1, 0.0]])
     beams = meshes.beams([[0, 1], [1, 2], [3, 2]], up=(0.3, 1.0, 0.0), **SECTION)
@@ -85,7 +86,7 @@ def test_released_ends_mean_the_same(meshes, opensees, tmp_path):
     np.testing.assert_allclose(theirs, ours, rtol=0.01)
 
 
-def test_rigid_links_and_arms_mean_the_same(meshes, opensees, tmp_path):
+def test_rigid_links_and_arms_mean_the_same(opensees, tmp_path):
     """A mast on a rigid link, whose upper beam has arms at both ends."""
     points = np.array([[0, 0, 0], [0, 0, 2.0], [0.8, 0.3, 2.0], [0.8, 0.3, 5.0]])
     beams = meshes.beams([[0, 1], [2, 3]], up=(1.0, 0.0, 0.0), **SECTION)

@@ -15,6 +15,7 @@ from femupdate.fe import (
     lowest_modes,
     static_displacement,
 )
+from tests.fe import meshes
 
 ONE = np.ones(1)
 WIDTH, DEPTH, LENGTH = 0.3, 0.6, 2.0
@@ -30,7 +31,7 @@ GIRDER = {
 }
 
 
-def wall_with_beam(meshes, nx, nz, level=None, turn=None):
+def wall_with_beam(nx, nz, level=None, turn=None):
     """The 6 m x 3.5 m wall of the anchors, .3 m thick, with a beam at an edge near mid-height."""
     s, t, quads = meshes.grid(nx, nz)
     wall = meshes.stack(6 * s, 0 * s, 3.5 * t)
@@ -72,20 +73,20 @@ def tip(model, direction=(0.0, 0.0, -1.0)):
     # 2.37, and here the rows are 1.75 / 6 = .292 m high, so the face is 2.8 % short.
     [(20, 12, 2.26), (40, 24, 2.33), (80, 48, 2.37)],
 )
-def test_a_coupling_beam_at_a_walls_edge_converges(meshes, nx, nz, reference):
-    model = wall_with_beam(meshes, nx, nz)
+def test_a_coupling_beam_at_a_walls_edge_converges(nx, nz, reference):
+    model = wall_with_beam(nx, nz)
     assert tip(linked(model)) == pytest.approx(reference, rel=0.03)
 
 
-def test_the_link_works_on_elements_larger_than_the_beam_is_deep(meshes):
+def test_the_link_works_on_elements_larger_than_the_beam_is_deep():
     # One element of 1.75 m above and below: the link is too long, and stiffer than the rigid wall
     # (1.753 mm) it cannot be.
-    assert 1.753 < tip(linked(wall_with_beam(meshes, 4, 2))) < 2.4
+    assert 1.753 < tip(linked(wall_with_beam(4, 2))) < 2.4
 
 
 @pytest.mark.parametrize("level", [0.0, 3.5])
-def test_a_beam_at_the_walls_corner_takes_its_whole_depth_along_the_wall(meshes, level):
-    model = wall_with_beam(meshes, 20, 35, level=3.5 if level else 0.6)
+def test_a_beam_at_the_walls_corner_takes_its_whole_depth_along_the_wall(level):
+    model = wall_with_beam(20, 35, level=3.5 if level else 0.6)
     joint = edge_joints(model)[0]
     low, high = joint.face
     assert high - low == pytest.approx(DEPTH)
@@ -96,8 +97,8 @@ def test_a_beam_at_the_walls_corner_takes_its_whole_depth_along_the_wall(meshes,
         np.testing.assert_allclose(np.sort(slaves), [0.3, 0.4, 0.5, 0.7, 0.8, 0.9], atol=1e-9)
 
 
-def test_six_rigid_motions_and_all_the_mass(meshes):
-    free = linked(wall_with_beam(meshes, 20, 12))
+def test_six_rigid_motions_and_all_the_mass():
+    free = linked(wall_with_beam(20, 12))
     free = replace(free, fixed=np.zeros_like(free.fixed))
     operators = assemble(free)
     assert len(operators.free) == free.dof - 6 * len(free.links)
@@ -113,15 +114,15 @@ def test_six_rigid_motions_and_all_the_mass(meshes):
         assert inside @ operators.inertia(direction) == pytest.approx(mass, rel=1e-12)
 
 
-def two_bars(meshes):
+def two_bars():
     """Two cantilevers along z whose tips stand 1.2 m apart."""
     points = np.array([[0.0, 0, 0], [0, 0, 3], [0.4, 1.1, 0], [0.4, 1.1, 3.2]])
     bars = meshes.beams([[0, 1], [2, 3]], up=(0.0, 1.0, 0.0), **GIRDER)
     return meshes.model(points, meshes.hold(4, (points[:, 2] == 0, range(6))), beams=bars)
 
 
-def test_a_slave_of_a_slave_follows_the_first_master(meshes):
-    model = two_bars(meshes)
+def test_a_slave_of_a_slave_follows_the_first_master():
+    model = two_bars()
     more = np.array([[1.0, -2.0, 0.5], [3.0, 1.0, 4.0]])
     model = replace(
         model,
@@ -148,9 +149,9 @@ def test_a_slave_of_a_slave_follows_the_first_master(meshes):
         (([1], [9]), "names node 9"),
     ],
 )
-def test_links_that_contradict_each_other_are_refused(meshes, links, message):
+def test_links_that_contradict_each_other_are_refused(links, message):
     master, slave = map(np.array, links)
     tied = np.ones((len(master), 6), dtype=bool)
-    model = replace(two_bars(meshes), links=RigidLinks(master, slave, tied))
+    model = replace(two_bars(), links=RigidLinks(master, slave, tied))
     with pytest.raises(StructureError, match=message):
         assemble(model)

@@ -8,6 +8,7 @@ import pytest
 
 from femupdate.errors import StructureError
 from femupdate.fe import Springs, assemble, lowest_modes, static_displacement
+from tests.fe import meshes
 
 SECTION = {
     "area": 0.1,
@@ -38,7 +39,7 @@ def complaint(model):
     return found[0]
 
 
-def portal(meshes):
+def portal():
     """Two columns and a girder of two beams: nodes 0 and 4 on the ground."""
     points = np.array([[0.0, 0, 0], [0, 0, 3], [2, 0, 3], [5, 0, 3], [5, 0, 0]])
     beams = meshes.beams(meshes.chain(4), up=(0.0, 1.0, 0.0), **SECTION)
@@ -47,15 +48,15 @@ def portal(meshes):
 
 
 @pytest.mark.parametrize(("free", "direction"), [(0, "ux"), (1, "uy"), (2, "uz")])
-def test_a_missing_support_names_the_direction(meshes, free, direction):
-    model = portal(meshes)
+def test_a_missing_support_names_the_direction(free, direction):
+    model = portal()
     fixed = model.fixed.copy()
     fixed[:, 3:] |= True  # no rotation, so that only the freed translation is left
     fixed[[0, 4], free] = False
     assert complaint(replace(model, fixed=fixed))[1] == direction
 
 
-def test_a_part_that_is_not_connected(meshes):
+def test_a_part_that_is_not_connected():
     """A second beam hangs on the first by a spring along z alone."""
     points = np.array([[0.0, 0, 0], [2, 0, 0], [2, 0, 0], [5, 1, 0]])
     springs = Springs(np.array([[1, 2]]), np.array([2]), np.array([1e7]), np.array([0]))
@@ -65,7 +66,7 @@ def test_a_part_that_is_not_connected(meshes):
     assert node in (2, 3)
 
 
-def test_a_story_whose_stiffness_vanishes(meshes):
+def test_a_story_whose_stiffness_vanishes():
     """theta = 0 takes the lower columns away."""
     points = np.array([[0.0, 0, 0], [0, 0, 3], [0, 0, 6]])
     beams = meshes.beams(meshes.chain(2), up=(1.0, 0.0, 0.0), **SECTION)
@@ -80,7 +81,7 @@ def test_a_story_whose_stiffness_vanishes(meshes):
 
 
 @pytest.mark.parametrize("count", [4, 200])
-def test_a_slender_mast_is_no_mechanism(meshes, count):
+def test_a_slender_mast_is_no_mechanism(count):
     """100 m of a 0.2 m bar, and a plate 10 000 times as long as thick: soft, but they stand."""
     points = np.linspace(0, 100, count + 1)[:, None] * [0.6, 0.0, 0.8]
     bar = {**SECTION, "area": 0.04, "inertia_y": 1.3e-4, "inertia_z": 1.3e-4}

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from femupdate.errors import StructureError
 from femupdate.fe import Shells
+from tests.fe import meshes
 
 E, NU, DENSITY = 3.0e10, 0.2, 2500.0
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
@@ -53,7 +54,7 @@ def rigid_modes(corners):
 
 @given(nudge=nudges, height=heights, side=sides, thickness=thicknesses, seed=seeds)
 @settings(max_examples=150, deadline=None)
-def test_six_rigid_modes_and_no_more(meshes, nudge, height, side, thickness, seed):
+def test_six_rigid_modes_and_no_more(nudge, height, side, thickness, seed):
     corners = quadrilateral(nudge, height, side, meshes.random_rotation(seed))
     stiffness = matrices(corners, thickness).stiffness[0]
     np.testing.assert_array_equal(stiffness, stiffness.T)
@@ -69,7 +70,7 @@ def test_six_rigid_modes_and_no_more(meshes, nudge, height, side, thickness, see
 
 @given(nudge=nudges, side=sides, thickness=thicknesses, seed=seeds)
 @settings(max_examples=100, deadline=None)
-def test_mass_of_a_flat_shell(meshes, nudge, side, thickness, seed):
+def test_mass_of_a_flat_shell(nudge, side, thickness, seed):
     """Mass, centre of mass and moments of inertia of a solid plate of that outline."""
     corners = quadrilateral(nudge, 0.0, side, meshes.random_rotation(seed))
     mass = matrices(corners, thickness).mass[0]
@@ -108,7 +109,7 @@ def outline_moments(corners):
 
 @given(nudge=nudges, height=heights, seed=seeds, start=st.integers(1, 3))
 @settings(max_examples=80, deadline=None)
-def test_numbering_and_position_do_not_matter(meshes, nudge, height, seed, start):
+def test_numbering_and_position_do_not_matter(nudge, height, seed, start):
     """Same element from another first node, other side up, and turned in space."""
     corners = quadrilateral(nudge, height, 1.7, np.eye(3))
     reference = matrices(corners, 0.1)
@@ -127,7 +128,7 @@ def test_numbering_and_position_do_not_matter(meshes, nudge, height, seed, start
             np.testing.assert_allclose(getattr(moved, name)[0], turned, atol=1e-12 * size)
 
 
-def test_a_batch_equals_its_elements(meshes):
+def test_a_batch_equals_its_elements():
     corners = np.stack(
         [quadrilateral(np.linspace(-0.1, 0.15, 8) * k, 0.05 * k, k, np.eye(3)) for k in (1, 2, 3)]
     )
@@ -152,7 +153,7 @@ SHAPES = {
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_an_impossible_shape_is_refused_by_name(meshes, shape):
+def test_an_impossible_shape_is_refused_by_name(shape):
     points, numbers = np.zeros((93, 3)), np.array([[0, 1, 2, 3], [14, 15, 92, 65]])
     points[numbers[0]] = SQUARE
     points[numbers[1]] = np.array(SHAPES[shape], dtype=float) @ meshes.random_rotation(5).T

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from femupdate.benchmarks.solver import membranes
 
+from tests.fe import meshes
+
 E, NU, THICKNESS = 1e6, 0.25, 0.001
 # Membrane over bending stiffness is 1e5 here: a turned patch keeps 1e-16 * 1e5 and a little more.
 EXACT = 1e-9
@@ -11,12 +13,12 @@ EXACT = 1e-9
 
 @pytest.mark.parametrize("name", ["membrane", "spin", "bending", "twist"])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_inner_nodes_follow_the_field_exactly(meshes, name, seed):
+def test_inner_nodes_follow_the_field_exactly(name, seed):
     assert membranes.patch_error(name, meshes.random_rotation(seed)) < EXACT
 
 
 @pytest.mark.parametrize("seed", [None, 3])
-def test_constant_stress_gives_the_exact_energy(meshes, seed):
+def test_constant_stress_gives_the_exact_energy(seed):
     rotation = np.eye(3) if seed is None else meshes.random_rotation(seed)
     shells = meshes.shells(membranes.PATCH_QUADS, THICKNESS, E, NU)
     matrices = shells.matrices(membranes.PATCH @ rotation.T)
@@ -34,7 +36,7 @@ def test_constant_stress_gives_the_exact_energy(meshes, seed):
         assert energy == pytest.approx(expected, rel=1e-8)
 
 
-def test_pure_in_plane_bending_of_a_rectangle_is_exact(meshes):
+def test_pure_in_plane_bending_of_a_rectangle_is_exact():
     """One row of QM6 carries linear bending stress: deflection M L^2 / (2 E I)."""
     s, t, quads = meshes.grid(3, 1)
     points = np.stack([3 * s, 0.5 * t, 0 * s], axis=1)

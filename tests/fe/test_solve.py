@@ -17,11 +17,12 @@ from femupdate.fe import (
     modes_below,
     static_displacement,
 )
+from tests.fe import meshes
 
 ONE = np.ones(1)
 
 
-def spring_chain(meshes, stiffness, mass, direction=0):
+def spring_chain(stiffness, mass, direction=0):
     """Masses in a row on springs from the ground, free along one direction only."""
     count = len(mass)
     fixed = np.ones((count, 6), dtype=bool)
@@ -40,15 +41,15 @@ def spring_chain(meshes, stiffness, mass, direction=0):
 
 
 @pytest.mark.parametrize(("direction", "inertia"), [(0, 250.0), (2, 250.0), (3, 7.0), (5, 13.0)])
-def test_one_mass_on_a_spring(meshes, direction, inertia):
-    modes = lowest_modes(assemble(spring_chain(meshes, [4e5], [250.0], direction)), ONE, 1)
+def test_one_mass_on_a_spring(direction, inertia):
+    modes = lowest_modes(assemble(spring_chain([4e5], [250.0], direction)), ONE, 1)
     assert modes.frequency_hz == pytest.approx([np.sqrt(4e5 / inertia) / (2 * np.pi)], rel=1e-12)
     assert modes.shapes == pytest.approx(np.array([[1 / np.sqrt(inertia)]]), rel=1e-12)
 
 
-def test_two_masses_against_the_textbook(meshes):
+def test_two_masses_against_the_textbook():
     k, m = np.array([3e5, 1e5]), np.array([200.0, 90.0])
-    operators = assemble(spring_chain(meshes, k, m))
+    operators = assemble(spring_chain(k, m))
     values, vectors = eigh([[k.sum(), -k[1]], [-k[1], k[1]]], np.diag(m))
     modes = lowest_modes(operators, ONE, 2)
     assert modes.frequency_hz == pytest.approx(np.sqrt(values) / (2 * np.pi), rel=1e-12)
@@ -57,7 +58,7 @@ def test_two_masses_against_the_textbook(meshes):
 
 
 @pytest.fixture(scope="module")
-def plate(meshes):
+def plate():
     """A cantilever plate of 1 188 free degrees of freedom, enough for the Lanczos method."""
     s, t, quads = meshes.grid(11, 17)
     points = meshes.stack(3 * s, 5 * t, 0.2 * s * t)
@@ -83,7 +84,7 @@ def test_lanczos_agrees_with_a_dense_solution(plate_operators):
     assert (modes.shapes[largest, np.arange(12)] > 0).all()
 
 
-def equal_masts(meshes, count):
+def equal_masts(count):
     """Masts that stand apart and are all alike, each a chain of springs: all modes are repeated."""
     each = 60
     number = np.arange(count * each).reshape(count, each)
@@ -103,9 +104,9 @@ def equal_masts(meshes, count):
 
 
 @pytest.mark.parametrize("count", [1, 9, 20, 40])
-def test_repeated_modes_are_all_found(meshes, count):
+def test_repeated_modes_are_all_found(count):
     """Four masts swing alike in three directions: every frequency occurs twelve times."""
-    operators = equal_masts(meshes, 4)
+    operators = equal_masts(4)
     assert len(operators.free) == 720  # beyond what is solved densely
     modes = lowest_modes(operators, ONE, count)
     chain = 2.0 * np.sqrt(2e6 / 50.0) / (2.0 * np.pi)
@@ -123,7 +124,7 @@ def test_a_shift_changes_nothing(plate_operators, shift):
     np.testing.assert_allclose(shifted.shapes, plain.shapes, atol=1e-5 * np.abs(plain.shapes).max())
 
 
-def test_six_zero_frequencies_of_a_free_structure(meshes):
+def test_six_zero_frequencies_of_a_free_structure():
     points, parts = meshes.frame_with_wall()
     rotation = meshes.random_rotation(8)
     up = parts["beams"].up @ rotation.T

@@ -5,6 +5,7 @@ import pytest
 from femupdate.benchmarks.solver import membranes
 
 from femupdate.fe import Triangles, assemble, static_displacement
+from tests.fe import meshes
 
 ONE = np.ones(1)
 YOUNG, POISSON = 1e6, 0.25
@@ -35,7 +36,7 @@ def split(quads, alternate=False):
 @pytest.mark.parametrize("thickness", [1e-3, 0.05])
 @pytest.mark.parametrize("name", ["membrane", "spin", "bending"])
 @pytest.mark.parametrize("seed", [None, 3])
-def test_patch(meshes, name, thickness, seed):
+def test_patch(name, thickness, seed):
     block = triangles(split(membranes.PATCH_QUADS), thickness)
     turn = None if seed is None else meshes.random_rotation(seed)
     assert membranes.patch_error(name, turn, block) < 1e-9
@@ -63,7 +64,7 @@ def test_two_triangles_bend_in_their_plane_like_a_beam(aspect):
     assert energy == pytest.approx(YOUNG * 0.1 / 12 * aspect, rel=1e-9)
 
 
-def plate(meshes, n, thickness, alternate):
+def plate(n, thickness, alternate):
     s, t, quads = meshes.grid(n, n)
     points = np.column_stack([s, t, 0 * s])
     return points, triangles(split(quads, alternate), thickness, 10.92e6, 0.3)
@@ -74,9 +75,9 @@ def plate(meshes, n, thickness, alternate):
 @pytest.mark.parametrize("alternate", [False, True])
 @pytest.mark.parametrize(("clamped", "factor"), [(False, 0.00406235), (True, 0.00126532)])
 @pytest.mark.parametrize("thickness", [1e-4, 1e-2])
-def test_square_plate_without_locking(meshes, clamped, factor, thickness, alternate):
+def test_square_plate_without_locking(clamped, factor, thickness, alternate):
     n = 16
-    points, shells = plate(meshes, n, thickness, alternate)
+    points, shells = plate(n, thickness, alternate)
     x, y, _ = points.T
     rim = (x == 0) | (x == 1) | (y == 0) | (y == 1)
     held = range(6) if clamped else [2]
