@@ -10,13 +10,14 @@ from safetensors import safe_open
 from femupdate.building import load_building, mechanics_hash, save_building
 from femupdate.effects import building_effects, check_places, with_effect
 from femupdate.errors import BuildingError
+from tests.discrepancy.posed import building_of, place, reduced_of
 
 MODELS = Path(__file__).parents[2] / "models"
 MASS = {"name": "added_mass", "place": "3F", "parameters": {"size": 0.1}}
 
 
 @pytest.fixture
-def listed(building_of):
+def listed():
     """A function: a chain of three stories whose file lists effects."""
     return lambda *effects: building_of([3, 2, 1], [9e3, 5e3, 4e3], effects=list(effects))
 
@@ -61,7 +62,7 @@ def test_an_impossible_effect_is_refused_in_one_sentence_with_its_key(listed, ch
         {"name": "swapped_channels", "place": "2F"},
     ],
 )
-def test_an_impossible_place_is_refused_in_one_sentence_with_its_key(listed, reduced_of, effect):
+def test_an_impossible_place_is_refused_in_one_sentence_with_its_key(listed, effect):
     building = listed(MASS, effect)
     with pytest.raises(BuildingError, match=r"^chain: effects\[1\]\.place: ") as refused:
         check_places(reduced_of(building).structure, building_effects(building))
@@ -69,7 +70,7 @@ def test_an_impossible_place_is_refused_in_one_sentence_with_its_key(listed, red
     assert "\n" not in str(refused.value)
 
 
-def test_a_building_with_effects_comes_back_from_its_file(listed, place, tmp_path):
+def test_a_building_with_effects_comes_back_from_its_file(listed, tmp_path):
     plain = listed()
     mass, tank = place("added_mass@3F", "tuned_appendage@RF")
     repaired = with_effect(plain, mass, np.array([0.1234567]))

@@ -16,6 +16,7 @@ from femupdate.dynamics import (
 )
 from femupdate.dynamics.history import transformed_outputs
 from femupdate.effects import structure_of
+from tests.discrepancy.posed import building_of, place, reduced_of
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 THETA, ZETA, STEP = np.array([[0.8, 1.4, 1.1]]), 0.05, 0.005
@@ -72,7 +73,7 @@ def same(found, reference):
 
 
 @pytest.fixture(scope="module")
-def stick(building_of, reduced_of):
+def stick():
     return reduced_of(building_of(MASSES, SPRINGS))
 
 
@@ -89,7 +90,7 @@ def test_without_effects_like_the_recurrence(stick):
         ("damping_law@rayleigh", 0.5),
     ],
 )
-def test_mode_by_mode_and_transformed_are_one(stick, place, label, size):
+def test_mode_by_mode_and_transformed_are_one(stick, label, size):
     """Real modes, on a rigid base and on a flexible one: two methods, one motion."""
     system = system_of(stick, place(label))
     same(transformed(system, THETA, (size,)), respond(system, THETA, (size,)))
@@ -105,7 +106,7 @@ def test_a_frame_without_effects_like_the_recurrence(cabin_file):
     same(transformed(system_of(reduced), theta), respond(system_of(reduced), theta))
 
 
-def test_added_mass_like_a_building_with_that_mass(stick, building_of, reduced_of, place):
+def test_added_mass_like_a_building_with_that_mass(stick):
     """Inertia above a story includes it: its shear is that of the heavier building."""
     heavier = reduced_of(building_of(MASSES * [1.0, 1.3, 1.0], SPRINGS))
     reference = respond(system_of(heavier), THETA)
@@ -117,7 +118,7 @@ def test_added_mass_like_a_building_with_that_mass(stick, building_of, reduced_o
     np.testing.assert_allclose(np.abs(found.story_shear[0, 0]), np.abs(inertia), atol=1e-3 * peak)
 
 
-def test_instruments_show_only_where_they_are_asked_for(stick, place):
+def test_instruments_show_only_where_they_are_asked_for(stick):
     """A gain of 5 % and a delay of four samples on one channel; nothing moves differently."""
     plain = respond(system_of(stick), THETA)
     wrong = system_of(stick, place("channel_gain@3F", "channel_delay@3F"))
@@ -130,7 +131,7 @@ def test_instruments_show_only_where_they_are_asked_for(stick, place):
     np.testing.assert_allclose(seen, expected, atol=1e-3 * np.abs(expected).max())
 
 
-def test_instruments_between_structural_effects_keep_their_sizes_apart(stick, place):
+def test_instruments_between_structural_effects_keep_their_sizes_apart(stick):
     """The gain stands before the mass in the list: each must find its own number."""
     mixed = system_of(stick, place("channel_gain@RF", "added_mass@3F"))
     alone = respond(system_of(stick, place("added_mass@3F")), THETA, (0.3,))

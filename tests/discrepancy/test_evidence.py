@@ -16,6 +16,7 @@ from femupdate.inference import found_from
 from femupdate.inference.likelihood import joint_error
 from femupdate.progress import SILENT
 from femupdate.workflow import CalibrationSettings, sampling
+from tests.discrepancy.posed import building_of, observe, place, pose
 
 MASS, SPRING, ZETA = 2.0, 3000.0, 0.05
 GRID = np.linspace(0.5, 12.0, 40)
@@ -89,7 +90,7 @@ CASES = {
 
 
 @pytest.fixture(scope="module", params=CASES, ids=list(CASES))
-def case(request, building_of, observe, pose, place):
+def case(request):
     """A fitted model of one story, its problem, and its integrals."""
     label, name, truth, scale, lower = CASES[request.param]
     seen = frf(1.2, **({name: truth} if name else {}))[None]

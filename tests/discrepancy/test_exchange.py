@@ -9,6 +9,8 @@ from femupdate.discrepancy.fit import fit, fit_baseline
 from femupdate.discrepancy.global_search import exchange_fits, promising
 from femupdate.discrepancy.repair import repair
 from femupdate.discrepancy.score import candidates
+from tests.chains import Chain
+from tests.discrepancy.posed import building_of, observe, pose
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS = ("2F", "3F", "4F", "5F", "RF")
@@ -17,11 +19,11 @@ MASSES, SPRINGS = np.ones(5), np.full(5, 600.0)
 
 
 @pytest.fixture(scope="module")
-def hidden(chains, building_of, observe, pose):
+def hidden():
     """A function: the problem with the rows in an order and with signs, and its best fit."""
 
     def make(rows=(0, 1, 2, 3, 4), signs=(1, 1, 1, 1, 1), masses=MASSES, quiet=1.0):
-        chain = chains.Chain(masses, SPRINGS * THETA, zeta=0.03)
+        chain = Chain(masses, SPRINGS * THETA, zeta=0.03)
         frf = chain.frf(GRID)[list(rows)] * np.array(signs)[:, None]
         seen = observe(FLOORS, GRID, frf, SD / quiet, 5)
         seen = replace(seen, noise_sd=quiet * seen.noise_sd)

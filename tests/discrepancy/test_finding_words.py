@@ -11,6 +11,8 @@ from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.findings import grouped
 from femupdate.discrepancy.fit import extended, fit
 from femupdate.effects import CATALOGUE, Placed
+from tests.chains import Chain
+from tests.discrepancy.posed import building_of, observe, place, pose
 
 
 def fitted(placed, unit_mass=None, nominal=False):
@@ -81,14 +83,14 @@ def test_a_finding_is_told_with_its_unit(finding, words):
     assert in_words(*finding) == words
 
 
-def test_shares_are_told_at_the_fitted_factors(chains, building_of, observe, pose, place):
+def test_shares_are_told_at_the_fitted_factors():
     """A dashpot's damping ratio, against a chain of the fitted stories by hand; a brace's share."""
     masses, springs, theta = np.ones(2), np.full(2, 600.0), np.array([0.6, 1.5])
-    chain = chains.Chain(masses, springs * theta, zeta=0.03)
+    chain = Chain(masses, springs * theta, zeta=0.03)
     grid = 0.2 * np.arange(1, 41)
     seen = observe(("2F", "RF"), grid, chain.frf(grid), 0.02, 1)
     problem = pose(building_of(masses, springs), seen)
-    plain = chains.Chain(masses, springs)
+    plain = Chain(masses, springs)
     rate = 20.0
     for label, in_file, told in (
         ("story_damper@RF", *(_first_ratio(one, rate) for one in (plain, chain))),
@@ -101,7 +103,7 @@ def test_shares_are_told_at_the_fitted_factors(chains, building_of, observe, pos
         found = Finding(None, fitted, 0.0, None, None, *fitted.last_size)
         assert found.told[0] == pytest.approx(told, rel=0.01), label
     # A dashpot beside a mass, on which the ratio that it adds depends.
-    heavy = chains.Chain(masses * [1.0, 1.5], springs * theta)
+    heavy = Chain(masses * [1.0, 1.5], springs * theta)
     placed = place("story_damper@RF", "added_mass@RF")
     unit = problem.with_effects(placed).system.terms[0].constants[0]
     both = fit(problem, placed, extended(problem, base, placed, [rate / unit, 0.5]), 0)
@@ -113,7 +115,7 @@ def test_shares_are_told_at_the_fitted_factors(chains, building_of, observe, pos
     )
     values = both.steps.split(torch.from_numpy(drawn))
     ratios = [
-        _first_ratio(chains.Chain(masses + np.array([0.0, mass]), springs * factors), unit * size)
+        _first_ratio(Chain(masses + np.array([0.0, mass]), springs * factors), unit * size)
         for factors, (size, mass) in zip(values[0].numpy(), values[2].numpy(), strict=True)
     ]
     by_draws = 10.0 * np.std(ratios)
@@ -140,10 +142,10 @@ def test_what_cannot_be_seen_is_told_by_effect():
     assert told == {"added_mass@2F to 18F", "channel_gain@4F, RF", "cracked_beams@all, S2"}
 
 
-def test_a_diagnosis_says_what_would_decide(chains, building_of, observe, pose):
+def test_a_diagnosis_says_what_would_decide():
     """One floor of two: its gain and that of the base do the same to it."""
     grid = 0.2 * np.arange(1, 61)
-    chain = chains.Chain(np.ones(2), np.array([900.0, 700.0]), zeta=0.03)
+    chain = Chain(np.ones(2), np.array([900.0, 700.0]), zeta=0.03)
     seen = observe(("RF",), grid, 1.06 * chain.frf(grid)[1:], 0.02, 3)
     found = diagnose(pose(building_of(np.ones(2), np.full(2, 800.0)), seen))
     labels = {found.leading.placed.label, *found.twins}

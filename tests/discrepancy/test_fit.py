@@ -8,6 +8,8 @@ import torch
 from scipy.stats import chi2
 
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
+from tests.chains import Chain
+from tests.discrepancy.posed import building_of, observe, place, pose
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 GRID = np.linspace(0.4, 14.0, 60)
@@ -15,11 +17,11 @@ TRUTH, ZETA, GAIN = np.array([0.8, 1.4, 1.1]), 0.05, 0.02
 
 
 @pytest.fixture(scope="module")
-def chain(chains):
-    return chains.Chain(MASSES, TRUTH * SPRINGS, zeta=ZETA)
+def chain():
+    return Chain(MASSES, TRUTH * SPRINGS, zeta=ZETA)
 
 
-def test_errors_are_as_large_as_their_standard_deviations(chain, building_of, observe, pose, place):
+def test_errors_are_as_large_as_their_standard_deviations(chain):
     """Theta, zeta and a gain over 40 noises: mean and spread of the errors in their own sd."""
     frf = chain.frf(GRID)
     frf[1] *= 1.0 + GAIN
@@ -49,7 +51,7 @@ def test_errors_are_as_large_as_their_standard_deviations(chain, building_of, ob
     assert spread[1] < 1.0 < spread[0]
 
 
-def test_the_baseline_is_found_from_anywhere_in_the_prior(chain, building_of, observe, pose):
+def test_the_baseline_is_found_from_anywhere_in_the_prior(chain):
     """Without noise the truth comes out, whatever the seed of the draws."""
     exact = observe(("2F", "3F", "RF"), GRID, chain.frf(GRID), 1e-9, 0)
     exact = replace(exact, noise_sd=np.full_like(exact.noise_sd, 0.05))
@@ -63,23 +65,19 @@ def test_the_baseline_is_found_from_anywhere_in_the_prior(chain, building_of, ob
 
 
 @pytest.mark.parametrize("seed", [6, 7])
-def test_a_search_that_ends_beside_the_maximum_is_done_again(
-    chains, building_of, observe, pose, seed
-):
+def test_a_search_that_ends_beside_the_maximum_is_done_again(seed):
     """Of 24 draws those of seed 7 lead to 3.00 for the last factor; further ones do not."""
     truth, zeta = np.array([0.52, 1.025, 1.01, 0.906]), 0.008
     masses, springs, grid = np.full(4, 1000.0), np.full(4, 4e6), np.arange(1, 257) * 0.05
     floors = ("2F", "3F", "4F", "RF")
-    frf = chains.Chain(masses, truth * springs, zeta=zeta).frf(grid)
+    frf = Chain(masses, truth * springs, zeta=zeta).frf(grid)
     prior = {"theta": {"lower": 0.33, "upper": 3.0}, "zeta": {"lower": 0.002, "upper": 0.06}}
     problem = pose(building_of(masses, springs, prior=prior), observe(floors, grid, frf, 0.01, 0))
     best = fit_baseline(problem, seed=seed, samples=24, starts=3)[0]
     np.testing.assert_allclose(best.theta()[0], truth, rtol=2e-3)
 
 
-def test_an_extended_model_starts_where_the_smaller_one_stands(
-    chain, building_of, observe, pose, place
-):
+def test_an_extended_model_starts_where_the_smaller_one_stands(chain):
     """With neutral sizes it predicts the same, and its fit is not worse."""
     problem = pose(
         building_of(MASSES, SPRINGS), observe(("2F", "3F", "RF"), GRID, chain.frf(GRID), 0.1, 1)

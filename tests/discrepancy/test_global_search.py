@@ -7,6 +7,8 @@ from femupdate.discrepancy.diagnose import diagnose
 from femupdate.discrepancy.findings import NAMED
 from femupdate.discrepancy.fit import fit_baseline
 from femupdate.discrepancy.global_search import global_fit
+from tests.chains import Chain
+from tests.discrepancy.posed import building_of, observe, pose
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS = ("2F", "3F", "4F", "5F", "RF")
@@ -14,12 +16,12 @@ MASSES, SPRINGS, SD = np.ones(5), np.full(5, 600.0), 0.02
 
 
 @pytest.fixture(scope="module")
-def posed(chains, building_of, observe, pose):
+def posed():
     """A function: the problem with another mass on one floor, and its best fit without it."""
 
     def make(floor, share, theta):
         masses = MASSES + share * np.array([name == floor for name in FLOORS])
-        frf = chains.Chain(masses, SPRINGS * np.array(theta), zeta=0.01).frf(GRID)
+        frf = Chain(masses, SPRINGS * np.array(theta), zeta=0.01).frf(GRID)
         seen = observe(FLOORS, GRID, frf, SD, 7)
         problem = pose(building_of(MASSES, SPRINGS), seen)
         return problem, fit_baseline(problem)[0]
@@ -44,12 +46,12 @@ def test_a_large_effect_is_found_from_afar(posed):
     assert (np.abs(mean - theta) < 4.5 * sd).all()
 
 
-def test_a_large_effect_is_reached_by_coarse_noise(chains, building_of, observe, pose):
+def test_a_large_effect_is_reached_by_coarse_noise():
     """Its peaks have parted from those without it: by the noise itself, a fit stops on the way."""
     masses, springs = np.array([2.0, 1.5, 1.5]), np.array([5e3, 4e3, 4e3])
     heavy, stiff = masses * [1.0, 1.73, 1.0], springs * [0.75, 0.79, 1.46]
     grid = 0.1 * np.arange(1, 159)
-    exact = chains.Chain(heavy, stiff, zeta=0.006).frf(grid)
+    exact = Chain(heavy, stiff, zeta=0.006).frf(grid)
     problem = pose(
         building_of(masses, springs, zeta=(0.003, 0.06)),
         observe(("2F", "3F", "RF"), grid, exact, 0.01, 2),
@@ -59,10 +61,10 @@ def test_a_large_effect_is_reached_by_coarse_noise(chains, building_of, observe,
     assert found.leading.size == pytest.approx(0.73, abs=4.0 * found.leading.size_sd)
 
 
-def test_of_two_floors_either_mass_is_told(chains, building_of, observe, pose):
+def test_of_two_floors_either_mass_is_told():
     """Without a force only ratios of masses show; a search alone ends at one of the two."""
     masses, springs = np.array([2.0, 1.5]), np.array([3e3, 2e3])
-    frf = chains.Chain(masses * [1.0, 1.6], springs * [0.8, 1.5], zeta=0.006).frf(GRID)
+    frf = Chain(masses * [1.0, 1.6], springs * [0.8, 1.5], zeta=0.006).frf(GRID)
     building = building_of(masses, springs, zeta=(0.003, 0.06))
     problem = pose(building, observe(("2F", "RF"), GRID, frf, 0.01, 2))
     found, both = diagnose(problem), frozenset({"added_mass@2F", "added_mass@RF"})

@@ -15,6 +15,8 @@ from femupdate.inference import (
     settled,
     theta_prior,
 )
+from tests.chains import Chain
+from tests.discrepancy.posed import building_of, observe, reduced_of
 
 GRID, COMMON = 0.05 * np.arange(1, 241), 0.004
 
@@ -38,14 +40,14 @@ class Alike:
 
 
 @pytest.fixture
-def posed(chains, building_of, observe, reduced_of):
+def posed():
     """The likelihood of |H| of a chain of equal springs times factors, and its prior."""
 
     def make(truth, count, noise):
         masses, springs = np.ones(len(truth)), np.full(len(truth), 600.0)
         grid = {"frequency_grid": {"start": 0.05, "step": 0.05, "count": count}}
         building = building_of(masses, springs, **grid)
-        frf = chains.Chain(masses, springs * truth, zeta=0.01).frf(GRID[:count])
+        frf = Chain(masses, springs * truth, zeta=0.01).frf(GRID[:count])
         seen = observe(building.floors, GRID[:count], frf, noise, 3, phase=False)
         data = base_logs(seen, system := System(reduced_of(building).model), modes=None)
         prior = theta_prior(building) + Parameters((damping_parameter(building),))

@@ -8,6 +8,8 @@ import pytest
 from femupdate.discrepancy import likelihood_about, parameters_at
 from femupdate.discrepancy.fit import fit_baseline
 from femupdate.inference import predictive_check
+from tests.chains import Chain
+from tests.discrepancy.posed import building_of, observe, pose
 
 GRID = 0.1 * np.arange(1, 201)
 FLOORS = ("2F", "3F", "RF")
@@ -15,9 +17,9 @@ MASSES, SPRINGS = np.ones(3), np.full(3, 900.0)
 
 
 @pytest.mark.parametrize("more", [1.0, 1.25, 1.6])
-def test_noise_of_any_size_is_allowed_for(chains, building_of, observe, pose, more):
+def test_noise_of_any_size_is_allowed_for(more):
     """Tables by which fits are compared know once and twice the stated noise, nothing between."""
-    frf = chains.Chain(MASSES, SPRINGS, zeta=0.03).frf(GRID)
+    frf = Chain(MASSES, SPRINGS, zeta=0.03).frf(GRID)
     seen = observe(FLOORS, GRID, frf, 0.05, 5)
     seen = replace(seen, noise_sd=seen.noise_sd / more)
     problem = pose(building_of(MASSES, SPRINGS), seen)

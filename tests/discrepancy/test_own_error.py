@@ -6,6 +6,8 @@ import pytest
 from femupdate.discrepancy import Finding
 from femupdate.discrepancy.fit import extended, fit, fit_baseline
 from femupdate.effects import CATALOGUE, Placed
+from tests.chains import Chain
+from tests.discrepancy.posed import building_of, observe, pose
 
 GRID = 0.2 * np.arange(1, 61)
 FLOORS, THETA, SD = ("2F", "3F", "RF"), np.array([0.7, 1.4, 0.9]), 0.02
@@ -31,11 +33,9 @@ MASS = CATALOGUE["added_mass"]
     ("share", "effect", "at"),
     [(0.0, MASS, "3F"), (0.12, RoughMass(), "3F"), (0.12, RoughBrace(), "2F-RF")],
 )
-def test_the_error_of_an_effect_s_own_model_is_part_of_its_size(
-    chains, building_of, observe, pose, share, effect, at
-):
+def test_the_error_of_an_effect_s_own_model_is_part_of_its_size(share, effect, at):
     heavy = (Placed(effect, at),)
-    frf = chains.Chain(MASSES + np.array([0.0, SHARE, 0.0]), SPRINGS * THETA, zeta=0.03).frf(GRID)
+    frf = Chain(MASSES + np.array([0.0, SHARE, 0.0]), SPRINGS * THETA, zeta=0.03).frf(GRID)
     building, seen = building_of(MASSES, SPRINGS), observe(FLOORS, GRID, frf, SD, 5)
     problem = pose(building, seen)
     base = fit_baseline(problem)[0]

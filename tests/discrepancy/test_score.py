@@ -13,6 +13,8 @@ from femupdate.discrepancy.score import (
     score,
     unobservable_effects,
 )
+from tests.chains import Chain
+from tests.discrepancy.posed import building_of, observe, place, pose
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5]), np.array([9e3, 5e3, 4e3])
 GRID, FLOORS = np.linspace(0.4, 14.0, 60), ("2F", "3F", "RF")
@@ -22,12 +24,12 @@ ONE_SIDED = ("foundation_rocking@base", "story_damper@3F")
 
 
 @pytest.fixture(scope="module")
-def chain(chains):
-    return chains.Chain(MASSES, TRUTH * SPRINGS, zeta=ZETA)
+def chain():
+    return Chain(MASSES, TRUTH * SPRINGS, zeta=ZETA)
 
 
 @pytest.fixture(scope="module")
-def fitted(building_of, observe, pose):
+def fitted():
     """A function: the problem of an FRF with noise, and the model without effects fitted to it."""
 
     def make(frf, seed, sd=SD, phase=True):
@@ -40,7 +42,7 @@ def fitted(building_of, observe, pose):
 
 
 @pytest.fixture(scope="module")
-def clean(chain, fitted, place):
+def clean(chain, fitted):
     """Statistics (seed, effect) of clean data, and their p-values."""
     frf, placed = chain.frf(GRID), place(*TWO_SIDED, *ONE_SIDED)
     statistics, tails = [], []
@@ -106,7 +108,7 @@ def test_where_a_disturbed_band_of_one_floor_stands_out(chain, fitted):
         ),
     ],
 )
-def test_the_statistic_is_what_a_refit_gains(chain, fitted, place, label, least, change):
+def test_the_statistic_is_what_a_refit_gains(chain, fitted, label, least, change):
     """Of a small effect: chi2 falls by the square of the score statistic (Rao, 1948)."""
     (placed,) = place(label)
     problem, base = fitted(change(chain), 3, sd=0.01)
@@ -131,7 +133,7 @@ def _rocking(chain, size):
     return chain.but(heights=heights, rocking=moment * heights[-1] / (size * roof))
 
 
-def test_a_soft_base_is_absorbed_by_the_first_story(chain, fitted, place):
+def test_a_soft_base_is_absorbed_by_the_first_story(chain, fitted):
     """Springs in series: no data of these sensors could show it, and none is left to explain."""
     problem, base = fitted(chain.frf(GRID), 2, sd=0.02)
     tests = [score(problem, base, one) for one in candidates(problem)]
@@ -146,7 +148,7 @@ def test_a_weak_effect_is_hidden_by_large_noise(chain, fitted):
     assert {f"channel_gain@{floor}" for floor in FLOORS} <= set(hidden)
 
 
-def test_candidates_are_what_the_sensors_could_show(chain, building_of, observe, pose, place):
+def test_candidates_are_what_the_sensors_could_show(chain):
     frf = chain.frf(GRID)
     some = observe(("3F", "RF"), GRID, frf[1:], SD, 0, phase=False)
     problem = pose(building_of(MASSES, SPRINGS), some)
@@ -162,7 +164,7 @@ def test_candidates_are_what_the_sensors_could_show(chain, building_of, observe,
     assert "channel_delay@2F" in {one.label for one in candidates(whole)}
 
 
-def test_effects_that_do_the_same_are_alike(chain, building_of, observe, pose, place):
+def test_effects_that_do_the_same_are_alike(chain):
     """Of one floor alone its own gain and that of the base are one; a delay is another thing."""
     roof = observe(("RF",), GRID, chain.frf(GRID)[2:], SD, 0)
     problem = pose(building_of(MASSES, SPRINGS), roof)
@@ -175,10 +177,10 @@ def test_effects_that_do_the_same_are_alike(chain, building_of, observe, pose, p
     assert alike(own, delay) < 0.5
 
 
-def test_masses_of_two_floors_are_the_same_to_any_sensor(chains, building_of, observe, pose, place):
+def test_masses_of_two_floors_are_the_same_to_any_sensor():
     """Only m_1 / m_2 shows, theta takes the rest; a damper or a gain is another thing."""
     masses, springs = np.array([3.0, 2.0]), np.array([9e3, 5e3])
-    frf = chains.Chain(masses * [1.2, 1.0], springs * [0.8, 1.3], zeta=ZETA).frf(GRID)
+    frf = Chain(masses * [1.2, 1.0], springs * [0.8, 1.3], zeta=ZETA).frf(GRID)
     problem = pose(building_of(masses, springs), observe(("2F", "RF"), GRID, frf, 0.05, 0))
     base = fit_baseline(problem)[0]
     problem = base.likelihood

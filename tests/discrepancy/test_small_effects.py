@@ -4,16 +4,18 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.diagnose import diagnose
+from tests.chains import Chain
+from tests.discrepancy.posed import building_of, observe, pose
 
 MASSES, SPRINGS = np.array([3.0, 2.0, 1.5, 1.5]), np.array([9e3, 5e3, 4e3, 4e3])
 FLOORS = ("2F", "3F", "4F", "RF")
 GRID = 0.2 * np.arange(1, 80)
 
 
-def test_a_gain_of_three_percent_at_one_floor_is_named(chains, building_of, observe, pose):
+def test_a_gain_of_three_percent_at_one_floor_is_named():
     """All of it lies within what the model may err by at that floor, at any frequency."""
     masses, springs = MASSES[1:], SPRINGS[1:]
-    exact = chains.Chain(masses, springs, zeta=0.02).frf(GRID)
+    exact = Chain(masses, springs, zeta=0.02).frf(GRID)
     exact[2] *= 1.03
     seen = observe(("2F", "3F", "RF"), GRID, exact, 0.01, 3)
     found = diagnose(pose(building_of(masses, springs), seen))
@@ -23,12 +25,10 @@ def test_a_gain_of_three_percent_at_one_floor_is_named(chains, building_of, obse
     assert found.leading.size == pytest.approx(0.03, abs=3.0 * found.leading.size_sd)
 
 
-def test_a_light_appendage_is_named_where_no_mode_of_the_building_is(
-    chains, building_of, observe, pose
-):
+def test_a_light_appendage_is_named_where_no_mode_of_the_building_is():
     """3 % of the roof's mass on a spring of its own: it acts in a narrow band alone."""
     masses, springs = MASSES[1:], SPRINGS[1:]
-    plain = chains.Chain(masses, springs, zeta=0.02)
+    plain = Chain(masses, springs, zeta=0.02)
     mass, omega = 0.03 * masses[-1], 2.6 * plain.modes[0][0]
     parts = [mass], [mass * omega**2], [2.0 * 0.05 * mass * omega]
     exact = plain.but(tower=tuple(map(np.array, parts))).frf(GRID)
@@ -39,18 +39,18 @@ def test_a_light_appendage_is_named_where_no_mode_of_the_building_is(
     assert found.leading.size == pytest.approx(0.03, rel=0.2)
 
 
-def test_too_few_points_tell_nothing(chains, building_of, observe, pose):
-    exact = chains.Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)[:, 10:12]
+def test_too_few_points_tell_nothing():
+    exact = Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)[:, 10:12]
     seen = observe(FLOORS, GRID[10:12], exact, 0.05, 0, False)
     found = diagnose(pose(building_of(MASSES, SPRINGS), seen))
     assert found.verdict == "unknown"
     assert found.sentence.startswith("The data are too few to tell: 8 independent points for 5")
 
 
-def test_a_name_goes_beyond_the_usual_tolerances(chains, building_of, observe, pose):
+def test_a_name_goes_beyond_the_usual_tolerances():
     """Masses off by one per cent, each by chance: a name only where the file says zero."""
     masses, among = MASSES * np.array([1.009, 0.988, 1.011, 0.992]), frozenset({"added_mass@4F"})
-    seen = observe(FLOORS, GRID, chains.Chain(masses, SPRINGS, zeta=0.01).frf(GRID), 0.005, 3)
+    seen = observe(FLOORS, GRID, Chain(masses, SPRINGS, zeta=0.01).frf(GRID), 0.005, 3)
     exact = diagnose(pose(building_of(MASSES, SPRINGS), seen), among=among)
     assert exact.leading.placed.label == "added_mass@4F"
     assert exact.verdict in ("named", "partly")
@@ -59,19 +59,19 @@ def test_a_name_goes_beyond_the_usual_tolerances(chains, building_of, observe, p
     assert "masses that are known to 1.5 %" in found.sentence
 
 
-def test_one_cause_on_several_floors_is_one_name(chains, building_of, observe, pose):
+def test_one_cause_on_several_floors_is_one_name():
     heavy = MASSES * np.array([1.0, 1.15, 1.15, 1.0])
-    exact = chains.Chain(heavy, SPRINGS, zeta=0.02).frf(GRID)
+    exact = Chain(heavy, SPRINGS, zeta=0.02).frf(GRID)
     found = diagnose(pose(building_of(MASSES, SPRINGS), observe(FLOORS, GRID, exact, 0.01, 3)))
     assert (found.verdict, found.leading.placed.label) == ("named", "added_mass@3F to 4F")
     assert found.leading.size == pytest.approx(0.15, abs=3.0 * found.leading.size_sd)
     assert found.leading.in_words.startswith("Each of 3F to 4F carries 1")
 
 
-def test_a_slow_clock_is_named_with_what_it_loses(chains, building_of, observe, pose):
+def test_a_slow_clock_is_named_with_what_it_loses():
     """The roof's delays follow one another evenly; a clock that is late all the while competes."""
     growth = -0.03
-    exact = chains.Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)
+    exact = Chain(MASSES, SPRINGS, zeta=0.02).frf(GRID)
     exact[3] *= np.exp(-2j * np.pi * np.outer(np.linspace(0.0, growth, 400), GRID)).mean(axis=0)
     problem = pose(building_of(MASSES, SPRINGS), observe(FLOORS, GRID, exact, 0.02, 5))
     names = ("drifting_clock", "channel_delay", "channel_gain")
@@ -83,12 +83,10 @@ def test_a_slow_clock_is_named_with_what_it_loses(chains, building_of, observe, 
     assert found.leading.size_sd < 0.1 * abs(growth)
 
 
-def test_what_stops_at_an_error_of_the_model_is_tried_by_noise_alone(
-    chains, building_of, observe, pose
-):
+def test_what_stops_at_an_error_of_the_model_is_tried_by_noise_alone():
     """All floors err by 12 %, smoothly over frequency; joints that rotate would then lead."""
     masses, springs, rng = MASSES[1:], SPRINGS[1:], np.random.default_rng(1)
-    exact = chains.Chain(masses * [1.0, 1.0, 1.115], springs * [1.09, 0.68, 0.78], zeta=0.016)
+    exact = Chain(masses * [1.0, 1.0, 1.115], springs * [1.09, 0.68, 0.78], zeta=0.016)
     phases = np.pi * np.outer(np.arange(1, 12), GRID / GRID[-1])
     amplitudes = rng.standard_normal((2, 3, 11))
     error = amplitudes[0] @ np.cos(phases) + amplitudes[1] @ np.sin(phases)

@@ -13,6 +13,8 @@ from femupdate.discrepancy.findings import Diagnosis, in_order, rivals
 from femupdate.discrepancy.fit import fit_baseline
 from femupdate.discrepancy.repair import repair
 from femupdate.effects import CATALOGUE, Placed
+from tests.chains import Chain
+from tests.discrepancy.posed import building_of, observe, pose
 
 SETTINGS = DiagnosisSettings()
 LATE, MASS = Placed(CATALOGUE["channel_delay"], "RF"), Placed(CATALOGUE["added_mass"], "RF")
@@ -108,10 +110,10 @@ def test_what_is_as_likely_about_the_first_stays_its_rival(there, rival):
     assert rivals((first, other), SETTINGS, lambda *_: False) == [other] * rival
 
 
-def test_data_kept_out_add_nothing_that_is_not_clear_of_nothing(chains, building_of, observe, pose):
+def test_data_kept_out_add_nothing_that_is_not_clear_of_nothing():
     """A mass of 2.7 of its standard deviations beside a certain gain."""
     masses, springs, grid = np.ones(3), np.full(3, 600.0), 0.2 * np.arange(1, 61)
-    heavy = chains.Chain(masses * [1, 1.05, 1], springs * [0.8, 1.3, 1.1], zeta=0.04).frf(grid)
+    heavy = Chain(masses * [1, 1.05, 1], springs * [0.8, 1.3, 1.1], zeta=0.04).frf(grid)
     seen = observe(("2F", "3F", "RF"), grid, heavy * [[1.0], [1.0], [1.25]], 0.2, 7)
     problem = pose(building_of(masses, springs), seen)
 

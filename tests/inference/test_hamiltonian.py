@@ -9,6 +9,7 @@ import torch
 from femupdate.inference import SmcSettings, TemperedSmc
 from femupdate.inference.importance import students
 from femupdate.inference.smc import Hamiltonian
+from tests.inference.gaussians import LinearGaussian, box
 
 
 def drawn(prior, target, draws, seed=0, particles=128, groups=4, start=None):
@@ -19,10 +20,10 @@ def drawn(prior, target, draws, seed=0, particles=128, groups=4, start=None):
 
 
 @pytest.fixture
-def linear(box, linear_gaussian):
+def linear():
     prior = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0])
     slopes = np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]])
-    exact = linear_gaussian(slopes, np.array([1.3, -0.8, 2.1, 0.4]), 0.3)
+    exact = LinearGaussian(slopes, np.array([1.3, -0.8, 2.1, 0.4]), 0.3)
     return prior, exact, exact.on(prior)
 
 
@@ -51,7 +52,7 @@ def test_a_linear_problem_with_its_evidence(linear, beside):
     assert 0.01 < evidence.std(ddof=1) < 1.5
 
 
-def test_a_bent_posterior_that_no_gaussian_covers(box):
+def test_a_bent_posterior_that_no_gaussian_covers():
     """One combination known to a hundredth along a parabola; moments by quadrature."""
     prior = box([0.0, 0.0], [1.0, 1.0])
 

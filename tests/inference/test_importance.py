@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from femupdate.inference.importance import draws_about_particles
+from tests.inference.gaussians import LinearGaussian, box
 
 PROBLEM = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
@@ -14,9 +15,9 @@ PROBLEM = (
 
 
 @pytest.mark.parametrize("shift", [0.0, 3.0])
-def test_linear_gaussian(box, linear_gaussian, shift):
+def test_linear_gaussian(shift):
     """Also from particles that lie three standard deviations off."""
-    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*PROBLEM)
+    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), LinearGaussian(*PROBLEM)
     sd = np.sqrt(np.diag(exact.covariance))
     start = prior.to_normal(exact.draws(prior, 1000, 0)) + shift * torch.from_numpy(sd)
     found = draws_about_particles(prior, exact.on(prior), prior.from_normal(start), 8000, 1)
@@ -30,7 +31,7 @@ def test_linear_gaussian(box, linear_gaussian, shift):
     np.testing.assert_allclose(xi.var(0) / sd**2, 1.0, atol=0.15)
 
 
-def test_two_modes_keep_their_shares(box):
+def test_two_modes_keep_their_shares():
     """Gaussians of weights .8 and .2 at both ends of the box, from particles half and half."""
     prior = box([0.0, 0.0], [1.0, 1.0])
     centres = torch.tensor([[0.2, 0.3], [0.8, 0.6]], dtype=torch.float64)

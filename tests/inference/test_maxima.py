@@ -20,6 +20,7 @@ from femupdate.inference import (
 from femupdate.measurement import Observation
 from tests.chains import Chain
 from tests.documents import reduced_stick
+from tests.inference.gaussians import LinearGaussian, box
 
 PROBLEM = (
     np.array([[1.0, 0.4, 0.0], [-0.3, 2.0, 0.7], [0.0, 0.5, 1.5], [0.2, -1.0, 0.6]]),
@@ -28,9 +29,9 @@ PROBLEM = (
 )
 
 
-def test_a_posterior_a_thousand_times_narrower_than_its_prior(box, linear_gaussian):
+def test_a_posterior_a_thousand_times_narrower_than_its_prior():
     """From starts hundreds of its standard deviations off, several of which end in one maximum."""
-    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*PROBLEM)
+    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), LinearGaussian(*PROBLEM)
     A, y = torch.from_numpy(exact.A), torch.from_numpy(exact.y)
 
     def residuals(theta):
@@ -70,7 +71,7 @@ def test_a_factor_and_a_share_that_undo_each_other_keep_their_thin_ridge():
     np.testing.assert_allclose(drawn.std(0), 0.03, rtol=0.05)
 
 
-def test_maxima_have_their_masses_whatever_their_heights(box):
+def test_maxima_have_their_masses_whatever_their_heights():
     """xi_1^2 is seen to .002 about 1, xi_2 leans to the left one: evidence by hand."""
     prior, noise = box([0.0, 0.0], [1.0, 1.0]), 2e-3
 
@@ -93,7 +94,7 @@ def test_maxima_have_their_masses_whatever_their_heights(box):
     assert float(left.double().mean()) == pytest.approx(0.5, abs=0.03)
 
 
-def test_draws_of_which_few_count_are_none(box):
+def test_draws_of_which_few_count_are_none():
     """Weights that scatter by a factor of e^4 from place to place, whatever the proposal."""
     prior = box([0.0] * 2, [1.0] * 2)
     found = found_from(

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.stats import kstest, norm, truncnorm, uniform
 
 from femupdate.inference import Parameter, Parameters
+from tests.inference.gaussians import box
 
 lower = st.floats(-50.0, 50.0)
 width = st.floats(1e-3, 100.0)
@@ -16,7 +17,7 @@ share = st.floats(1e-6, 1.0 - 1e-6)
 
 @settings(deadline=None)
 @given(low=lower, size=width, unit=share)
-def test_maps_are_inverse_of_one_another(box, low, size, unit):
+def test_maps_are_inverse_of_one_another(low, size, unit):
     prior = box([low, 0.33], [low + size, 3.0])
     point = torch.tensor([[unit, 1.0 - unit]], dtype=torch.float64)
     theta = prior.from_unit(point)
@@ -31,7 +32,7 @@ def test_maps_are_inverse_of_one_another(box, low, size, unit):
 
 @settings(deadline=None)
 @given(xi=st.floats(-8.0, 5.0))
-def test_standard_normal_coordinates_are_those_of_scipy(box, xi):
+def test_standard_normal_coordinates_are_those_of_scipy(xi):
     """Above +5 the share is 1 less 3e-7: theta itself has no digits left for xi."""
     prior = box([0.33], [3.0])
     theta = prior.from_normal(torch.tensor([[xi]], dtype=torch.float64))
@@ -41,7 +42,7 @@ def test_standard_normal_coordinates_are_those_of_scipy(box, xi):
     assert float(unit.to_normal(unit.from_unit(share))) == pytest.approx(xi, abs=1e-8)
 
 
-def test_density_of_normal_coordinates(box):
+def test_density_of_normal_coordinates():
     prior = box([0.0] * 3, [1.0, 2.0, 3.0])
     xi = torch.randn(7, 3, dtype=torch.float64)
     np.testing.assert_allclose(prior.log_density_normal(xi), norm.logpdf(xi).sum(1), rtol=1e-12)

@@ -8,6 +8,7 @@ import torch
 from scipy.stats import kstest
 
 from femupdate.inference import SmcSettings, TemperedSmc
+from tests.inference.gaussians import LinearGaussian, box
 
 THOROUGH = SmcSettings(ess_target=0.8, unmoved=0.0)
 WALK = replace(THOROUGH, independence_moves=0, walk_scale=0.5, moves=15)
@@ -24,8 +25,8 @@ PROBLEM = (
     [SmcSettings(), THOROUGH, WALK, MIXTURE],
     ids=["default", "thorough", "walk", "mixture"],
 )
-def test_linear_gaussian_posterior_and_evidence(box, linear_gaussian, settings):
-    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), linear_gaussian(*PROBLEM)
+def test_linear_gaussian_posterior_and_evidence(settings):
+    prior, exact = box([0.3, -5.0, 10.0], [3.0, 2.0, 11.0]), LinearGaussian(*PROBLEM)
     result = TemperedSmc(prior, exact.on(prior), settings=settings).run(2000, 1)
     xi = prior.to_normal(result.theta).numpy()
     sd = np.sqrt(np.diag(exact.covariance))
@@ -49,7 +50,7 @@ def test_linear_gaussian_posterior_and_evidence(box, linear_gaussian, settings):
 
 @pytest.mark.parametrize("rate", [30.0, 2.0, -9.0])
 @pytest.mark.parametrize("settings", [THOROUGH, WALK], ids=["thorough", "walk"])
-def test_one_dimension_with_a_likelihood_that_leans(box, rate, settings):
+def test_one_dimension_with_a_likelihood_that_leans(rate, settings):
     """exp(-rate u) on the unit interval: evidence (1 - exp(-rate)) / rate."""
     prior = box([2.0], [6.0])
     result = TemperedSmc(
@@ -61,7 +62,7 @@ def test_one_dimension_with_a_likelihood_that_leans(box, rate, settings):
     assert found.statistic < 2.0 / 1500**0.5  # p = .0007 for independent draws
 
 
-def test_half_space_of_a_box(box):
+def test_half_space_of_a_box():
     """1 where theta_1 + 2 theta_2 < 1.5, else impossible: the evidence is an area."""
     prior = box([0.0, 0.0], [1.0, 3.0])
 
@@ -79,7 +80,7 @@ def test_half_space_of_a_box(box):
 
 
 @pytest.mark.parametrize("wrong", [torch.nan, torch.inf, -torch.inf])
-def test_points_without_a_number_are_counted_and_never_rewarded(box, wrong):
+def test_points_without_a_number_are_counted_and_never_rewarded(wrong):
     prior = box([0.0, 0.0], [1.0, 1.0])
 
     def log_likelihood(theta):
@@ -95,8 +96,8 @@ def test_points_without_a_number_are_counted_and_never_rewarded(box, wrong):
     assert result.log_evidence == pytest.approx(np.log(exact), abs=0.2)
 
 
-def test_a_seed_gives_one_answer_and_leaves_the_global_generator_alone(box, linear_gaussian):
-    prior, exact = box([0.0] * 3, [1.0] * 3), linear_gaussian(*PROBLEM)
+def test_a_seed_gives_one_answer_and_leaves_the_global_generator_alone():
+    prior, exact = box([0.0] * 3, [1.0] * 3), LinearGaussian(*PROBLEM)
     sampler = TemperedSmc(prior, exact.on(prior))
     torch.manual_seed(5)
     before = torch.random.get_rng_state()
@@ -107,7 +108,7 @@ def test_a_seed_gives_one_answer_and_leaves_the_global_generator_alone(box, line
     assert not torch.equal(sampler.run(300, 12).theta, one.theta)
 
 
-def test_four_narrow_modes_keep_their_weights(box):
+def test_four_narrow_modes_keep_their_weights():
     """Unequal Gaussians in the box; the weights of the modes are their integrals."""
     weight = np.array([0.34, 0.13, 0.35, 0.18])
     centre = np.array([[1.0, 1.0], [1.7, 0.6], [2.0, 2.6], [2.7, 0.9]])

@@ -23,6 +23,7 @@ from femupdate.workflow import (
     train_study,
 )
 from femupdate.workflow.calibration_report import predictive_log_frf
+from tests.workflow.by_hand import grid_about, tower_frf
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 QUICK = CalibrationSettings(
@@ -33,7 +34,7 @@ TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
 
 
 @pytest.fixture(scope="module")
-def frf_table(tmp_path_factory, tower_frf):
+def frf_table(tmp_path_factory):
     """A table of the tower's own FRFs with noise of a tenth on ln|H|, and that ln|H|."""
     noise = 0.1 * np.random.default_rng(5).standard_normal((2, GRID.size))
     log_frf = np.log(np.abs(tower_frf(TRUTH, ZETA, GRID))) + noise
@@ -45,7 +46,7 @@ def frf_table(tmp_path_factory, tower_frf):
     return path, log_frf
 
 
-def quadrature(log_frf, tower_frf, grid, noise=0.1):
+def quadrature(log_frf, grid, noise=0.1):
     """Mean, sd and log evidence of (theta_1, theta_2, zeta) on a grid of `grid_about`."""
     points, mass = grid
     misfit = np.array(
@@ -61,9 +62,7 @@ def quadrature(log_frf, tower_frf, grid, noise=0.1):
     return mean, sd, np.log(weight.sum()) + mass - 0.5 * least
 
 
-def test_the_exact_posterior_is_that_of_quadrature(
-    tmp_path, tower_file, tower_frf, frf_table, grid_about
-):
+def test_the_exact_posterior_is_that_of_quadrature(tmp_path, tower_file, frf_table):
     path, log_frf = frf_table
     study = Study(tmp_path)
     settings = CalibrationSettings(particles=2000, exact=True)
@@ -71,7 +70,7 @@ def test_the_exact_posterior_is_that_of_quadrature(
         study, open_study(study, str(tower_file)), ObservationSource(path), settings
     )
     draws = np.column_stack([report.posterior.samples, report.posterior.zeta_samples])
-    mean, sd, log_evidence = quadrature(log_frf, tower_frf, grid_about(draws))
+    mean, sd, log_evidence = quadrature(log_frf, grid_about(draws))
     # 2000 draws, of which a third at least count as independent: a mean errs by .04 sd, an sd by
     # .03 of itself; four times that.
     np.testing.assert_allclose((draws.mean(axis=0) - mean) / sd, 0.0, atol=0.16)
@@ -89,7 +88,7 @@ def test_the_exact_posterior_is_that_of_quadrature(
     assert not any("misses" in note for note in report.notes)
 
 
-def test_damping_is_drawn_as_sharply_as_the_data_tell_it(tmp_path, tower_model, tower_frf):
+def test_damping_is_drawn_as_sharply_as_the_data_tell_it(tmp_path, tower_model):
     """A hundredth of the prior: against quadrature of its density at the true factors."""
     rows = np.abs(tower_frf(TRUTH, ZETA, GRID)) * np.exp(
         0.01 * np.random.default_rng(6).standard_normal((2, GRID.size))
@@ -197,7 +196,7 @@ def test_one_seed_one_posterior(tmp_path, tower_model, frf_table):
     assert one.drawn == same.drawn
 
 
-def test_predicted_responses_are_the_tower_s(tower, tower_model, tower_frf):
+def test_predicted_responses_are_the_tower_s(tower, tower_model):
     posterior = load_posterior(tower.path("posterior.nc"))
     predicted = predictive_log_frf(tower_model.system, tower_model, posterior, count=5, seed=2)
     draws = posterior.thinned(5, 2).numpy()

@@ -13,6 +13,7 @@ from femupdate.inference import load_posterior
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.workflow import CalibrationSettings, ObservationSource, calibrate_study, open_study
+from tests.workflow.by_hand import tower_frf
 
 GRID = 0.2 * np.arange(1, 61)
 ZETA, SD = 0.05, 0.05
@@ -29,7 +30,7 @@ def listed(tmp_path_factory, tower_file):
 
 
 @pytest.fixture(scope="module")
-def table(tmp_path_factory, tower_frf):
+def table(tmp_path_factory):
     """Writes |H| of both floors at some stiffness factors."""
     folder, made = tmp_path_factory.mktemp("tables"), []
 
@@ -127,7 +128,7 @@ def test_errors_of_the_next_event_are_those_of_this_one(calibrate, listed, table
     assert found[0].std() == pytest.approx(wave.std(), rel=0.2)
 
 
-def test_a_file_of_another_building_is_refused(calibrate, listed, table, tower_frf, tmp_path):
+def test_a_file_of_another_building_is_refused(calibrate, listed, table, tmp_path):
     rng, path = np.random.default_rng(0), tmp_path / "other.csv"
     rows = np.column_stack([GRID, np.exp(0.6 * rng.standard_normal((60, 2)))])
     np.savetxt(path, rows, delimiter=",", header="frequency_hz,2F,RF", comments="", fmt="%.6g")

@@ -12,6 +12,7 @@ from femupdate.workflow import (
     measured_of,
     open_study,
 )
+from tests.workflow.by_hand import tower_modes
 
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
 STEP, COUNT = 0.02, 6000
@@ -29,7 +30,7 @@ def hammer(rng):
 
 
 @pytest.fixture
-def record(tmp_path, tower_modes):
+def record(tmp_path):
     """A file of a force at the roof and the floors' accelerations under it, with noise."""
 
     def build(force, seed=1, scale=1.0):

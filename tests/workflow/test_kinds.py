@@ -16,6 +16,7 @@ from femupdate.workflow import (
     measured_of,
     open_study,
 )
+from tests.workflow.by_hand import tower_frf, tower_modes
 
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
 GRID = 0.2 * np.arange(1, 61)
@@ -23,7 +24,7 @@ SETTINGS = CalibrationSettings(particles=1000)  # --exact goes without saying
 
 
 @pytest.fixture(scope="module")
-def modes_file(tmp_path_factory, tower_modes):
+def modes_file(tmp_path_factory):
     omega, shape = tower_modes(TRUTH)
     rows = [
         f"{k},{own:.6g},{0.002 * own:.3g},5.0,{column[0]:.6g},{column[1]:.6g}"
@@ -36,7 +37,7 @@ def modes_file(tmp_path_factory, tower_modes):
 
 
 @pytest.fixture(scope="module")
-def frf_file(tmp_path_factory, tower_frf):
+def frf_file(tmp_path_factory):
     noise = 0.3 * np.random.default_rng(5).standard_normal((2, GRID.size))
     values = np.exp(np.log(np.abs(tower_frf(TRUTH, ZETA, GRID))) + noise)
     rows = [f"{f:.1f},{a:.12g},{b:.12g},0.3,0.3" for f, a, b in zip(GRID, *values, strict=True)]
@@ -84,7 +85,7 @@ def test_sensors_and_band(modes_file, tower_file, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def force_file(tmp_path_factory, tower_modes):
+def force_file(tmp_path_factory):
     """Accelerance of both floors under a force at the roof, with noise of .1 on ln|A|."""
     own, shape = tower_modes(TRUTH)
     omega, natural = 2 * np.pi * GRID[:, None], 2 * np.pi * own

@@ -19,6 +19,7 @@ from femupdate.workflow import (
     open_study,
     predict_study,
 )
+from tests.workflow.by_hand import tower_modes
 
 MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])
 STEP = 0.02
@@ -45,9 +46,9 @@ def predicted(study, model, path, settings=FEW, **options):
     return predict_study(study, model, RecordSource(path, **source), settings, **options)
 
 
-def by_scipy(theta, zeta, wave, modes):
+def by_scipy(theta, zeta, wave):
     """Absolute floor accelerations (2, n) and story drifts (2, n) of the tower by lsim."""
-    own, vectors = modes(theta)
+    own, vectors = tower_modes(theta)
     omega = 2 * np.pi * own
     share = vectors.T @ MASSES
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag(omega**2), -np.diag(2 * zeta * omega)]])
@@ -67,13 +68,13 @@ def by_scipy(theta, zeta, wave, modes):
     return y[:2], np.array([y[2], y[3] - y[2]])
 
 
-def test_histories_are_those_of_another_integrator(tower, tower_model, record, wave, tower_modes):
+def test_histories_are_those_of_another_integrator(tower, tower_model, record, wave):
     settings = PredictionSettings(samples=3, seed=8)
     report = predicted(tower, tower_model, record, settings)
     draws = load_posterior(tower.path("posterior.nc")).thinned(3, 8).numpy()
     theta, zeta = draws[:, :-1], draws[:, -1]
     floors, drifts = zip(
-        *(by_scipy(t, z, wave, tower_modes) for t, z in zip(theta, zeta, strict=True)), strict=True
+        *(by_scipy(t, z, wave) for t, z in zip(theta, zeta, strict=True)), strict=True
     )
     # Nine digits in the record, two ways to interpolate it (the ends are no multiple of a period).
     scale = np.abs(floors).max()

@@ -13,6 +13,7 @@ from femupdate.errors import StudyError
 from femupdate.inference import DrawnBy, Posterior, load_posterior, save_posterior
 from femupdate.measurement import Observation, read_measured
 from femupdate.workflow import open_study, render_study
+from tests.workflow.by_hand import tower_modes
 
 
 def shown(path):
@@ -23,7 +24,7 @@ def shown(path):
     return pixels
 
 
-def test_the_modes_of_a_lumped_building(tower, tower_model, tower_modes):
+def test_the_modes_of_a_lumped_building(tower, tower_model):
     modes = render_study(tower, model=tower_model, samples=40, seed=1).modes
     assert [mode["mode"] for mode in modes] == [1, 2]
     theta = load_posterior(tower.path("posterior.nc")).thinned(40, 1)[:, :2].numpy()

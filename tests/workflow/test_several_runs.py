@@ -21,6 +21,7 @@ from femupdate.workflow import (
     measured_of,
     open_study,
 )
+from tests.workflow.by_hand import grid_about, tower_frf
 
 QUICK = CalibrationSettings(
     particles=200, exact=True, chains=2, smc=SmcSettings(moves=4, independence_moves=2)
@@ -39,7 +40,7 @@ def write_table(path, log_frf, sd, floors=("2F", "RF"), grid=GRID):
 
 
 @pytest.fixture(scope="module")
-def tables(tmp_path_factory, tower_frf):
+def tables(tmp_path_factory):
     """Two runs of the tower with noise of .1 and .15, and a third of a softer one."""
     folder, rng = tmp_path_factory.mktemp("runs"), np.random.default_rng(5)
     paths = []
@@ -66,9 +67,7 @@ def source_of(*paths, **options):
     return ObservationSource(first, further=tuple(further), **options)
 
 
-def test_log_likelihood_and_evidence_are_those_of_both_runs(
-    tmp_path, tower_file, tables, grid_about
-):
+def test_log_likelihood_and_evidence_are_those_of_both_runs(tmp_path, tower_file, tables):
     """Against the likelihoods of the runs one by one: at the draws, and summed over a grid."""
     study = Study(tmp_path)
     model = open_study(study, str(tower_file))
@@ -136,7 +135,7 @@ def test_runs_that_do_not_agree_are_told_and_gone_on_with(tmp_path, tower_model,
     assert ((mean > 0.9 * TRUTH) & (mean < TRUTH)).all()
 
 
-def test_floors_may_be_of_one_run_only(tower_model, tables, tower_frf, tmp_path):
+def test_floors_may_be_of_one_run_only(tower_model, tables, tmp_path):
     clean = np.log(np.abs(tower_frf(TRUTH, ZETA, GRID)))
     roof = write_table(tmp_path / "roof.csv", clean[1:], 0.1, ("RF",))
     low = write_table(tmp_path / "low.csv", clean[:1], 0.1, ("2F",))

@@ -3,25 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pytest
 import torch
 
 from femupdate.inference import Parameters
 
 
-@pytest.fixture(scope="session")
-def box():
+def box(lower, upper):
     """A prior with bounds (p,) and (p,)."""
-
-    def make(lower, upper):
-        names = tuple(f"theta_{i + 1}" for i in range(len(lower)))
-        return Parameters.uniform(
-            names,
-            torch.tensor(lower, dtype=torch.float64),
-            torch.tensor(upper, dtype=torch.float64),
-        )
-
-    return make
+    names = tuple(f"theta_{i + 1}" for i in range(len(lower)))
+    return Parameters.uniform(names, *torch.tensor([lower, upper], dtype=torch.float64))
 
 
 @dataclass(frozen=True)
@@ -64,8 +54,3 @@ class LinearGaussian:
         rng = np.random.default_rng(seed)
         xi = rng.multivariate_normal(self.mean, self.covariance, size=count)
         return prior.from_normal(torch.from_numpy(xi))
-
-
-@pytest.fixture(scope="session")
-def linear_gaussian():
-    return LinearGaussian
