@@ -1,7 +1,5 @@
 """Two buildings small enough to be calibrated in seconds, and a study of one of them."""
 
-import hashlib
-import multiprocessing
 import os
 import shutil
 import signal
@@ -49,42 +47,6 @@ def pytest_collection_modifyitems(items):
         items.sort(key=rank)
 
 
-class Recorded:
-    """Progress that remembers what it was told."""
-
-    def __init__(self):
-        self.started, self.counts, self.notes, self.said = [], [], [], []
-
-    def start(self, label, total):
-        self.started.append((label, total))
-
-    def advance(self, count=1, note=""):
-        self.counts.append(count)
-        self.notes.append(note)
-
-    def say(self, text):
-        self.said.append(text)
-
-
-@pytest.fixture(scope="session")
-def recorder():
-    return Recorded
-
-
-class Killer(Recorded):
-    """Kills a worker process of Dask when the first piece is done."""
-
-    def __init__(self):
-        super().__init__()
-        self.killed = []
-
-    def advance(self, count=1, note=""):
-        super().advance(count, note)
-        if not self.killed:
-            self.killed.append(multiprocessing.active_children()[0].pid)
-            os.kill(self.killed[0], signal.SIGKILL)
-
-
 @pytest.fixture
 def killer():
     """Progress for work on processes of Dask; a test that then waits two minutes for them fails."""
@@ -94,6 +56,8 @@ def killer():
 
     before = signal.signal(signal.SIGALRM, late)
     signal.alarm(120)
+    from tests.helpers import Killer
+
     yield Killer()
     signal.alarm(0)
     signal.signal(signal.SIGALRM, before)
@@ -107,20 +71,6 @@ def opensees():
     except (ImportError, RuntimeError) as error:
         pytest.skip(f"OpenSeesPy cannot be imported: {error}")
     return module
-
-
-@pytest.fixture(scope="session")
-def write_record():
-    """Writes a ground motion as a table of time and acceleration, and returns its path."""
-    import numpy as np
-
-    def write(path, motion):
-        head = f"time_s,{motion.channel or 'acceleration'}\ns,m/s2"
-        columns = np.column_stack([motion.time, motion.acceleration])
-        np.savetxt(path, columns, fmt=["%.10g", "%.9g"], delimiter=",", header=head, comments="")
-        return path
-
-    return write
 
 
 def harmonic_displacement(operators, theta, frequency_hz, load, damping):
@@ -274,17 +224,3 @@ def tower_study(built_once, tower_file: Path, tower_observation: SimpleNamespace
 def calibrated(tower_study: Path, tmp_path: Path) -> Path:
     """A study of the tower with a posterior, for one test alone."""
     return Path(shutil.copytree(tower_study, tmp_path / "calibrated"))
-
-
-@pytest.fixture(scope="session")
-def snapshot() -> Callable[[Path], dict[str, str]]:
-    """A function that tells the content of all files of a folder, none where it is absent."""
-
-    def take(folder: Path) -> dict[str, str]:
-        return {
-            str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
-            for path in sorted(folder.rglob("*"))
-            if path.is_file()
-        }
-
-    return take

@@ -6,6 +6,7 @@ import pytest
 from femupdate.building import from_document, mesh_building
 from femupdate.errors import BuildingError
 from femupdate.fe import Beams, assemble, static_displacement
+from tests.building.frames import make_document
 
 WIDTH, HEIGHT, AREA = 4.0, 3.0, 2e-3
 LENGTH, COSINE = np.hypot(WIDTH, HEIGHT), WIDTH / np.hypot(WIDTH, HEIGHT)
@@ -22,7 +23,7 @@ BAR = {
 SLENDER = {**BAR, "area": 50.0, "shear_area_y": 50.0, "shear_area_z": 50.0}
 
 
-def document_with(make_document, braces, stories=1, slender=True):
+def document_with(braces, stories=1, slender=True):
     document = make_document([HEIGHT] * stories, ([WIDTH], [5.0]), 10.0)
     document["sections"]["brace"] = BAR
     if slender:
@@ -57,10 +58,10 @@ def sway_stiffness(document):
     ],
     ids=["up", "down", "from the right", "cross", "rigid ends"],
 )
-def test_a_bay_sways_as_its_bars_stretch(make_document, changes, count):
+def test_a_bay_sways_as_its_bars_stretch(changes, count):
     """E A cos^2 / L a brace; bending of the bars is a thousandth of it."""
-    bare = sway_stiffness(document_with(make_document, []))
-    braced = sway_stiffness(document_with(make_document, [brace(**changes)]))
+    bare = sway_stiffness(document_with([]))
+    braced = sway_stiffness(document_with([brace(**changes)]))
     assert braced - bare == pytest.approx(count * 25e9 * AREA * COSINE**2 / LENGTH, rel=2e-3)
 
 
@@ -74,8 +75,8 @@ def test_a_bay_sways_as_its_bars_stretch(make_document, changes, count):
     ],
     ids=["up", "down", "from the right", "cross"],
 )
-def test_braces_run_where_the_file_says(make_document, changes, ends):
-    document = document_with(make_document, [brace(stories="S2", **changes)], 2, slender=False)
+def test_braces_run_where_the_file_says(changes, ends):
+    document = document_with([brace(stories="S2", **changes)], 2, slender=False)
     model = mesh_building(from_document(document)).model
     beams = model.elements_of(Beams)
     own = beams.taken(np.flatnonzero(beams.kind == "brace"))
@@ -86,14 +87,14 @@ def test_braces_run_where_the_file_says(make_document, changes, ends):
     assert own.released[:, [4, 5, 10, 11]].all()
 
 
-def test_a_list_of_lines_is_one_entry_for_each(make_document):
-    listed = document_with(make_document, [brace(along=["Y0", "Y1"])], slender=False)
-    single = document_with(make_document, [brace(), brace(along="Y1")], slender=False)
+def test_a_list_of_lines_is_one_entry_for_each():
+    listed = document_with([brace(along=["Y0", "Y1"])], slender=False)
+    single = document_with([brace(), brace(along="Y1")], slender=False)
     assert from_document(listed).braces == from_document(single).braces
 
 
-def test_a_brace_that_ends_in_the_air_is_named(make_document):
-    document = document_with(make_document, [brace()], slender=False)
+def test_a_brace_that_ends_in_the_air_is_named():
+    document = document_with([brace()], slender=False)
     document["columns"] = [{"section": "column", "at": ["X0-Y0", "X0-Y1"]}]
     document["beams"], document["slabs"] = [{"section": "beam", "along": "X0"}], []
     with pytest.raises(BuildingError, match=r"braces\[0\]: nothing but the brace is at \(4,"):
@@ -110,8 +111,8 @@ def test_a_brace_that_ends_in_the_air_is_named(make_document):
         ({"shape": "chevron"}, "braces[0].shape"),
     ],
 )
-def test_wrong_braces_are_named(make_document, changes, words):
-    document = document_with(make_document, [brace(**changes)], slender=False)
+def test_wrong_braces_are_named(changes, words):
+    document = document_with([brace(**changes)], slender=False)
     with pytest.raises(BuildingError) as caught:
         from_document(document)
     assert words in str(caught.value)

@@ -15,6 +15,7 @@ from femupdate.building import (
     shipped_buildings,
 )
 from femupdate.errors import BuildingError
+from tests.building.frames import SMALL
 
 NAMES = ("shear_3dof", "shear_4dof", "six_story_wall_frame")
 
@@ -33,8 +34,8 @@ def test_saved_building_loads_back_equal(name, tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["copy.toml"]  # no partial file left
 
 
-def test_frame_with_every_optional_entry_loads_back_equal(small_text, tmp_path):
-    text = small_text.replace('points = ["P-B", "Q-B"]', 'points = "P-B"').replace(
+def test_frame_with_every_optional_entry_loads_back_equal(tmp_path):
+    text = SMALL.replace('points = ["P-B", "Q-B"]', 'points = "P-B"').replace(
         'direction = "x"', 'direction = "y"'
     )
     text += (
@@ -114,10 +115,10 @@ def test_file_that_is_not_text_is_refused(tmp_path):
         ('direction = "x"', 'direction = "y"', True),
     ],
 )
-def test_what_changes_the_mechanics_hash(small_text, tmp_path, old, new, changes):
+def test_what_changes_the_mechanics_hash(tmp_path, old, new, changes):
     paths = tmp_path / "a.toml", tmp_path / "b.toml"
-    paths[0].write_text(small_text, encoding="utf-8")
-    paths[1].write_text(small_text.replace(old, new), encoding="utf-8")
+    paths[0].write_text(SMALL, encoding="utf-8")
+    paths[1].write_text(SMALL.replace(old, new), encoding="utf-8")
     first, second = (load_building(path) for path in paths)
     assert building_hash(first) != building_hash(second)
     assert (mechanics_hash(first) != mechanics_hash(second)) == changes

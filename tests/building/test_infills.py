@@ -11,6 +11,7 @@ from femupdate.building import from_document, mesh_building, stiffness_factors
 from femupdate.building.infill_struts import strut_width
 from femupdate.effects import CATALOGUE, structure_of
 from femupdate.fe import Beams, assemble, lowest_modes, opensees_script, static_displacement
+from tests.building.frames import make_document
 
 HEIGHT, WIDTH = 3.2, 4.0
 MASONRY = {"youngs_modulus": 3e9, "poisson_ratio": 0.2, "density": 1800.0}
@@ -18,7 +19,7 @@ CLEAR = HEIGHT - 0.4, WIDTH - 0.3  # under a beam .4 m deep, between columns .3 
 
 
 @pytest.fixture
-def document(make_document):
+def document():
     """Two bays by one without slabs, an infill in the first bay of Y0."""
     document = make_document([HEIGHT], ([WIDTH, 3.0], [5.0]), 10.0)
     document["materials"]["masonry"] = MASONRY
@@ -99,7 +100,7 @@ def test_their_stiffness_is_a_factor_or_an_effect(document):
     assert abs(more - whole).max() < 1e-9 * abs(whole).max()
 
 
-def test_a_cantilever_column_with_rigid_ends_by_hand(make_document):
+def test_a_cantilever_column_with_rigid_ends_by_hand():
     """The head moves by bending and shear of what lies between, and turns on the rigid head."""
     foot, head, load = 0.3, 0.5, 1e4
     document = make_document([HEIGHT], ([WIDTH], [5.0]), 10.0)

@@ -9,6 +9,7 @@ from femupdate.building import from_document, load_building, mesh_building, self
 from femupdate.dynamics import mesh_modes
 from femupdate.effects import structure_of
 from femupdate.fe import Beams, Shells, assemble, lowest_modes
+from tests.building.frames import SMALL, make_document
 
 DENSITY = 2400.0
 COLUMN, BEAM = 0.4 * 0.6, 0.3 * 0.5  # m2, as the maker of documents has them
@@ -30,7 +31,7 @@ widths = st.lists(st.floats(2.0, 8.0), min_size=1, max_size=3)
     bays=st.tuples(widths, widths),
     size=st.floats(0.8, 6.0),
 )
-def test_a_building_of_any_size_weighs_what_its_drawings_say(make_document, heights, bays, size):
+def test_a_building_of_any_size_weighs_what_its_drawings_say(heights, bays, size):
     mesh = mesh_building(from_document(make_document(heights, bays, size)))
     depth, width = sum(bays[1]), sum(bays[0])
     columns = (len(bays[0]) + 1) * (len(bays[1]) + 1) * COLUMN * np.array(heights)
@@ -62,7 +63,7 @@ def test_a_building_of_any_size_weighs_what_its_drawings_say(make_document, heig
 
 
 @pytest.mark.parametrize("stories", [1, 2, 12])
-def test_a_building_of_other_height_needs_no_code_and_stands(make_document, stories):
+def test_a_building_of_other_height_needs_no_code_and_stands(stories):
     heights = [3.0 + 0.1 * n for n in range(stories)]
     walls = [{"along": "Y1", "from": "X0", "to": "X1", "thickness": 0.2}]
     document = make_document(heights, ([5.0, 6.0], [4.0]), 2.5, 80e3, walls)
@@ -78,9 +79,9 @@ def test_a_building_of_other_height_needs_no_code_and_stands(make_document, stor
 
 
 @pytest.fixture
-def small(small_text, tmp_path):
+def small(tmp_path):
     path = tmp_path / "small.toml"
-    path.write_text(small_text, encoding="utf-8")
+    path.write_text(SMALL, encoding="utf-8")
     return load_building(path)
 
 
@@ -130,7 +131,7 @@ def test_sections_stand_as_the_file_says(small):
     np.testing.assert_array_equal(beams.up[girder], [0, 0, 1])
 
 
-def test_a_deep_column_is_stiff_along_its_depth(make_document):
+def test_a_deep_column_is_stiff_along_its_depth():
     """One column under a tiny slab: f follows 3 E I / (m h^3), with I of the direction."""
     document = make_document([4.0], ([0.01], [0.01]), 10.0, 20e3)
     document["beams"] = []
@@ -178,7 +179,7 @@ def test_wall_without_stiffness_weighs_on_both_floors(small):
 @pytest.mark.parametrize(
     ("lines", "named"), [(("X0", "Y0"), {"X+Y", "torsion"}), (("X0", "X2"), {"X", "Y"})]
 )
-def test_modes_across_the_diagonal_are_named_so(make_document, lines, named):
+def test_modes_across_the_diagonal_are_named_so(lines, named):
     walls = [
         {"along": line, "from": f"{across}0", "to": f"{across}2", "thickness": 0.1}
         for line, across in zip(lines, ("Y" if n[0] == "X" else "X" for n in lines), strict=True)

@@ -15,13 +15,14 @@ from femupdate.building import (
 )
 from femupdate.fe import Shells, assemble, lowest_modes, static_displacement
 from femupdate.simulation import fine_model
+from tests.building.frames import make_document
 
 
 def meshed(document, size=None):
     return mesh_building(from_document(document), size)
 
 
-def with_wall(make_document, openings=(), **changes):
+def with_wall(openings=(), **changes):
     """A wall of 6 m x 3.5 m in plane y = 0 of a building of one story."""
     document = make_document([3.5], ([6.0], [5.0]), 0.5)
     wall = {"along": "Y0", "from": "X0", "to": "X1", "thickness": 0.3}
@@ -38,8 +39,8 @@ def wall_area(mesh):
     return shells.measure(mesh.model.nodes)[shells.kind == "wall"].sum()
 
 
-def test_openings_are_where_the_file_says(make_document):
-    mesh = meshed(with_wall(make_document, [DOOR, WINDOW]))
+def test_openings_are_where_the_file_says():
+    mesh = meshed(with_wall([DOOR, WINDOW]))
     shells = mesh.model.elements_of(Shells)
     assert wall_area(mesh) == pytest.approx(6 * 3.5 - 0.9 * 2.1 - 1.6 * 1.2, rel=1e-12)
     corners = mesh.model.nodes[shells.nodes[shells.kind == "wall"]]
@@ -59,7 +60,7 @@ def in_plane(model):
     return assemble(replace(model, fixed=fixed, links=replace(model.links, tied=tied)))
 
 
-def strip(make_document, size, **beam):
+def strip(size, **beam):
     """A cantilever floor strip: a slab 1 m wide on a beam along its middle line, held by a wall."""
     document = make_document([3.0], ([6.0], [0.5, 0.5]), size)
     document["columns"] = []
@@ -76,18 +77,18 @@ def strip(make_document, size, **beam):
     return moved[tip, 2].mean()
 
 
-def test_a_beam_under_the_slab_makes_a_t_section(make_document):
+def test_a_beam_under_the_slab_makes_a_t_section():
     """Slab 1 m x .15 m over a web .3 m x .5 m: E I of the composite section about its centroid."""
-    found = strip(make_document, 0.125, eccentricity=0.325)
+    found = strip(0.125, eccentricity=0.325)
     slab, web, gap = 0.15, 0.15, 0.325
     inertia = 1.0 * 0.15**3 / 12 + 0.3 * 0.5**3 / 12 + slab * web / (slab + web) * gap**2
     bending = 1e4 * 6.0**3 / 3 / 25e9 / inertia
     # 3 %: shear of the web (6 m over .65 m: 0.9 %) and shear lag of the slab, which only add.
     assert bending < found < 1.03 * bending
-    assert strip(make_document, 0.125) > 1.8 * found
+    assert strip(0.125) > 1.8 * found
 
 
-def test_hinged_beams_carry_no_end_moment(make_document):
+def test_hinged_beams_carry_no_end_moment():
     """A portal without slab: with hinges at both ends the columns are two cantilevers."""
     document = make_document([4.0], ([6.0], [0.01]), 1.0)
     document["slabs"] = []
@@ -105,7 +106,7 @@ def test_hinged_beams_carry_no_end_moment(make_document):
     np.testing.assert_allclose(moved[corner, 0], expected, rtol=1e-9)
 
 
-def test_rigid_diaphragm_moves_as_one_body_in_plan(make_document):
+def test_rigid_diaphragm_moves_as_one_body_in_plan():
     document = make_document([3.0, 3.0], ([5.0, 4.0], [6.0]), 1.5, 120e3)
     document["slabs"] = [
         {"x": ["X0", "X1"], "y": ["Y0", "Y1"], "thickness": 0.15, "diaphragm": "rigid"},
@@ -131,7 +132,7 @@ def test_rigid_diaphragm_moves_as_one_body_in_plan(make_document):
     assert (modes.frequency_hz >= soft - 1e-9).all()  # a constraint never lowers a frequency
 
 
-def test_sprung_footing_against_two_springs_in_series(make_document):
+def test_sprung_footing_against_two_springs_in_series():
     """A stiff tower on kx and kry: u = F / kx + F h^2 / kry at the height h of the force."""
     document = make_document([3.0], ([4.0], [4.0]), 2.0)
     document["walls"] = [
@@ -152,8 +153,8 @@ def test_sprung_footing_against_two_springs_in_series(make_document):
     np.testing.assert_allclose(model.nodes[-1], [2.0, 2.0, 0.0])
 
 
-def test_everything_together_keeps_its_mass_and_loads_back_equal(make_document, tmp_path):
-    document = with_wall(make_document, [DOOR, WINDOW])
+def test_everything_together_keeps_its_mass_and_loads_back_equal(tmp_path):
+    document = with_wall([DOOR, WINDOW])
     document["beams"] = [
         {"section": "beam", "along": ["X0", "X1"], "hinges": "end", "rigid_ends": [0.2, 0.0]},
         {"section": "tee", "along": ["Y1"], "eccentricity": 0.3},
@@ -184,7 +185,7 @@ def test_everything_together_keeps_its_mass_and_loads_back_equal(make_document, 
     assert lowest_modes(operators, np.ones(1), 2).frequency_hz[0] > 0.5
 
 
-def test_sensors_stand_at_any_point(make_document):
+def test_sensors_stand_at_any_point():
     """At a landing half-way up a column, and on the slab off the grid lines."""
     document = make_document([3.0, 3.0], ([6.0], [6.0]), 1.5)
     document["sensors"]["at"] = {"2F": [[0.0, 6.0, 1.4], [2.9, 3.1, 3.0]]}

@@ -9,13 +9,14 @@ import pytest
 from femupdate.building import from_document, mesh_building, stiffness_factors
 from femupdate.fe import assemble
 from femupdate.inference import theta_prior
+from tests.building.frames import SMALL
 
 BY_KIND = {"by": ["story", "kind"]}
 
 
 @pytest.fixture
-def document(small_text):
-    return tomllib.loads(small_text)
+def document():
+    return tomllib.loads(SMALL)
 
 
 def building(document, **changes):

@@ -7,6 +7,7 @@ import pytest
 
 from femupdate.building import building_text, load_building
 from femupdate.errors import BuildingError
+from tests.building.frames import SMALL
 
 ZETA = "[prior.zeta]\nlower = 0.01\nupper = 0.05\n"
 FIXED = '[supports]\nbase = "fixed"\n'
@@ -199,11 +200,11 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_wrong_file(case, small_text, tmp_path):
+def test_wrong_file(case, tmp_path):
     old, new, message = CASES[case]
-    assert old in small_text
+    assert old in SMALL
     path = tmp_path / "wrong.toml"
-    path.write_text(small_text.replace(old, new, 1), encoding="utf-8")
+    path.write_text(SMALL.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(BuildingError) as error:
         load_building(path)
     sentence = str(error.value)
@@ -219,21 +220,21 @@ def write(tmp_path, text):
     return path
 
 
-def test_text_where_a_table_belongs(small_text, tmp_path):
-    text = small_text.replace('[mesh]\nsize = "1 m"\n', "").replace("kind", 'mesh = "1 m"\nkind', 1)
+def test_text_where_a_table_belongs(tmp_path):
+    text = SMALL.replace('[mesh]\nsize = "1 m"\n', "").replace("kind", 'mesh = "1 m"\nkind', 1)
     with pytest.raises(BuildingError, match="mesh: must be a table"):
         load_building(write(tmp_path, text))
 
 
-def test_story_without_column_or_stiff_wall(small_text, tmp_path):
-    text = small_text.replace('section = "column"\n', 'section = "column"\nstories = "low"\n', 1)
+def test_story_without_column_or_stiff_wall(tmp_path):
+    text = SMALL.replace('section = "column"\n', 'section = "column"\nstories = "low"\n', 1)
     text = text.replace('thickness = "150 mm"\n', 'thickness = "150 mm"\nstories = "low"\n', 1)
     with pytest.raises(BuildingError, match=r"stories\[1\]: no column or wall with stiffness"):
         load_building(write(tmp_path, text))
 
 
-def test_floating_part_is_located(small_text, tmp_path):
-    text = small_text.replace("[[slabs]]", '[[slabs]]\nfloors = "2F"')
+def test_floating_part_is_located(tmp_path):
+    text = SMALL.replace("[[slabs]]", '[[slabs]]\nfloors = "2F"')
     text = text.replace('section = "beam"', 'section = "beam"\nfloors = ["2F", "RF"]')
     text = text.replace('section = "column"\n', 'section = "column"\nat = ["A-P", "B-P"]\n', 1)
     # Line Q of the roof is then held by beams of the roof alone, which do reach P: it stands.
@@ -248,8 +249,8 @@ def test_floating_part_is_located(small_text, tmp_path):
         load_building(write(tmp_path, alone))
 
 
-def test_sensor_where_nothing_is_built(small_text, tmp_path):
-    text = small_text.replace('x = ["A", "C"]', 'x = ["A", "B"]')
+def test_sensor_where_nothing_is_built(tmp_path):
+    text = SMALL.replace('x = ["A", "C"]', 'x = ["A", "B"]')
     text = text.replace('section = "beam"\n', 'section = "beam"\nalong = ["A", "B"]\n', 1)
     text = text.replace('section = "column"\n', 'section = "column"\nat = ["A-P", "B-P"]\n', 1)
     text = text.replace('along = "C"', 'along = "A"').replace('"Q-B"]', '"Q-C"]')
@@ -257,8 +258,8 @@ def test_sensor_where_nothing_is_built(small_text, tmp_path):
         load_building(write(tmp_path, text))
 
 
-def test_wall_without_stiffness_that_nothing_carries(small_text, tmp_path):
-    text = small_text.replace('x = ["A", "C"]', 'x = ["A", "B"]')
+def test_wall_without_stiffness_that_nothing_carries(tmp_path):
+    text = SMALL.replace('x = ["A", "C"]', 'x = ["A", "B"]')
     text = text.replace('section = "beam"\n', 'section = "beam"\nalong = ["P", "Q"]\n', 1)
     with pytest.raises(BuildingError, match=r"walls\[1\]: nothing at .* above the wall,"):
         load_building(write(tmp_path, text))
@@ -318,10 +319,10 @@ def test_models_of_other_programs_are_recognised(tmp_path, text, program):
     ],
     ids=["lists", "tables", "dotted key", "inline dotted key", "dotted table", "long integer"],
 )
-def test_files_made_to_harm_are_refused_at_once(tmp_path, small_text, text, message):
+def test_files_made_to_harm_are_refused_at_once(tmp_path, text, message):
     started = time.monotonic()
     with pytest.raises(BuildingError, match=message):
-        load_building(write(tmp_path, f"{small_text}\n{text}\n"))
+        load_building(write(tmp_path, f"{SMALL}\n{text}\n"))
     assert time.monotonic() - started < 5.0
 
 
@@ -337,10 +338,10 @@ def test_files_made_to_harm_are_refused_at_once(tmp_path, small_text, text, mess
         ('step = "0.1 Hz"', 'step = "1e30 Hz"', r"frequency_grid\.step: .* that no building has"),
     ],
 )
-def test_figures_that_no_building_has(tmp_path, small_text, old, new, message):
-    assert old in small_text
+def test_figures_that_no_building_has(tmp_path, old, new, message):
+    assert old in SMALL
     with pytest.raises(BuildingError, match=message):
-        load_building(write(tmp_path, small_text.replace(old, new, 1)))
+        load_building(write(tmp_path, SMALL.replace(old, new, 1)))
 
 
 @pytest.mark.parametrize(
@@ -374,9 +375,9 @@ def test_figures_that_no_building_has(tmp_path, small_text, old, new, message):
         ),
     ],
 )
-def test_figures_that_an_engineer_would_ask_about(tmp_path, small_text, caplog, old, new, message):
+def test_figures_that_an_engineer_would_ask_about(tmp_path, caplog, old, new, message):
     for _ in range(2):  # told once, however often a command reads the file
-        load_building(write(tmp_path, (small_text + FIXED).replace(old, new, 1)))
+        load_building(write(tmp_path, (SMALL + FIXED).replace(old, new, 1)))
     assert caplog.text.count(message) == 1
 
 
@@ -397,6 +398,6 @@ def test_story_names_that_count_downwards_are_asked_about(tmp_path, caplog, name
     assert ("their names count downwards" in caplog.text) == asked
 
 
-def test_usual_figures_are_taken_in_silence(tmp_path, small_text, caplog):
-    load_building(write(tmp_path, small_text + FIXED))
+def test_usual_figures_are_taken_in_silence(tmp_path, caplog):
+    load_building(write(tmp_path, SMALL + FIXED))
     assert caplog.records == []

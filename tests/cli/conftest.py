@@ -1,87 +1,20 @@
-"""The command in this process, which is fast, and as the script that users run."""
+"""The whole work on the tower, done once."""
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
-SCRIPT = Path(sys.executable).with_name("femupdate")
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a command left behind."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def answer(self) -> dict[str, Any]:
-        """The one JSON object on stdout, of a command that did its work."""
-        assert self.code == 0, self.err
-        return json.loads(self.out)
-
-    @property
-    def progress(self) -> list[str]:
-        """Lines on stderr that tell of progress."""
-        lines = self.err.splitlines()
-        return [line for line in lines if line.endswith(" ...") or line.startswith("Building ")]
-
-    @property
-    def complaint(self) -> str:
-        """The one sentence on stderr, of a command that could not do its work."""
-        rest = [line for line in self.err.splitlines() if line not in self.progress]
-        assert self.code == 1, (self.code, self.err)
-        assert self.out == ""
-        assert len(rest) == 1, self.err
-        assert rest[0].startswith("Error: ")
-        assert "Traceback" not in self.err
-        return rest[0].removeprefix("Error: ")
+from tests.cli.commands import femupdate
+from tests.helpers import write_record
 
 
 @pytest.fixture(scope="session")
-def femupdate() -> Callable[..., Outcome]:
-    """Run a command in this process; an exception that it does not handle fails the test."""
-    from femupdate.cli.main import group
-
-    def call(*arguments: object) -> Outcome:
-        words = [str(argument) for argument in arguments]
-        result = CliRunner().invoke(group, words, catch_exceptions=False)
-        return Outcome(result.exit_code, result.stdout, result.stderr)
-
-    return call
-
-
-@pytest.fixture(scope="session")
-def script() -> Callable[..., Outcome]:
-    """Run the installed script in a process of its own."""
-
-    def call(*arguments: object, **options: Any) -> Outcome:
-        done = subprocess.run(
-            [str(SCRIPT), *map(str, arguments)],
-            capture_output=True,
-            text=True,
-            timeout=600,
-            check=False,
-            env={**os.environ, "OMP_NUM_THREADS": "1"},
-            **options,
-        )
-        return Outcome(done.returncode, done.stdout, done.stderr)
-
-    return call
-
-
-@pytest.fixture(scope="session")
-def record(tmp_path_factory, tower_observation, write_record):
+def record(tmp_path_factory, tower_observation):
     """The base motion of the observation, as a record of its own."""
     from femupdate.measurement import GroundMotion
 
@@ -115,21 +48,18 @@ class Walk:
 
 @pytest.fixture(scope="session")
 def walk(
-    femupdate: Callable[..., Outcome],
     built_once: Callable[..., Path],
     tower_file: Path,
     tower_observation: Any,
     record: Path,
 ) -> Walk:
     """Run every command once; tests that write do so in a copy of the study."""
-    folder = built_once("walk", lambda folder: _walk(femupdate, folder, tower_file,
-                                                     tower_observation.path, record))  # fmt: skip
+    path = tower_observation.path
+    folder = built_once("walk", lambda folder: _walk(folder, tower_file, path, record))
     return Walk(json.loads((folder / "answers.json").read_text()), folder)
 
 
-def _walk(
-    femupdate: Callable[..., Outcome], folder: Path, tower: Path, plain: Path, record: Path
-) -> None:
+def _walk(folder: Path, tower: Path, plain: Path, record: Path) -> None:
     study, other, heavy, kept = (folder / n for n in ("study", "other", "heavy.csv", "kept.csv"))
     building, where = ("--building", tower), ("--study", study)
     truth = ("--theta", "0.8,1.3", "--zeta", 0.05, "--duration", 60, "--sampling", 50)

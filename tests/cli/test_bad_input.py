@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from femupdate.study import locked
+from tests.cli.commands import femupdate, script
+from tests.helpers import snapshot
 
 ROWS = 400  # of an observation: enough for a spectrum
 
@@ -89,7 +91,7 @@ BAD_OBSERVATIONS = {
 
 
 @pytest.mark.parametrize("case", BAD_OBSERVATIONS)
-def test_an_observation_that_cannot_be_used(femupdate, bench, study, snapshot, case):
+def test_an_observation_that_cannot_be_used(bench, study, case):
     make, words = BAD_OBSERVATIONS[case]
     before = snapshot(study)
     done = femupdate(
@@ -115,7 +117,7 @@ BAD_REQUESTS = {
 
 
 @pytest.mark.parametrize("case", BAD_REQUESTS)
-def test_a_calibration_that_cannot_be_asked_for(femupdate, bench, study, snapshot, case):
+def test_a_calibration_that_cannot_be_asked_for(bench, study, case):
     options, words = BAD_REQUESTS[case]
     before = snapshot(study)
     building = [] if "--building" in options else ["--building", bench.tower]
@@ -129,7 +131,7 @@ def test_a_calibration_that_cannot_be_asked_for(femupdate, bench, study, snapsho
 
 
 @pytest.mark.parametrize("command", ["calibrate", "diagnose", "repair", "simulate", "train"])
-def test_without_a_building_none_is_assumed(command, femupdate, bench, tmp_path):
+def test_without_a_building_none_is_assumed(command, bench, tmp_path):
     """Another building's finding, posterior or record is never what was meant."""
     files = {"simulate": ["-o", tmp_path / "made.csv"], "train": []}
     study = tmp_path / "new"
@@ -138,7 +140,7 @@ def test_without_a_building_none_is_assumed(command, femupdate, bench, tmp_path)
     assert not study.exists()
 
 
-def test_another_building_than_the_study_has(femupdate, bench, calibrated, snapshot):
+def test_another_building_than_the_study_has(bench, calibrated):
     before = snapshot(calibrated)
     other = bench.file("other.toml", bench.tower.read_text().replace(*OTHER_TOWER))
     for command in (["calibrate", bench.observation(), "--exact"], ["train"]):
@@ -161,7 +163,7 @@ BAD_BUILDINGS = {
 
 @pytest.mark.parametrize("case", BAD_BUILDINGS)
 @pytest.mark.parametrize("command", ["build-model", "calibrate"])
-def test_a_building_that_cannot_be_read(femupdate, bench, study, snapshot, command, case):
+def test_a_building_that_cannot_be_read(bench, study, command, case):
     make, words = BAD_BUILDINGS[case]
     building = make(bench)
     arguments = {
@@ -176,7 +178,7 @@ def test_a_building_that_cannot_be_read(femupdate, bench, study, snapshot, comma
     assert study.exists() == bool(before)
 
 
-def test_too_few_samples_are_told_before_any_is_drawn(femupdate, bench, tmp_path):
+def test_too_few_samples_are_told_before_any_is_drawn(bench, tmp_path):
     done = femupdate(
         "train", "--building", bench.tower, "--samples", 300, "--study", tmp_path / "study"
     )
@@ -223,7 +225,7 @@ BAD_RECORDS = {
 
 
 @pytest.mark.parametrize("case", BAD_RECORDS)
-def test_a_record_that_cannot_be_used(femupdate, bench, calibrated, snapshot, case):
+def test_a_record_that_cannot_be_used(bench, calibrated, case):
     make, words = BAD_RECORDS[case]
     before = snapshot(calibrated)
     done = femupdate("predict", "--study", calibrated, "--json", "--record", *make(bench))
@@ -246,7 +248,7 @@ def after(request, bench):
     return lambda study: request.param(bench, study)
 
 
-def test_no_study(femupdate, after, tmp_path):
+def test_no_study(after, tmp_path):
     done = femupdate(*after(tmp_path / "study"))
     assert "holds no posterior; run `femupdate calibrate` first" in done.complaint
     assert not (tmp_path / "study").exists()
@@ -259,7 +261,7 @@ def test_no_study(femupdate, after, tmp_path):
         ("building.toml", "has no building yet"),  # no other building must step in
     ],
 )
-def test_a_file_of_the_study_is_gone(femupdate, after, calibrated, snapshot, file, said):
+def test_a_file_of_the_study_is_gone(after, calibrated, file, said):
     (calibrated / file).unlink()
     before = snapshot(calibrated)
     done = femupdate(*after(calibrated))
@@ -272,7 +274,7 @@ def test_a_file_of_the_study_is_gone(femupdate, after, calibrated, snapshot, fil
     [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: data[:-1] + b"\x55"],
     ids=["cut", "emptied", "changed"],
 )
-def test_a_posterior_that_is_not_what_was_written(femupdate, after, calibrated, snapshot, damage):
+def test_a_posterior_that_is_not_what_was_written(after, calibrated, damage):
     path = calibrated / "posterior.nc"
     path.write_bytes(damage(path.read_bytes()))
     before = snapshot(calibrated)
@@ -282,9 +284,7 @@ def test_a_posterior_that_is_not_what_was_written(femupdate, after, calibrated, 
     assert snapshot(calibrated) == before
 
 
-def test_a_posterior_of_another_version_of_the_building(
-    femupdate, after, calibrated, tower_file, snapshot
-):
+def test_a_posterior_of_another_version_of_the_building(after, calibrated, tower_file):
     """The file in the study was edited since: the model is not rebuilt for a stale posterior."""
     (calibrated / "building.toml").write_text(tower_file.read_text().replace(*OTHER_TOWER))
     before = snapshot(calibrated)
@@ -313,7 +313,7 @@ NAMES = ["build-model", "train", "calibrate", "predict", "render", "simulate"]
 
 
 @pytest.mark.parametrize("command", NAMES)
-def test_a_study_that_is_a_file(femupdate, bench, tmp_path, command):
+def test_a_study_that_is_a_file(bench, tmp_path, command):
     place = bench.file("study", "mine")
     done = femupdate(*commands(bench, tmp_path)[command], "--study", place)
     assert f"{place} is a file, not a folder" in done.complaint
@@ -321,9 +321,7 @@ def test_a_study_that_is_a_file(femupdate, bench, tmp_path, command):
 
 
 @pytest.mark.parametrize("command", NAMES[:-1])
-def test_a_folder_without_permission_is_told_at_once(
-    femupdate, bench, calibrated, snapshot, monkeypatch, command
-):
+def test_a_folder_without_permission_is_told_at_once(bench, calibrated, monkeypatch, command):
     """Not after minutes of sampling. The system's answer is put on: root may write anywhere."""
     before = snapshot(calibrated)
     monkeypatch.setattr("os.access", lambda path, mode: not mode & os.W_OK)
@@ -339,9 +337,7 @@ def full(*_, **__):
 
 @pytest.mark.parametrize("when", ["os.replace", "pathlib.Path.touch"])
 @pytest.mark.parametrize("command", ["calibrate", "simulate"])
-def test_a_full_disk_leaves_every_file_as_it_was(
-    femupdate, bench, calibrated, snapshot, monkeypatch, command, when
-):
+def test_a_full_disk_leaves_every_file_as_it_was(bench, calibrated, monkeypatch, command, when):
     before = snapshot(calibrated)
     arguments = commands(bench, calibrated)[command]
     monkeypatch.setattr(when, full)
@@ -350,7 +346,7 @@ def test_a_full_disk_leaves_every_file_as_it_was(
     assert snapshot(calibrated) == before
 
 
-def test_a_study_that_another_process_writes_into(femupdate, bench, calibrated, snapshot):
+def test_a_study_that_another_process_writes_into(bench, calibrated):
     before = snapshot(calibrated)
     with locked(calibrated, "train"):
         done = femupdate(*commands(bench, calibrated)["calibrate"], "--study", calibrated)
@@ -363,7 +359,7 @@ def _at_most_10_kb():
     resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
 
 
-def test_files_that_cannot_grow_are_not_left_half(script, bench, calibrated, snapshot):
+def test_files_that_cannot_grow_are_not_left_half(bench, calibrated):
     """A limit of the system cuts a file short in the middle, where HDF5 itself would crash."""
     before = snapshot(calibrated)
     done = script(*predict(bench, calibrated), preexec_fn=_at_most_10_kb)

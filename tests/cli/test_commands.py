@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from femupdate import __version__
+from tests.cli.commands import femupdate
 
 BUILD = {"frequencies_hz", "dof", "elements", "reduced_size", "reduction_error", "study"}
 
@@ -22,7 +23,7 @@ def not_blank(path):
 
 
 @pytest.mark.parametrize("name", ["shear_3dof", "shear_4dof", "cabin"])
-def test_build_model(femupdate, tmp_path, cabin_file, name):
+def test_build_model(tmp_path, cabin_file, name):
     study = tmp_path / "study"
     done = femupdate(
         "build-model", cabin_file if name == "cabin" else name, "--study", study, "--json"
@@ -45,14 +46,14 @@ def test_build_model(femupdate, tmp_path, cabin_file, name):
     assert done.err.startswith("Building ")
 
 
-def test_build_model_exports_a_script(femupdate, tmp_path, cabin_file):
+def test_build_model_exports_a_script(tmp_path, cabin_file):
     arguments = ("--export", "opensees", "--study", tmp_path, "--json")
     answer = femupdate("build-model", cabin_file, *arguments).answer
     assert answer["exported"] == [str(tmp_path / "opensees_model.py")]
     ast.parse((tmp_path / "opensees_model.py").read_text(encoding="utf-8"))
 
 
-def test_simulate(femupdate, tmp_path, tower_file):
+def test_simulate(tmp_path, tower_file):
     file = tmp_path / "new" / "observation.csv"
     answer = femupdate(
         *("simulate", "-o", file, "--building", tower_file, "--theta", "0.7,1.2", "--zeta", "0.03"),
@@ -65,7 +66,7 @@ def test_simulate(femupdate, tmp_path, tower_file):
     assert "synthetic" in file.read_text().splitlines()[0]
 
 
-def test_simulate_replaces_a_file_only_when_it_is_told_to(femupdate, tmp_path, tower_file):
+def test_simulate_replaces_a_file_only_when_it_is_told_to(tmp_path, tower_file):
     file = tmp_path / "observation.csv"
     file.write_text("measured with care")
     arguments = ("simulate", "-o", file, "--building", tower_file, "--duration", 10)
@@ -76,7 +77,7 @@ def test_simulate_replaces_a_file_only_when_it_is_told_to(femupdate, tmp_path, t
     assert "synthetic" in file.read_text()
 
 
-def test_simulate_takes_the_building_of_the_study(femupdate, calibrated, tmp_path):
+def test_simulate_takes_the_building_of_the_study(calibrated, tmp_path):
     file = tmp_path / "observation.csv"
     words = ("simulate", "-o", file, "--study", calibrated, "--duration", 10, "--sampling", 50)
     done = femupdate(*words, "--band", "0.5,20")
@@ -89,7 +90,7 @@ def test_simulate_takes_the_building_of_the_study(femupdate, calibrated, tmp_pat
 
 
 def test_a_calibration_without_a_surrogate_says_three_things_first(
-    femupdate, tower_file, tower_observation, tmp_path
+    tower_file, tower_observation, tmp_path
 ):
     """It samples the data themselves, in place of stopping, and says so where more is asked for."""
     words = ("calibrate", tower_observation.path, "--building", tower_file, "--study", tmp_path)
@@ -174,7 +175,7 @@ def test_predict(walk):
     assert all(not_blank(Path(picture)) for picture in answer["pictures"])
 
 
-def test_render(femupdate, walk, walked):
+def test_render(walk, walked):
     modes = walk.answers["render"]["modes"]
     assert sorted(mode["mode"] for mode in modes) == [1, 2]
     assert all(not_blank(Path(mode["picture"])) for mode in modes)

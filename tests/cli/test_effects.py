@@ -4,6 +4,9 @@ import json
 
 import pytest
 
+from tests.cli.commands import femupdate
+from tests.helpers import snapshot
+
 
 def test_the_truth_beside_the_file_tells_the_effect(walk):
     truth = json.loads(walk.heavy.with_suffix(".truth.json").read_text())
@@ -27,7 +30,7 @@ def test_the_effect_is_named_added_and_helps(walk):
     assert all(path.endswith(".png") for path in found["pictures"] + done["pictures"])
 
 
-def test_from_which_change_on_an_effect_matters_is_the_user_s_choice(femupdate, walk, walked):
+def test_from_which_change_on_an_effect_matters_is_the_user_s_choice(walk, walked):
     study = walked
     least = ("--least-frequency", "0.9", "--least-response", "0.9")
     found = femupdate("diagnose", walk.heavy, "--study", study, *least, "--json").answer
@@ -35,7 +38,7 @@ def test_from_which_change_on_an_effect_matters_is_the_user_s_choice(femupdate, 
     assert "of no consequence" in found["sentence"]
 
 
-def test_the_repaired_study_answers_to_the_other_commands(femupdate, walk, walked, record):
+def test_the_repaired_study_answers_to_the_other_commands(walk, walked, record):
     study = walked / "repaired"
     told = femupdate("predict", "--study", study, "--record", record, "--json", "--samples", 20)
     assert set(told.answer["peak_acceleration_m_s2"]) == {"2F", "RF"}
@@ -46,7 +49,7 @@ def test_the_repaired_study_answers_to_the_other_commands(femupdate, walk, walke
     assert told.answer["parameters"][-1] == "story_damper@RF.size"
 
 
-def test_held_out_data_that_cannot_be_used(femupdate, walk, snapshot, tmp_path):
+def test_held_out_data_that_cannot_be_used(walk, tmp_path):
     before = snapshot(walk.study)
     done = femupdate(
         *("repair", walk.heavy, "--holdout", tmp_path / "no.csv"),
@@ -57,7 +60,7 @@ def test_held_out_data_that_cannot_be_used(femupdate, walk, snapshot, tmp_path):
 
 
 @pytest.mark.parametrize("command", ["diagnose", "repair"])
-def test_a_building_file_with_an_impossible_effect(femupdate, walk, tower_file, tmp_path, command):
+def test_a_building_file_with_an_impossible_effect(walk, tower_file, tmp_path, command):
     building = tmp_path / "wrong.toml"
     entry = '\n[[effects]]\nname = "added_mass"\nplace = "9F"\n'
     building.write_text(tower_file.read_text() + entry)
@@ -79,7 +82,7 @@ WRONG_EFFECTS = {
 
 
 @pytest.mark.parametrize("case", WRONG_EFFECTS)
-def test_an_effect_that_cannot_be_simulated(femupdate, tower_file, tmp_path, case):
+def test_an_effect_that_cannot_be_simulated(tower_file, tmp_path, case):
     label, words = WRONG_EFFECTS[case]
     output = tmp_path / "o.csv"
     done = femupdate("simulate", "-o", output, "--building", tower_file, "--effect", label)

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.cli.commands import femupdate
+
 pytest.importorskip("pyoma2")
 
 
@@ -33,7 +35,7 @@ def ambient(tmp_path_factory):
 COLUMNS = "2F=floor 2,3F=floor 3,RF=floor 4"
 
 
-def test_modes_of_a_record_give_the_building(femupdate, ambient, tmp_path):
+def test_modes_of_a_record_give_the_building(ambient, tmp_path):
     path, truth = ambient
     inspected = femupdate("inspect", path).out
     assert f"femupdate identify {path} -o {path.stem}_modes.csv" in inspected.splitlines()[-2]
@@ -51,7 +53,7 @@ def test_modes_of_a_record_give_the_building(femupdate, ambient, tmp_path):
         assert abs(mean - exact) < 3.0 * sd
 
 
-def test_the_missing_package_is_named(femupdate, ambient, tmp_path, monkeypatch):
+def test_the_missing_package_is_named(ambient, tmp_path, monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "pyoma2.functions", None)

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.cli.commands import femupdate
+
 
 @pytest.fixture
 def table(tmp_path):
@@ -16,7 +18,7 @@ def table(tmp_path):
     return path
 
 
-def test_in_words(femupdate, table):
+def test_in_words(table):
     done = femupdate("inspect", table)
     assert (done.code, done.err) == (0, "")
     lines = done.out.splitlines()
@@ -28,7 +30,7 @@ def test_in_words(femupdate, table):
     assert "--building" in lines[-1]
 
 
-def test_as_json_with_a_picture(femupdate, table, tmp_path):
+def test_as_json_with_a_picture(table, tmp_path):
     picture = tmp_path / "seen.png"
     answer = femupdate("inspect", table, "--json", "--picture", picture).answer
     (one,) = answer["files"]
@@ -39,7 +41,7 @@ def test_as_json_with_a_picture(femupdate, table, tmp_path):
     assert not (tmp_path / "study").exists()
 
 
-def test_a_file_that_cannot_be_read_does_not_hide_the_others(femupdate, table, tmp_path):
+def test_a_file_that_cannot_be_read_does_not_hide_the_others(table, tmp_path):
     bad = tmp_path / "bad.csv"
     bad.write_text("Dear all,\nplease find it attached.\n")
     done = femupdate("inspect", bad, table)

@@ -5,11 +5,14 @@ import shutil
 
 import pytest
 
+from tests.cli.commands import femupdate
+from tests.helpers import snapshot
+
 FEW = ("--exact", "--particles", 200, "--no-pictures")
 
 
 @pytest.fixture(scope="module")
-def study(femupdate, tower_study, tower_observation, record, tmp_path_factory):
+def study(tower_study, tower_observation, record, tmp_path_factory):
     """The tower with a posterior from both floors and one from the roof, each with a prediction."""
     folder = tmp_path_factory.mktemp("two") / "study"
     shutil.copytree(tower_study, folder)
@@ -25,7 +28,7 @@ def study(femupdate, tower_study, tower_observation, record, tmp_path_factory):
     return folder
 
 
-def test_a_second_posterior_leaves_the_first_alone(study, tower_study, snapshot):
+def test_a_second_posterior_leaves_the_first_alone(study, tower_study):
     first, both = snapshot(tower_study), snapshot(study)
     assert both["posterior.nc"] == first["posterior.nc"]
     assert both["posterior_summary.json"] == first["posterior_summary.json"]
@@ -34,7 +37,7 @@ def test_a_second_posterior_leaves_the_first_alone(study, tower_study, snapshot)
     assert both["prediction.nc"] != both["posteriors/roof/prediction.nc"]
 
 
-def test_status_names_both_and_how_to_make_them_again(femupdate, study, tower_observation):
+def test_status_names_both_and_how_to_make_them_again(study, tower_observation):
     items = {
         one["name"]: one for one in femupdate("status", "--study", study, "--json").answer["items"]
     }
@@ -47,7 +50,7 @@ def test_status_names_both_and_how_to_make_them_again(femupdate, study, tower_ob
     assert items["roof prediction"]["again"].endswith(rest)
 
 
-def test_a_command_is_proposed_whole(femupdate, tower_file, tower_observation, tmp_path):
+def test_a_command_is_proposed_whole(tower_file, tower_observation, tmp_path):
     """Units and names of columns, without which the file could not be read again."""
     lines = tower_observation.path.read_text(encoding="utf-8").splitlines()
     names = next(k for k, line in enumerate(lines) if line.startswith("time_s"))
@@ -69,7 +72,7 @@ def test_a_command_is_proposed_whole(femupdate, tower_file, tower_observation, t
 
 
 def test_a_new_roof_posterior_makes_only_its_own_prediction_stale(
-    femupdate, study, tower_observation, tmp_path
+    study, tower_observation, tmp_path
 ):
     copy = shutil.copytree(study, tmp_path / "copy")
     words = ("calibrate", tower_observation.path, "--sensors", "RF", *FEW, "--name", "roof")
@@ -79,7 +82,7 @@ def test_a_new_roof_posterior_makes_only_its_own_prediction_stale(
     assert stale == {"roof prediction"}
 
 
-def test_a_page_elsewhere_leaves_the_study_as_it_is(femupdate, study, snapshot, tmp_path):
+def test_a_page_elsewhere_leaves_the_study_as_it_is(study, tmp_path):
     before = snapshot(study)
     words = ("report", "--posterior", "roof", "-o", tmp_path / "roof.html")
     assert femupdate(*words, "--study", study).code == 0

@@ -6,9 +6,11 @@ from femupdate.building import load_building, shipped_buildings
 from femupdate.effects import CATALOGUE
 from femupdate.measurement import read_observation_file
 from femupdate.measurement.reader import readers
+from tests.cli.commands import femupdate
+from tests.helpers import snapshot
 
 
-def test_everything_shipped_is_listed(femupdate):
+def test_everything_shipped_is_listed():
     answer = femupdate("list", "--json").answer
     assert [one["name"] for one in answer["buildings"]] == list(shipped_buildings())
     assert {one["name"] for one in answer["effects"]} == set(CATALOGUE)
@@ -23,7 +25,7 @@ def test_everything_shipped_is_listed(femupdate):
     assert listed["swapped_channels"]["parameters"] == []
 
 
-def test_examples_are_copied_and_nothing_is_replaced(femupdate, tmp_path, snapshot):
+def test_examples_are_copied_and_nothing_is_replaced(tmp_path):
     folder = tmp_path / "mine"
     folder.mkdir()
     own = folder / "six_story_white_noise.csv"
@@ -39,7 +41,7 @@ def test_examples_are_copied_and_nothing_is_replaced(femupdate, tmp_path, snapsh
     assert snapshot(folder) == before
 
 
-def test_the_measured_example_comes_with_its_building_and_its_licence(femupdate, tmp_path):
+def test_the_measured_example_comes_with_its_building_and_its_licence(tmp_path):
     femupdate("examples", tmp_path)
     hotel = tmp_path / "hotel"
     assert "MIT licence" in (hotel / "README.md").read_text()

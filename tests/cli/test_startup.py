@@ -14,6 +14,8 @@ import pytest
 from femupdate.cli.benchmark import command as benchmarks
 from femupdate.cli.main import group
 
+from tests.cli.commands import femupdate, script
+
 COMMANDS = group.list_commands(click.Context(group))
 BENCHMARKS = benchmarks.list_commands(click.Context(benchmarks))
 WITHOUT_STUDY = ("benchmark", "examples", "identify", "inspect", "list")
@@ -51,7 +53,7 @@ def imported(*commands, cwd=None):
     return json.loads(done.stdout)
 
 
-def test_help_is_immediate(script):
+def test_help_is_immediate():
     """Asked for is 0.3 s; a busy machine is granted one second in the best of three."""
     seconds = []
     for _ in range(3):
@@ -124,7 +126,7 @@ def test_a_misspelt_name_is_told_before_anything_heavy_is_imported(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_misspelt_name_is_told_at_once(script, tmp_path):
+def test_a_misspelt_name_is_told_at_once(tmp_path):
     """Asked for is 0.5 s; of processor time, which a busy machine does not stretch as much."""
     seconds = []
     for _ in range(3):
@@ -137,18 +139,18 @@ def test_a_misspelt_name_is_told_at_once(script, tmp_path):
     assert min(seconds) < 0.5
 
 
-def test_help_names_every_command_in_the_order_of_the_work(femupdate):
+def test_help_names_every_command_in_the_order_of_the_work():
     words = femupdate("--help").out.split("Commands:")[1].split()
     assert [word for word in words if word in COMMANDS] == COMMANDS
     assert [command for command in COMMANDS if command in WORK] == WORK
 
 
-def test_the_line_of_a_command_is_whole(femupdate):
+def test_the_line_of_a_command_is_whole():
     """The group lists commands with texts of its own, which click would shorten to '...'."""
     assert "..." not in femupdate("--help").out.split("Commands:")[1]
 
 
-def test_version(script):
+def test_version():
     done = script("--version")
     assert done.out == f"femupdate, version {version('femupdate')}\n"
     assert (done.code, done.err) == (0, "")
@@ -157,14 +159,14 @@ def test_version(script):
 @pytest.mark.parametrize(
     ("typed", "meant"), [("build-modle", "build-model"), ("traim", "train"), ("xyzzy", "")]
 )
-def test_a_mistyped_command_is_told_the_nearest_one(femupdate, typed, meant):
+def test_a_mistyped_command_is_told_the_nearest_one(typed, meant):
     done = femupdate(typed, "--json")
     assert (done.code, done.out) == (2, "")
     near = f"; did you mean '{meant}'?" if meant else "\n"
     assert f"No such command '{typed}'{near}" in done.err
 
 
-def test_no_command_shows_the_help(script):
+def test_no_command_shows_the_help():
     done = script()
     assert done.code == 2
     assert "Commands:" in done.out + done.err
@@ -204,7 +206,7 @@ def test_no_command_shows_the_help(script):
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
 def test_wrong_usage_exits_with_2_a_wrong_value_with_1_and_both_make_nothing(
-    femupdate, tmp_path, monkeypatch, arguments, words
+    tmp_path, monkeypatch, arguments, words
 ):
     monkeypatch.chdir(tmp_path)
     done = femupdate(*arguments, "--json")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from femupdate.measurement import read_observation_file
+from tests.cli.commands import femupdate
 
 PLACES = {"base": "Basement", "2F": "2nd floor, north wall", "RF": "Roof"}
 
@@ -36,7 +37,7 @@ def archive(tmp_path, tower_observation):
 
 
 def test_inspect_proposes_the_command_that_calibrates(
-    femupdate, archive, tower_file, tower_observation, tmp_path
+    archive, tower_file, tower_observation, tmp_path
 ):
     (one,) = femupdate("inspect", archive, "--json").answer["files"]
     assert one["next"] == f"femupdate calibrate {archive} --columns base=1,2F=2,RF=3"
@@ -52,7 +53,7 @@ def test_inspect_proposes_the_command_that_calibrates(
     np.testing.assert_allclose(answers[0]["mean"], answers[1]["mean"], rtol=1e-3)
 
 
-def test_a_mapping_file_is_written_edited_and_handed_back(femupdate, archive, tower_file, tmp_path):
+def test_a_mapping_file_is_written_edited_and_handed_back(archive, tower_file, tmp_path):
     mapping = tmp_path / "mapping.toml"
     done = femupdate("inspect", archive, "--write-mapping", mapping)
     assert done.out.rstrip().endswith(str(mapping))
@@ -92,7 +93,7 @@ def test_a_mapping_file_is_written_edited_and_handed_back(femupdate, archive, to
         ("[columns]\nbase = 1\nRF = '-1'\n", "'-1' is mapped twice"),
     ],
 )
-def test_mapping_files_that_are_wrong(femupdate, archive, tower_file, tmp_path, text, words):
+def test_mapping_files_that_are_wrong(archive, tower_file, tmp_path, text, words):
     mapping = tmp_path / "mapping.toml"
     mapping.write_text(text)
     options = ("--building", tower_file, "--study", tmp_path / "new")
@@ -101,9 +102,7 @@ def test_mapping_files_that_are_wrong(femupdate, archive, tower_file, tmp_path, 
     assert not (tmp_path / "new").exists()
 
 
-def test_an_archive_without_the_mapping_is_refused_with_its_channels(
-    femupdate, archive, tower_file, tmp_path
-):
+def test_an_archive_without_the_mapping_is_refused_with_its_channels(archive, tower_file, tmp_path):
     done = femupdate("calibrate", archive, "--building", tower_file, "--study", tmp_path / "new")
     assert "say it by the columns option, such as base=1,RF=2; its channels are" in done.complaint
     assert "3 = HNE, Roof (peak" in done.complaint

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-import torch
 
 from femupdate.building import from_document
 from femupdate.effects import structure_of
@@ -29,14 +28,6 @@ def tall_chain():
 @pytest.fixture(scope="session")
 def thetas():
     return np.array([[1.0, 1.0, 1.0, 1.0], [0.5, 2.1, 0.8, 1.3], [2.7, 0.4, 1.9, 0.6]])
-
-
-@pytest.fixture(scope="session")
-def tensor():
-    def make(values):
-        return torch.as_tensor(np.asarray(values), dtype=torch.float64)
-
-    return make
 
 
 @dataclass(frozen=True)

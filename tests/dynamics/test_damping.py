@@ -17,6 +17,7 @@ from femupdate.building import (
     to_document,
 )
 from femupdate.dynamics import ConstantDamping, RayleighDamping, damping_law
+from tests.helpers import tensor
 
 
 @settings(deadline=None)
@@ -35,7 +36,7 @@ def test_rayleigh_damping_has_its_ratio_at_both_anchors_and_less_between(low, hi
     np.testing.assert_allclose(found, [ratio, least, ratio], rtol=1e-12)
 
 
-def test_rayleigh_damping_is_that_of_a0_m_plus_a1_k(chain, tensor):
+def test_rayleigh_damping_is_that_of_a0_m_plus_a1_k(chain):
     """The diagonal of Phi^T C Phi is 2 zeta omega; off it there is nothing."""
     law = RayleighDamping(0.03, (1.0, 20.0))
     M, K = chain.at([0.5, 2.1, 0.8, 1.3]).matrices

@@ -7,6 +7,7 @@ from femupdate.benchmarks.modal_frf import complex_frf, log_frf
 
 from femupdate.dynamics import ConstantDamping, RayleighDamping, System
 from tests.chains import Chain, rayleigh
+from tests.helpers import tensor
 
 FREQUENCY = np.linspace(0.0, 20.0, 57)
 # Equal masses m and springs theta_i 1000 m, one roof curve for all four (Katafygiotis and Lam 2002,
@@ -20,7 +21,7 @@ EQUIVALENT = [
 
 
 @pytest.mark.parametrize("zeta", [0.0, 0.005, 0.02, 0.3])
-def test_constant_modal_damping_against_a_direct_solution(chain, thetas, tensor, zeta):
+def test_constant_modal_damping_against_a_direct_solution(chain, thetas, zeta):
     found = complex_frf(
         System(chain.reduced()).modal_data(tensor(thetas)),
         tensor(FREQUENCY),
@@ -33,7 +34,7 @@ def test_constant_modal_damping_against_a_direct_solution(chain, thetas, tensor,
         np.testing.assert_allclose(found[row], expected, rtol=1e-8, atol=1e-8)
 
 
-def test_rayleigh_damping_against_a_direct_solution(chain, thetas, tensor):
+def test_rayleigh_damping_against_a_direct_solution(chain, thetas):
     law = RayleighDamping(0.02, (1.0, 20.0))
     found = complex_frf(
         System(chain.reduced()).modal_data(tensor(thetas)),
@@ -46,7 +47,7 @@ def test_rayleigh_damping_against_a_direct_solution(chain, thetas, tensor):
         np.testing.assert_allclose(found[row], expected, rtol=1e-10, atol=1e-10)
 
 
-def test_the_four_solutions_of_the_benchmark_have_one_roof_curve(tensor):
+def test_the_four_solutions_of_the_benchmark_have_one_roof_curve():
     equal = Chain(np.ones(4), np.full(4, 1000.0))
     frequency = 0.02 * np.arange(1, 1025)
     data = System(equal.reduced()).modal_data(tensor(EQUIVALENT))
@@ -61,7 +62,7 @@ def test_the_four_solutions_of_the_benchmark_have_one_roof_curve(tensor):
 
 
 @pytest.mark.parametrize("batch", [1, 2, 3, 50])
-def test_batches_equal_one_by_one(chain, tensor, batch):
+def test_batches_equal_one_by_one(chain, batch):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (5, 4)))
     zeta = tensor(np.linspace(0.01, 0.05, 5))
     system, law = System(chain.reduced()), ConstantDamping()
@@ -75,7 +76,7 @@ def test_batches_equal_one_by_one(chain, tensor, batch):
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
-def test_a_gpu_gives_the_same(tall_chain, tensor):
+def test_a_gpu_gives_the_same(tall_chain):
     theta = tensor(np.random.default_rng(3).uniform(0.4, 2.5, (6, 30)))
     frequency, zeta = tensor(FREQUENCY[1:]), tensor([0.02] * 6)
     solved = System(tall_chain.reduced()).modal_data(theta)

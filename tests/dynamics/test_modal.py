@@ -8,9 +8,10 @@ from scipy.linalg import eigh
 
 from femupdate.dynamics import ConstantDamping, ReducedModel, System, modal_sum
 from tests.chains import Chain
+from tests.helpers import tensor
 
 
-def test_modes_are_those_of_scipy(chain, thetas, tensor):
+def test_modes_are_those_of_scipy(chain, thetas):
     modes = System(chain.reduced()).modes(tensor(thetas), tensor(np.zeros((3, 0))))
     for row, theta in enumerate(thetas):
         M, K = chain.at(theta).matrices
@@ -23,7 +24,7 @@ def test_modes_are_those_of_scipy(chain, thetas, tensor):
 
 
 @pytest.mark.parametrize("batch", [1, 2, 1000])
-def test_batches_equal_one_by_one(chain, tensor, batch):
+def test_batches_equal_one_by_one(chain, batch):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (5, 4)))
     data = System(chain.reduced()).modal_data(theta, batch=batch)
     for row in range(5):
@@ -45,7 +46,7 @@ def errors_of_leaving_out(model, theta, kept, top_hz):
     return errors
 
 
-def test_leaving_modes_out_converges_to_all_of_them(tall_chain, tensor):
+def test_leaving_modes_out_converges_to_all_of_them(tall_chain):
     theta = tensor(np.random.default_rng(1).uniform(0.5, 2.0, (4, 30)))
     top = 8.0
     assert bool(
@@ -86,7 +87,7 @@ def test_modes_in_the_band_that_no_floor_feels_do_not_spoil_the_series():
 
 
 @pytest.mark.parametrize("size", [1, 2])
-def test_the_smallest_buildings(tensor, size):
+def test_the_smallest_buildings(size):
     chain = Chain(np.array([2.0, 1.0])[:size], np.array([700.0, 300.0])[:size])
     theta = np.array([[1.7, 0.6]])[:, :size]
     frequency = np.array([0.5, 1.9, 4.0])

@@ -21,6 +21,7 @@ from femupdate.inference.frf_data import log_responses
 from femupdate.measurement import Observation, select_floors
 from femupdate.surrogate import Mvae, NetworkSizes, Surrogate, SurrogateInfo
 from tests.documents import reduced_stick
+from tests.helpers import tensor
 
 FLOORS = ("2F", "3F", "RF")
 MASS, SPRING = np.array([3.0, 2.0, 1.5]), np.array([4000.0, 3000.0, 1500.0])
@@ -54,10 +55,6 @@ def observation(noise_sd, seed=0, floors=FLOORS, **others):
     values = clean + sd * rng.normal(size=clean.shape)
     valid = others.pop("valid", np.ones(clean.shape, dtype=bool))
     return Observation(FREQUENCY, floors, values, sd, valid, **others)
-
-
-def tensor(values):
-    return torch.as_tensor(np.asarray(values), dtype=torch.float64)
 
 
 def damped(theta, zeta=ZETA):

@@ -6,8 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.measurement import written
-
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 Writer = Callable[..., Path]
 
@@ -42,18 +40,3 @@ def wave() -> np.ndarray:
     """37 values like no others of one sign: an asymmetric pulse of 0.3 g, printed in gal."""
     time = np.arange(37) * 0.02
     return np.round(300 * np.exp(-3 * time) * np.sin(9 * time + 0.4) - 20 * time, 3)
-
-
-@pytest.fixture
-def texts() -> dict[str, Callable[..., str]]:
-    """The writers by the name of their format."""
-    return {
-        "jma": written.jma_text,
-        "peer": written.peer_text,
-        "csmip_v1": written.csmip_v1_text,
-        "csmip_v2": written.csmip_v2_text,
-        "knet": written.knet_text,
-        "esm": written.esm_text,
-        "cosmos": written.cosmos_text,
-        "smc": written.smc_text,
-    }

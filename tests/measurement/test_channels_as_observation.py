@@ -6,14 +6,15 @@ import pytest
 from femupdate.errors import MeasurementError
 from femupdate.measurement import read_observation_file
 from femupdate.units import STANDARD_GRAVITY
+from tests.measurement import written
 
 WAVES = np.round(np.random.default_rng(5).normal(size=(3, 80)) * 0.05, 6)
 
 
 @pytest.fixture
-def station(write, texts):
+def station(write):
     names = ("90 Deg, ground", "90 Deg, roof", "Up")
-    return write(texts["csmip_v1"](dict(zip(names, WAVES, strict=True))), "station.v1")
+    return write(written.csmip_v1_text(dict(zip(names, WAVES, strict=True))), "station.v1")
 
 
 def test_channels_by_number_and_name(station):
@@ -41,9 +42,9 @@ def test_bad_mapping(station, columns, message):
         read_observation_file(station, columns=columns)
 
 
-def test_channels_of_other_length_and_short_ones(write, texts):
+def test_channels_of_other_length_and_short_ones(write):
     channels = {"S": WAVES[0], "N": WAVES[1, :70], "E": WAVES[2, :63], "W": -WAVES[2, :63]}
-    path = write(texts["csmip_v1"](channels), "a.v1")
+    path = write(written.csmip_v1_text(channels), "a.v1")
     with pytest.raises(MeasurementError, match=r"'N' has 70 values every 0.01 s, 'S' 80 every"):
         read_observation_file(path, columns={"base": "S", "RF": "N"})
     with pytest.raises(MeasurementError, match="63 rows are too short for a spectrum"):

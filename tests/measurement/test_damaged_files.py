@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement import Histories, read_observation_file, read_record
+from tests.measurement import written
 
 VALUES = np.round(50 * np.sin(0.7 * np.arange(70)) + 0.1 * np.arange(70), 3)
 PIECES = st.one_of(st.sampled_from([b"", b"\n", b",", b"-", b"1e999", b"NaN", b"\xff", b"0"]),
@@ -53,18 +54,18 @@ def outcome(data: bytes, read):
 @settings(
     max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-def test_damaged_record(texts, kind, hurts):
+def test_damaged_record(kind, hurts):
     rows = "\n".join(f"{i * 0.01:.2f},{v}" for i, v in enumerate(VALUES))
     text = {
-        "jma": lambda: texts["jma"]({"NS": VALUES, "EW": -VALUES}),
-        "peer": lambda: texts["peer"](VALUES / 981),
-        "csmip_v1": lambda: texts["csmip_v1"]({"Up": VALUES / 10000, "90 Deg": VALUES / 5000}),
-        "csmip_v2": lambda: texts["csmip_v2"](VALUES),
-        "knet": lambda: texts["knet"](np.round(VALUES * 100).astype(int), "0.7"),
-        "esm": lambda: texts["esm"](VALUES),
-        "cosmos": lambda: texts["cosmos"]({"90 deg, roof": VALUES, "Up": VALUES / 2}),
-        "smc": lambda: texts["smc"](VALUES),
-        "zip": lambda: texts["esm"](VALUES),
+        "jma": lambda: written.jma_text({"NS": VALUES, "EW": -VALUES}),
+        "peer": lambda: written.peer_text(VALUES / 981),
+        "csmip_v1": lambda: written.csmip_v1_text({"Up": VALUES / 10000, "90 Deg": VALUES / 5000}),
+        "csmip_v2": lambda: written.csmip_v2_text(VALUES),
+        "knet": lambda: written.knet_text(np.round(VALUES * 100).astype(int), "0.7"),
+        "esm": lambda: written.esm_text(VALUES),
+        "cosmos": lambda: written.cosmos_text({"90 deg, roof": VALUES, "Up": VALUES / 2}),
+        "smc": lambda: written.smc_text(VALUES),
+        "zip": lambda: written.esm_text(VALUES),
         "plain": lambda: "time_s,a\ns,gal\n" + rows,
     }[kind]()
     data = zipped({"a.asc": text}) if kind == "zip" else text.encode()

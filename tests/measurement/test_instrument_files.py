@@ -9,6 +9,7 @@ import scipy.io
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement import identified_modes, read_measured
+from tests.measurement import written
 
 VALUES = np.round(1000.0 * np.sin(np.arange(200) ** 1.1)).astype(np.int32)
 
@@ -104,9 +105,9 @@ def test_traces_that_never_meet(obspy, trace, tmp_path):
         read_measured(path)
 
 
-def test_kiknet_numbers_its_channels(texts, tmp_path):
+def test_kiknet_numbers_its_channels(tmp_path):
     """1 to 3 in the borehole and 4 to 6 on the ground, as ObsPy's reader has them."""
-    text = texts["knet"](VALUES.tolist(), "2")
+    text = written.knet_text(VALUES.tolist(), "2")
     line = next(line for line in text.splitlines() if line.startswith("Dir."))
     for number, direction, place in (("1", "N-S", "borehole"), ("5", "E-W", "ground surface")):
         path = tmp_path / f"{number}.knt"

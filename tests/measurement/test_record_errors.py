@@ -5,6 +5,7 @@ import pytest
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement import read_record
+from tests.measurement import written
 
 N = 40
 VALUES = np.round(50 * np.sin(0.7 * np.arange(N)) + 0.1 * np.arange(N), 3)
@@ -106,13 +107,13 @@ HEADERED = {
 
 
 @pytest.mark.parametrize(("kind", "spoil", "message"), HEADERED.values(), ids=HEADERED)
-def test_bad_record_of_a_known_format(write, texts, kind, spoil, message):
+def test_bad_record_of_a_known_format(write, kind, spoil, message):
     good = {
-        "jma": lambda: texts["jma"]({"NS": VALUES}),
-        "peer": lambda: texts["peer"](VALUES / 981),
-        "csmip_v1": lambda: texts["csmip_v1"]({"180 Deg": VALUES / 10000}),
-        "csmip_v2": lambda: texts["csmip_v2"](VALUES),
-        "knet": lambda: texts["knet"](np.round(VALUES * 100).astype(int), "0.4"),
+        "jma": lambda: written.jma_text({"NS": VALUES}),
+        "peer": lambda: written.peer_text(VALUES / 981),
+        "csmip_v1": lambda: written.csmip_v1_text({"180 Deg": VALUES / 10000}),
+        "csmip_v2": lambda: written.csmip_v2_text(VALUES),
+        "knet": lambda: written.knet_text(np.round(VALUES * 100).astype(int), "0.4"),
     }[kind]()
     read_record(write(good, "good.txt"))
     with pytest.raises(MeasurementError) as caught:
@@ -141,8 +142,8 @@ def test_unit_against_the_file_is_refused_and_the_same_unit_accepted(write):
         read_record(path, unit="cubit")
 
 
-def test_channels_are_listed_with_their_peaks(write, texts):
-    path = write(texts["csmip_v1"]({" 90 Deg": VALUES / 981, "360 Deg": -VALUES / 500}))
+def test_channels_are_listed_with_their_peaks(write):
+    path = write(written.csmip_v1_text({" 90 Deg": VALUES / 981, "360 Deg": -VALUES / 500}))
     with pytest.raises(MeasurementError) as caught:
         read_record(path)
     peak = np.abs(VALUES).max()
@@ -151,14 +152,14 @@ def test_channels_are_listed_with_their_peaks(write, texts):
 
 
 @pytest.mark.parametrize("channel", ["North", 0, 3, "-1", "", "Deg"])
-def test_channel_that_is_not_there(write, texts, channel):
-    path = write(texts["csmip_v1"]({" 90 Deg": VALUES / 981, "360 Deg": -VALUES / 500}))
+def test_channel_that_is_not_there(write, channel):
+    path = write(written.csmip_v1_text({" 90 Deg": VALUES / 981, "360 Deg": -VALUES / 500}))
     with pytest.raises(MeasurementError, match=r"there is no channel .* choose by number: 1 = 90"):
         read_record(path, channel=channel)
 
 
-def test_channel_name_that_two_bear(write, texts):
-    path = write(texts["csmip_v1"]({"90 Deg": VALUES / 981, "90 Deg ": -VALUES / 500}))
+def test_channel_name_that_two_bear(write):
+    path = write(written.csmip_v1_text({"90 Deg": VALUES / 981, "90 Deg ": -VALUES / 500}))
     with pytest.raises(MeasurementError, match="2 channels are called '90 deg'"):
         read_record(path, channel="90 deg")
 
@@ -170,8 +171,8 @@ def test_wide_table_lists_peaks_without_a_unit(write):
 
 
 @pytest.mark.parametrize("step", [1e-9, 1e6])
-def test_a_time_step_with_which_nothing_is_measured(write, texts, step):
-    text = texts["peer"](VALUES / 981.0, step=f"{step:g}")
+def test_a_time_step_with_which_nothing_is_measured(write, step):
+    text = written.peer_text(VALUES / 981.0, step=f"{step:g}")
     with pytest.raises(MeasurementError, match=r"the time step is 1e.* is the time's unit wrong\?"):
         read_record(write(text, "r.at2"))
     times = [f"{k * step:.12g}" for k in range(N)]

@@ -6,14 +6,15 @@ import pytest
 from femupdate.measurement import read_measured, read_record
 from femupdate.measurement.reader import readers
 from femupdate.units import STANDARD_GRAVITY
+from tests.measurement import written
 
 # The files hold printed digits, and reading them takes one multiplication: a few ulp.
 EXACT = {"rtol": 1e-14, "atol": 0}
 
 
-def test_jma_gives_the_named_channel_in_si(write, texts, wave):
+def test_jma_gives_the_named_channel_in_si(write, wave):
     channels = {"NS": wave, "EW": -2 * wave, "UD": wave + 1}
-    path = write(texts["jma"](channels))
+    path = write(written.jma_text(channels))
     motion = read_record(path, channel="EW")
     np.testing.assert_allclose(motion.acceleration, -2 * wave * 1e-2, **EXACT)
     assert motion.time_step == 1 / 50
@@ -24,9 +25,9 @@ def test_jma_gives_the_named_channel_in_si(write, texts, wave):
 
 
 @pytest.mark.parametrize("count", [10, 11, 14, 15])
-def test_peer_whether_or_not_the_last_row_is_full(write, texts, wave, count):
+def test_peer_whether_or_not_the_last_row_is_full(write, wave, count):
     values = wave[:count] / 981
-    path = write(texts["peer"](values), "RSN1.AT2")
+    path = write(written.peer_text(values), "RSN1.AT2")
     motion = read_record(path)
     printed = np.array([float(f"{value:.7E}") for value in values])
     np.testing.assert_allclose(motion.acceleration, printed * STANDARD_GRAVITY, **EXACT)
@@ -34,11 +35,12 @@ def test_peer_whether_or_not_the_last_row_is_full(write, texts, wave, count):
     assert (read_measured(path).format, motion.channel) == ("peer", "337")
 
 
-def test_csmip_volume_1_reads_columns_by_width(write, texts, wave):
+def test_csmip_volume_1_reads_columns_by_width(write, wave):
     values = np.round(wave / 981, 6)
     wide = -1.234567 - np.arange(19) * 0.01  # nine characters: neighbours touch
     path = write(
-        texts["csmip_v1"]({" 90 Deg": values, "360 Deg": wide, " 180 Deg": -values[:16]}), "a.v1"
+        written.csmip_v1_text({" 90 Deg": values, "360 Deg": wide, " 180 Deg": -values[:16]}),
+        "a.v1",
     )
     assert "-1.234567-1.244567" in path.read_text()
     first, second, third = (read_record(path, channel=i) for i in (1, "360", "180"))
@@ -49,16 +51,16 @@ def test_csmip_volume_1_reads_columns_by_width(write, texts, wave):
     assert (read_measured(path).format, first.time_step) == ("csmip", 0.01)
 
 
-def test_csmip_volume_2_takes_the_acceleration_block_alone(write, texts, wave):
-    motion = read_record(write(texts["csmip_v2"](wave), "CE1.V2"))
+def test_csmip_volume_2_takes_the_acceleration_block_alone(write, wave):
+    motion = read_record(write(written.csmip_v2_text(wave), "CE1.V2"))
     np.testing.assert_allclose(motion.acceleration, wave * 1e-2, **EXACT)
     assert motion.time_step == 0.005
     assert motion.channel == "270 Deg, Roof - center"
 
 
-def test_knet_scales_counts_and_keeps_the_offset(write, texts):
+def test_knet_scales_counts_and_keeps_the_offset(write):
     counts = [-11657, -11655, 4210, -30012, 8, 0, 1, 2, -3, 2500]
-    path = write(texts["knet"](counts, "0.1"), "TST.EW")
+    path = write(written.knet_text(counts, "0.1"), "TST.EW")
     motion = read_record(path)
     expected = np.array(counts) * 7845 / 8223790 * 1e-2
     np.testing.assert_allclose(motion.acceleration, expected, **EXACT)
@@ -102,8 +104,8 @@ def test_plain_table_with_decimal_commas(write, wave):
     np.testing.assert_allclose(motion.acceleration, wave * 1e-3, **EXACT)
 
 
-def test_two_sensors_of_one_direction_are_told_apart_by_number(write, texts, wave):
-    path = write(texts["csmip_v1"]({"90 Deg": wave / 981, "90 Deg ": wave / 500}), "a.v1")
+def test_two_sensors_of_one_direction_are_told_apart_by_number(write, wave):
+    path = write(written.csmip_v1_text({"90 Deg": wave / 981, "90 Deg ": wave / 500}), "a.v1")
     peak = read_record(path, channel="2").peak
     assert peak == pytest.approx(np.abs(np.round(wave / 500, 6)).max() * STANDARD_GRAVITY)
 

@@ -16,6 +16,7 @@ from femupdate.measurement import (
     read_observation_file,
     read_record,
 )
+from tests.measurement import written
 
 EXACT = {"rtol": 1e-14, "atol": 0}
 
@@ -60,20 +61,20 @@ def test_station_archive_is_an_observation(shared_file):
         read_observation_file(path)
 
 
-def test_esm(write, texts, wave):
-    path = write(texts["esm"](wave), "a.asc")
+def test_esm(write, wave):
+    path = write(written.esm_text(wave), "a.asc")
     motion = read_record(path)
     np.testing.assert_allclose(motion.acceleration, wave * 1e-2, **EXACT)
     assert read_measured(path).format == "esm"
     assert (motion.time_step, motion.channel) == (0.005, "HNE")
-    (channel,) = read_measured(write(texts["esm"](wave, stream="HNZ"))).channels
+    (channel,) = read_measured(write(written.esm_text(wave, stream="HNZ"))).channels
     assert channel.vertical
     assert channel.location == "TESTVILLE"
     assert channel.stated_peak == np.abs(wave).max()
 
 
-def test_cosmos_passes_over_velocity(write, texts, wave):
-    path = write(texts["cosmos"]({"90 deg, Roof - center": wave, "Up, Basement": -wave / 3}))
+def test_cosmos_passes_over_velocity(write, wave):
+    path = write(written.cosmos_text({"90 deg, Roof - center": wave, "Up, Basement": -wave / 3}))
     first, second = read_measured(path).channels
     np.testing.assert_array_equal(first.values, wave)
     np.testing.assert_allclose(second.values, -wave / 3, atol=5e-6)
@@ -85,8 +86,8 @@ def test_cosmos_passes_over_velocity(write, texts, wave):
     np.testing.assert_allclose(motion.acceleration, wave * 0.01, atol=5e-8)
 
 
-def test_smc_written(write, texts, wave):
-    (channel,) = read_measured(write(texts["smc"](wave), "a.smc")).channels
+def test_smc_written(write, wave):
+    (channel,) = read_measured(write(written.smc_text(wave), "a.smc")).channels
     np.testing.assert_allclose(channel.values, wave, rtol=5e-5)
     assert (channel.time_step, channel.location) == (0.005, "4th floor, east core")
 
@@ -112,9 +113,9 @@ BAD = {
 
 
 @pytest.mark.parametrize(("kind", "old", "new", "message"), BAD.values(), ids=BAD)
-def test_spoiled_station_file(write, texts, wave, kind, old, new, message):
+def test_spoiled_station_file(write, wave, kind, old, new, message):
     values = np.tile(wave, 40)
-    good = texts[kind]({"Tran": values} if kind == "cosmos" else values)
+    good = getattr(written, f"{kind}_text")({"Tran": values} if kind == "cosmos" else values)
     read_record(write(good, "good.txt"))
     assert old in good
     path = write(good.replace(old, new, 1), "bad.txt")
@@ -141,13 +142,13 @@ def tarred(path, members, mode="w:gz"):
     return path
 
 
-def test_two_archives_of_a_building_by_the_places_of_their_sensors(tmp_path, texts, wave):
+def test_two_archives_of_a_building_by_the_places_of_their_sensors(tmp_path, wave):
     """Files beside accelerations are passed over; numbers that changed hands are refused."""
     kinds = {"a": "2 CORRECTED ACCELEROGRAM", "v": "3 VELOCITY", "d": "4 CORRECTED DISPLACEMENT"}
     kinds["r"] = "5 RESPONSE SPECTRA"
 
     def archive(name, order):
-        text = {key: texts["smc"](np.tile(wave, 2), title) for key, title in kinds.items()}
+        text = {key: written.smc_text(np.tile(wave, 2), title) for key, title in kinds.items()}
         names = [(place, f"CH{k}_{key}.smc", key) for k, place in enumerate(order) for key in kinds]
         members = {
             file: text[key].replace("4th floor, east core", place) for place, file, key in names
@@ -186,9 +187,9 @@ def archived(request, tmp_path):
     return make
 
 
-def test_archive_of_other_records_and_a_note(archived, texts, wave):
+def test_archive_of_other_records_and_a_note(archived, wave):
     counts = np.round(wave * 100).astype(int)
-    knet = texts["knet"](counts, "0.37")
+    knet = written.knet_text(counts, "0.37")
     members = {
         "b/A.EW": knet,
         "b/A.NS": knet.replace("E-W", "N-S"),
@@ -262,7 +263,7 @@ def test_bombs_and_workbooks(tmp_path, make, message):
         read_record(make(tmp_path))
 
 
-def test_links_in_an_archive_lead_nowhere(tmp_path, texts, wave):
+def test_links_in_an_archive_lead_nowhere(tmp_path, wave):
     path = tmp_path / "links.tar.gz"
     with tarfile.open(path, "w:gz") as archive:
         link = tarfile.TarInfo("b.asc")
@@ -275,17 +276,17 @@ def test_links_in_an_archive_lead_nowhere(tmp_path, texts, wave):
 @pytest.mark.parametrize(
     "spoil", [lambda data: data[: len(data) // 2], lambda data: data[:2] + b"\0" * 30]
 )
-def test_packed_files_that_are_no_archive(tmp_path, texts, wave, spoil):
-    whole = tarred(tmp_path / "a.tar.gz", {"a.asc": texts["esm"](wave)}).read_bytes()
+def test_packed_files_that_are_no_archive(tmp_path, wave, spoil):
+    whole = tarred(tmp_path / "a.tar.gz", {"a.asc": written.esm_text(wave)}).read_bytes()
     path = tmp_path / "cut.tar.gz"
     path.write_bytes(spoil(whole))
     with pytest.raises(MeasurementError, match="archives of records, but is damaged"):
         read_record(path)
 
 
-def test_a_record_packed_alone(tmp_path, texts, wave):
+def test_a_record_packed_alone(tmp_path, wave):
     path = tmp_path / "a.asc.gz"
-    path.write_bytes(gzip.compress(texts["esm"](wave).encode()))
+    path.write_bytes(gzip.compress(written.esm_text(wave).encode()))
     np.testing.assert_array_equal(read_measured(path).channels[0].values, wave)
     for text, message in (
         (b"Some text.\n", r"holds no record, only a\.asc"),
@@ -296,8 +297,8 @@ def test_a_record_packed_alone(tmp_path, texts, wave):
             read_record(path)
 
 
-def test_archive_with_a_bad_record_names_the_member(tmp_path, texts, wave):
-    text = texts["esm"](wave).replace("NDATA: 37", "NDATA: 99")
+def test_archive_with_a_bad_record_names_the_member(tmp_path, wave):
+    text = written.esm_text(wave).replace("NDATA: 37", "NDATA: 99")
     path = packed(tmp_path / "s.zip", {"sub/a.asc": text})
     with pytest.raises(MeasurementError, match=r"s\.zip: sub/a\.asc, line 5: the header announces"):
         read_record(path)

@@ -16,6 +16,7 @@ from femupdate.surrogate import (
     train_mvae,
 )
 from tests.documents import reduced_stick
+from tests.helpers import Recorded
 
 FREQUENCY = 0.2 * np.arange(1, 65)
 SIZES = NetworkSizes(
@@ -86,7 +87,7 @@ def quick(settings):
 
 
 @pytest.fixture(scope="session")
-def trained(task, settings, recorder):
+def trained(task, settings):
     """The networks after a short training, and the progress that was told."""
-    told = recorder()
+    told = Recorded()
     return train_mvae(task, settings, progress=told), told

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from femupdate.surrogate import compute_dataset
+from tests.helpers import Recorded
 
 PLAN = {"samples": 110, "modes": 2, "top_hz": 12.8, "seed": 3, "shard": 50}
 BEFORE = 1e9  # a time of files that are there already
@@ -35,20 +36,20 @@ def test_a_seed_gives_one_data_set(model, prior, tmp_path):
     assert not same(compute_dataset(model, prior, tmp_path / "three", **other), one)
 
 
-def test_shards_that_are_there_are_not_solved_again(model, prior, tmp_path, recorder):
+def test_shards_that_are_there_are_not_solved_again(model, prior, tmp_path):
     first = compute_dataset(model, prior, tmp_path, **PLAN)
     assert solved_since(tmp_path) == ["0000.npz", "0001.npz", "0002.npz"]
     aged(tmp_path)
     (tmp_path / "0001.npz").unlink()
-    told = recorder()
+    told = Recorded()
     again = compute_dataset(model, prior, tmp_path, **PLAN, progress=told)
     assert same(again, first)
     assert solved_since(tmp_path) == ["0001.npz"]
     assert sorted(told.counts) == [10, 50, 50]
 
 
-def test_a_killed_run_leaves_whole_shards_only(model, prior, tmp_path, recorder):
-    class Killed(recorder):
+def test_a_killed_run_leaves_whole_shards_only(model, prior, tmp_path):
+    class Killed(Recorded):
         def advance(self, count=1, note=""):
             raise KeyboardInterrupt
 

@@ -8,10 +8,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from femupdate.inference.latent_search import FoundLatent, latent_quadratics
-
-
-def tensor(values):
-    return torch.as_tensor(np.asarray(values), dtype=torch.float64)
+from tests.helpers import tensor
 
 
 def one_component(mean, information):

@@ -6,10 +6,7 @@ import torch
 from scipy.stats import ortho_group
 
 from femupdate.surrogate import Soap
-
-
-def tensor(values):
-    return torch.tensor(values, dtype=torch.float64)
+from tests.helpers import tensor
 
 
 def run(start, loss, steps, **options):

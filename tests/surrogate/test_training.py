@@ -10,6 +10,7 @@ import torch
 from femupdate.errors import SurrogateError
 from femupdate.surrogate import TrainingSettings, Visibility, train_mvae
 from femupdate.surrogate import training as room
+from tests.helpers import Recorded
 
 
 class KilledError(Exception):
@@ -63,14 +64,14 @@ def test_proposals_tell_theta_apart(trained, task):
 
 
 @pytest.mark.parametrize("epoch", [1, 3])  # in a drawing of the damping, and between two
-def test_a_killed_training_goes_on_to_the_same_weights(task, quick, tmp_path, epoch, recorder):
+def test_a_killed_training_goes_on_to_the_same_weights(task, quick, tmp_path, epoch):
     whole = train_mvae(task, quick)
     path = tmp_path / "training.safetensors"
     with pytest.raises(KilledError):
         train_mvae(task, quick, path, kill_in(epoch))
     assert path.exists()
     torch.manual_seed(epoch)  # whatever else happens meanwhile
-    told = recorder()
+    told = Recorded()
     resumed = train_mvae(task, quick, path, told)
     epochs = {note.split(",")[0] for note in told.notes}
     assert epochs == {f"epoch {k}" for k in range(epoch + 1, 5)}

@@ -11,6 +11,7 @@ from femupdate.dynamics import reduced_modes
 from femupdate.errors import StructureError, StudyError
 from femupdate.study import Study
 from femupdate.workflow import REDUCED, CertifiedModel, build_model, open_study
+from tests.helpers import Recorded, snapshot
 
 
 @pytest.mark.parametrize(
@@ -30,9 +31,9 @@ def test_frequencies_of_an_even_chain(tmp_path, name, stories, square):
 
 
 @pytest.fixture(scope="module")
-def cabin(tmp_path_factory, cabin_file, recorder):
+def cabin(tmp_path_factory, cabin_file):
     study = Study(tmp_path_factory.mktemp("cabin") / "study")
-    log = recorder()
+    log = Recorded()
     return build_model(study, str(cabin_file), progress=log), study, log
 
 
@@ -104,7 +105,7 @@ def test_without_a_name_a_study_keeps_its_building(tmp_path, tower_file):
     assert build_model(study).model.building.name == "tower"
 
 
-def test_a_posterior_keeps_its_building(tower, snapshot, tower_file):
+def test_a_posterior_keeps_its_building(tower, tower_file):
     before = snapshot(tower.folder)
     with pytest.raises(StudyError, match="holds a posterior of the building tower; choose"):
         build_model(tower, "shear_3dof")

@@ -15,6 +15,7 @@ from femupdate.report import draw
 from femupdate.study import Study
 from femupdate.surrogate import TrainingSettings
 from femupdate.workflow import CalibrationSettings, demo, open_study, train_study
+from tests.helpers import Recorded, write_record
 
 EXAMPLES = files("femupdate.examples")
 
@@ -31,7 +32,7 @@ def test_what_the_demo_reads_is_shipped():
 
 
 @pytest.fixture(scope="module")
-def shipped(tmp_path_factory, tower_observation, write_record):
+def shipped(tmp_path_factory, tower_observation):
     """A folder of examples with the tower's files under the demo's names."""
     folder = tmp_path_factory.mktemp("examples")
     shutil.copy(tower_observation.path, folder / demo.OBSERVATION)
@@ -44,12 +45,12 @@ def shipped(tmp_path_factory, tower_observation, write_record):
 
 
 @pytest.fixture(scope="module")
-def shown(tmp_path_factory, shipped, tower_file, recorder):
+def shown(tmp_path_factory, shipped, tower_file):
     """The demo on the tower, with a surrogate of little learning."""
     study = Study(tmp_path_factory.mktemp("demo") / "study")
     model = open_study(study, str(tower_file))
     train_study(study, model, 400, TrainingSettings(epochs=4, batch=64))
-    log = recorder()
+    log = Recorded()
     settings = CalibrationSettings(particles=400, seed=1)
     given = {"building": str(tower_file), "examples": shipped, "settings": settings}
     return demo.run_demo(study, progress=log, **given), study, log

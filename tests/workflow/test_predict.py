@@ -19,6 +19,7 @@ from femupdate.workflow import (
     open_study,
     predict_study,
 )
+from tests.helpers import write_record
 from tests.workflow.by_hand import tower_modes
 
 MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])
@@ -35,7 +36,7 @@ def wave():
 
 
 @pytest.fixture(scope="module")
-def record(tmp_path_factory, wave, write_record):
+def record(tmp_path_factory, wave):
     return write_record(
         tmp_path_factory.mktemp("record") / "wave.csv", GroundMotion(wave, STEP, channel="EW")
     )
@@ -89,7 +90,7 @@ def test_histories_are_those_of_another_integrator(tower, tower_model, record, w
     )
 
 
-def test_an_offset_of_the_record_is_taken_off(record, wave, tmp_path, write_record):
+def test_an_offset_of_the_record_is_taken_off(record, wave, tmp_path):
     moved = write_record(tmp_path / "moved.csv", GroundMotion(wave - 0.5, STEP, channel="EW"))
     found = RecordSource(moved).motion().acceleration
     np.testing.assert_allclose(found, wave - wave.mean(), atol=1e-5)  # digits of the file
@@ -126,7 +127,7 @@ def test_a_law_of_its_own_takes_no_ratio(tmp_path, tower_file, tower_observation
 
 
 @pytest.fixture(scope="module")
-def base(tmp_path_factory, tower_observation, write_record):
+def base(tmp_path_factory, tower_observation):
     """The base motion of the tower's observation as a record."""
     histories = tower_observation.histories
     motion = GroundMotion(histories.acceleration[0], histories.time_step)

@@ -27,6 +27,7 @@ from femupdate.workflow import (
 )
 from tests.chains import Chain
 from tests.documents import reduced_stick
+from tests.helpers import write_record
 from tests.sticks import MASSES, SPRINGS, STEP, write_shaken, write_stick
 
 THETA, ZETA = np.array([0.8, 1.4, 1.1]), 0.04
@@ -121,7 +122,7 @@ def test_the_repaired_posterior_has_the_effect_as_a_parameter(repaired):
     )
 
 
-def test_predict_takes_the_repaired_study(repaired, tmp_path, write_record):
+def test_predict_takes_the_repaired_study(repaired, tmp_path):
     """Its histories are those of the heavier chain."""
     study = repaired[0].study
     time = np.arange(1500) * STEP
@@ -159,7 +160,7 @@ def test_a_listed_delay_is_found_by_the_phase(listed):
     assert delay.std() < 0.1 * STEP
 
 
-def test_what_such_a_model_errs_by_goes_with_its_posterior(listed, tmp_path, write_record):
+def test_what_such_a_model_errs_by_goes_with_its_posterior(listed, tmp_path):
     posterior = load_posterior(listed[1].path)
     assert posterior.model_error.amplitude.size > 0.02
     assert posterior.model_error.amplitude.mean.shape == posterior.observation.log_frf.shape

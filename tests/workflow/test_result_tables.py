@@ -12,6 +12,7 @@ from femupdate.dynamics import CutMember, MemberForces, Statistics
 from femupdate.inference import load_posterior
 from femupdate.report.quantities import member_tables, quantities, tidy_table
 from femupdate.result import Result
+from tests.helpers import write_record
 
 
 def rows_of(path):
@@ -20,7 +21,7 @@ def rows_of(path):
 
 
 @pytest.fixture(scope="module")
-def folder(tower_study, tower_observation, tmp_path_factory, write_record):
+def folder(tower_study, tower_observation, tmp_path_factory):
     """Tables that `predict` and `render` write into a study, and the answer of `predict`."""
     import json
     import shutil

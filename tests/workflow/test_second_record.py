@@ -22,6 +22,7 @@ from femupdate.workflow import (
     repair_study,
 )
 from tests.chains import Chain
+from tests.helpers import write_record
 from tests.sticks import MASSES, SPRINGS, STEP, write_shaken, write_stick
 
 THETA = np.array([0.8, 1.4, 1.1])
@@ -109,9 +110,7 @@ def test_one_simulation_has_one_level(study, home):
         parse_effect(building, "amplitude_softening@all", (-0.1,))
 
 
-def test_another_strong_motion_is_predicted_with_the_stiffness_at_its_level(
-    repaired, home, write_record
-):
+def test_another_strong_motion_is_predicted_with_the_stiffness_at_its_level(repaired, home):
     """A record kept out, of the softened chain."""
     other = home / "other.csv"
     write_shaken(other, _chain(SOFTER * THETA, 0.05), 9, TIMES * 0.3)

@@ -19,6 +19,7 @@ from femupdate.study import Study
 from femupdate.surrogate import TrainingSettings, find_surrogate, load_surrogate, require_surrogate
 from femupdate.surrogate.training import check_samples
 from femupdate.workflow import open_study, train_study
+from tests.helpers import Recorded, snapshot
 
 SAMPLES, EPOCHS = 400, 5
 SMALL = TrainingSettings(epochs=EPOCHS, batch=64)
@@ -78,7 +79,7 @@ def test_what_is_written(trained):
     assert 1 <= info.metrics["best_epoch"] <= EPOCHS
 
 
-def test_a_second_training_is_skipped(copy, snapshot):
+def test_a_second_training_is_skipped(copy):
     before = snapshot(copy.folder)
     report = train_study(copy, open_study(copy), SAMPLES, SMALL)
     assert not report.trained
@@ -103,7 +104,7 @@ def wait_for(path, process):
 
 
 @pytest.mark.usefixtures("one_thread")
-def test_a_killed_training_goes_on_to_the_same_surrogate(trained, tmp_path, tower_file, recorder):
+def test_a_killed_training_goes_on_to_the_same_surrogate(trained, tmp_path, tower_file):
     study = Study(tmp_path / "study")
     process = subprocess.Popen(
         command(study.folder, "--building", tower_file),
@@ -121,7 +122,7 @@ def test_a_killed_training_goes_on_to_the_same_surrogate(trained, tmp_path, towe
     assert not study.path("surrogate.safetensors").exists()
     assert find_surrogate(study, open_study(study).building) is None
 
-    told = recorder()
+    told = Recorded()
     report = train_study(study, open_study(study), SAMPLES, SMALL, progress=told)
     epochs = [note.split(",")[0] for note in told.notes]
     assert "epoch 1" not in epochs

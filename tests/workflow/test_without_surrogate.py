@@ -26,6 +26,7 @@ from femupdate.workflow import (
     predict_study,
 )
 from femupdate.workflow.likelihoods import unserved
+from tests.helpers import write_record
 from tests.sticks import write_stick
 
 EFFECTS = (("added_mass", "3F"), ("foundation_rocking", "base"), ("channel_gain", "RF"))
@@ -70,7 +71,7 @@ def test_a_building_with_effects_is_calibrated_by_its_data(calibrated):
     assert {path.name for path in pictures} >= {"frf_fit.png", "posterior.png"}
 
 
-def test_predict_takes_the_posterior_of_effects(calibrated, tmp_path, write_record):
+def test_predict_takes_the_posterior_of_effects(calibrated, tmp_path):
     """Floors move as in the building that was observed, whatever one of their sensors reads."""
     study, time = calibrated[0], 0.01 * np.arange(1500)
     wave = np.exp(-(((time - 4.0) / 1.2) ** 2)) * np.sin(2 * np.pi * 5.0 * time + 0.3)
