@@ -35,11 +35,7 @@ def program_of(path: str | Path) -> str | None:
 
 
 def building_text(path_or_name: str | Path) -> tuple[str, str]:
-    """Return what to call a building file, and its text; other programs' models are not read here.
-
-    Raises:
-        BuildingError: there is no such file, or it is not UTF-8 text.
-    """
+    """Return what to call a building file, and its text; of other programs, nothing is read."""
     text = str(path_or_name)
     path = Path(path_or_name).expanduser()
     is_path = text.endswith(_SUFFIX) or "/" in text or os.sep in text

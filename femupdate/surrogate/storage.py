@@ -148,11 +148,7 @@ def find_surrogate(study: Study, building: Building) -> tuple[Surrogate, Path] |
 
 
 def require_surrogate(study: Study, building: Building) -> Surrogate:
-    """A surrogate that fits the building.
-
-    Raises:
-        SurrogateError: there is none.
-    """
+    """A surrogate that fits the building."""
     found = find_surrogate(study, building)
     if found is None:
         raise SurrogateError(

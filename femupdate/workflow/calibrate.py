@@ -115,11 +115,7 @@ def check_calibration(
 
 
 def check_device(name: str) -> None:
-    """Make sure that torch can compute in double precision on a device.
-
-    Raises:
-        InferenceError: it cannot.
-    """
+    """Make sure that torch can compute in double precision on a device."""
     import torch
 
     try:

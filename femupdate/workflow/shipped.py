@@ -55,11 +55,7 @@ _LEFT_OUT = ("__init__.py", "__pycache__")
 
 
 def copy_examples(folder: Path | str = "examples") -> Told:
-    """Copy the shipped example and building files into a folder; files there stay as they are.
-
-    Raises:
-        StudyError: a file cannot be written.
-    """
+    """Copy the shipped example and building files into a folder; files there stay as they are."""
     copied, kept = [], []
     models = [
         (Path("models") / name, source)
