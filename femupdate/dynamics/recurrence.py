@@ -11,7 +11,7 @@ from femupdate.arrays import Floats
 
 
 def interpolate_record(acceleration: Floats, factor: int) -> Floats:
-    """Return the band-limited record at `factor` times its sampling rate.
+    """Return the band-limited record, (n - 1) factor + 1 samples at `factor` times its rate.
 
     Straight lines between samples take a share 1 - sinc^2(f dt) of the motion at frequency f away
     (3 % at a tenth of the sampling rate, 19 % at a quarter) and put it above the Nyquist frequency.
@@ -20,9 +20,6 @@ def interpolate_record(acceleration: Floats, factor: int) -> Floats:
 
     Args:
         factor: points a step, 1 or more.
-
-    Returns:
-        ((n - 1) factor + 1,) samples from the first to the last of the record.
     """
     if factor == 1:
         return np.asarray(acceleration, dtype=np.float64)

@@ -61,16 +61,13 @@ def floor_spectra(floors: Floats, base: Floats, time_step: float, damping: float
 def response_spectrum(
     acceleration: ArrayLike, time_step: float, frequency_hz: ArrayLike, zeta: float = 0.05
 ) -> Floats:
-    """Return the peak absolute acceleration of oscillators on a support that moves.
+    """Return the peak absolute acceleration (..., k) of oscillators on a support that moves.
 
     Each oscillator is followed exactly for an acceleration that is linear between points (Nigam
     and Jennings 1969), of which there are twelve a period or more.
 
     Args:
         acceleration: (..., n) absolute acceleration of the supports, m/s2, from rest.
-
-    Returns:
-        (..., k) m/s2.
     """
     import torch
     from scipy.signal import lfilter

@@ -102,12 +102,9 @@ def summarise(
 
 
 def story_stiffness(shear: Floats, drift: Floats) -> Floats:
-    """Return the stiffness of every story: the least-squares slope of shear against drift.
+    """Return the stiffness of every story, N/m: the least-squares slope of shear against drift.
 
     Both are taken about their mean, so that an offset of a measured drift does no harm.
-
-    Returns:
-        (...) N/m.
 
     Raises:
         StructureError: a story does not move.

@@ -213,9 +213,6 @@ class System:
             modes: how many to keep a sample; default all.
             top_frequency_hz: top of the frequency grid; needed when `modes` leaves some out.
             batch: samples solved at a time; default what is fastest.
-
-        Returns:
-            float64 data.
         """
         floors, parts = len(self.floors), []
         step = batch or max(16, min(1024, 2**20 // self.model.size**2))

@@ -25,13 +25,10 @@ class NaturalModes:
 
 
 def static_displacement(operators: AffineOperators, theta: Floats, load: Floats) -> Floats:
-    """Displacement under loads at the nodes.
+    """Displacement under loads at the nodes, in m and rad.
 
     Args:
         load: (6N,) or (6N, m) N and N m; what acts on supports is ignored.
-
-    Returns:
-        the displacement in m and rad, in the shape of `load`.
 
     Raises:
         StructureError: the structure is a mechanism, or the load has another length.

@@ -67,7 +67,7 @@ class FoundLatent:
 def latent_quadratics(
     observed: FoundLatent, covariance: Tensor, device: torch.device | str = "cpu"
 ) -> Callable[[Tensor], Tensor]:
-    """ln of the integral of q(z|x) q(z|theta) / p(z) over z, p(z) the standard normal.
+    """ln of the integral of q(z|x) q(z|theta) / p(z) over z, p(z) the standard normal, by means.
 
     q(z|theta) is N(m, D) with one D for all theta. With d = m - m_c and F_c the
     information of component c, its share of the integral is a quadratic of d,
@@ -77,9 +77,6 @@ def latent_quadratics(
     Args:
         observed: q(z|x).
         covariance: D (z, z); one on the diagonal where theta gives no information.
-
-    Returns:
-        Log likelihood (n,) of means (n, z) of q(z|theta).
     """
     mean, information = observed.mean.double(), observed.information.double()
     identity, spread = torch.eye(mean.shape[1]).to(mean), covariance.double()

@@ -220,12 +220,11 @@ def _acceleration(
 def rotation_of(channels: Sequence[FloorChannel], acceleration: Floats) -> Floats | None:
     """Angular acceleration (n,) of the base, rad/s2, forward positive, without its mean.
 
+    None where fewer than two vertical sensors stand at known places of the base.
+
     Args:
         channels: c of them, all that were recorded.
         acceleration: (c, n) m/s2.
-
-    Returns:
-        None where fewer than two vertical sensors stand at known places of the base.
     """
     rows, places = _vertical(channels)
     if len(rows) < 2:
