@@ -375,7 +375,11 @@ def status(study: Folder) -> "StatusReport":
 
 
 def _parted(settings: Mapping[str, Any], known: type[Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Keywords that say how files are read, where a function reads some, and the others."""
+    """Keywords that say how files are read, where a function reads some, and the others.
+
+    Raises:
+        FemupdateError: one is not known, or has a value that it cannot have.
+    """
     from pydantic import ConfigDict, ValidationError, create_model
 
     names = get_type_hints(known, include_extras=True)

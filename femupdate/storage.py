@@ -148,6 +148,9 @@ def write_bytes(path: Path | str, content: bytes) -> None:
 
     Libraries that write their own formats should do so in memory, and leave the disk to this: HDF5
     brings the process down where a disk fills up under an open file (h5py 3.16).
+
+    Raises:
+        StudyError: the file cannot be written.
     """
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
@@ -181,7 +184,11 @@ class ArchiveError(ValueError):
 
 
 def write_arrays(path: Path | str, **arrays: Any) -> None:
-    """Write arrays by their names, without compression."""
+    """Write arrays by their names, without compression.
+
+    Raises:
+        StudyError: the file cannot be written.
+    """
     import numpy as np
 
     buffer = io.BytesIO()
@@ -240,6 +247,9 @@ def check_shapes(arrays: "Mapping[str, NDArray[Any]]", shapes: Mapping[str, str]
 
     Args:
         shapes: of those that must be there, a letter an axis: axes of one letter have one length.
+
+    Raises:
+        ArchiveError: they are not; the message names the array.
     """
     import numpy as np
 
@@ -263,7 +273,11 @@ _OBJECT = struct.Struct("<H6xQ")  # number and size of what is in it; 0 is the f
 
 
 def write_tree(tree: Any, path: Path | str) -> None:
-    """Write an xarray DataTree as netCDF, made in memory."""
+    """Write an xarray DataTree as netCDF, made in memory.
+
+    Raises:
+        StudyError: the file cannot be written.
+    """
     # As bytes, not as a view of a BytesIO: where the traceback of a failed write keeps one, Python
     # 3.12.1 and 3.13.0 come down while they collect garbage.
     write_bytes(path, bytes(tree.to_netcdf(engine="h5netcdf")))

@@ -186,6 +186,9 @@ class Study:
     Args:
         folder: made when the first artefact is written.
         posterior: name of the posterior that artefacts and results are of.
+
+    Raises:
+        StudyError: a posterior cannot have this name.
     """
 
     __repr__ = brief
@@ -215,7 +218,11 @@ class Study:
         return f"{self.posterior} {name}"
 
     def artefact(self, name: str) -> Artefact | None:
-        """What is recorded of an artefact, that of the chosen posterior."""
+        """What is recorded of an artefact, that of the chosen posterior.
+
+        Raises:
+            StudyError: the record cannot be read.
+        """
         return self.artefacts().get(self.key(name))
 
     def reading_of(self, path: Path) -> dict[str, Any]:
@@ -229,7 +236,11 @@ class Study:
         return read
 
     def summary(self) -> dict[str, Any]:
-        """What the report of a calibration wrote; empty where there is none, as after a repair."""
+        """What the report of a calibration wrote; empty where there is none, as after a repair.
+
+        Raises:
+            StudyError: the file cannot be read.
+        """
         path = self.result(SUMMARY)
         if not path.exists():
             return {}
@@ -241,12 +252,20 @@ class Study:
             ) from error
 
     def posteriors(self) -> tuple[str, ...]:
-        """Names of all posteriors, in the order of their names but the one without first."""
+        """Names of all posteriors, in the order of their names but the one without first.
+
+        Raises:
+            StudyError: the record cannot be read.
+        """
         keys = [key for key in self.artefacts() if key.split(" ")[-1] == MAIN_POSTERIOR]
         return tuple(owner_of(key) for key in sorted(keys, key=lambda key: (" " in key, key)))
 
     def check_folder(self) -> Path:
-        """The folder itself where it is there, else the lowest folder above it that is."""
+        """The folder itself where it is there, else the lowest folder above it that is.
+
+        Raises:
+            StudyError: a file stands in its place.
+        """
         above = (self.folder, *self.folder.absolute().parents)
         lowest = next(path for path in above if path.exists())
         if not lowest.is_dir():
@@ -254,7 +273,11 @@ class Study:
         return lowest
 
     def check_writable(self) -> None:
-        """Make sure that files can be written into the folder, which need not be there yet."""
+        """Make sure that files can be written into the folder, which need not be there yet.
+
+        Raises:
+            StudyError: they cannot.
+        """
         folder = self.check_folder()
         if not os.access(folder, os.W_OK | os.X_OK):
             raise StudyError(
@@ -263,7 +286,11 @@ class Study:
             )
 
     def artefacts(self) -> dict[str, Artefact]:
-        """All recorded artefacts by name."""
+        """All recorded artefacts by name.
+
+        Raises:
+            StudyError: the record cannot be read.
+        """
         manifest = self.path(MANIFEST)
         if not os.path.lexists(manifest):
             return {}
@@ -348,12 +375,20 @@ class Study:
         return artefact
 
     def cached(self, part: StudyPart[T], made_from: Mapping[str, str], make: Callable[[], T]) -> T:
-        """A part made from just these things: read back where it is kept, else made and kept."""
+        """A part made from just these things: read back where it is kept, else made and kept.
+
+        Raises:
+            StudyError: its file holds something else, or cannot be written.
+        """
         value = self.kept(part, made_from)
         return self.keep(part, made_from, make()) if value is None else value
 
     def kept(self, part: StudyPart[T], made_from: Mapping[str, str]) -> T | None:
-        """A part made from just these things, or None where the study has none."""
+        """A part made from just these things, or None where the study has none.
+
+        Raises:
+            StudyError: its file holds something else.
+        """
         path = self.find(part.name, made_from)
         if path is None:
             return None
@@ -361,7 +396,11 @@ class Study:
             return part.read(path)
 
     def keep(self, part: StudyPart[T], made_from: Mapping[str, str], value: T) -> T:
-        """Write a part and record what it was made from; returns it."""
+        """Write a part and record what it was made from; returns it.
+
+        Raises:
+            StudyError: it cannot be written.
+        """
         part.write(value, self.path(part.file))
         self.record(part.name, part.file, part.command, made_from, part.settings(value))
         return value

@@ -152,7 +152,11 @@ def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def write_tables(folder: Path, tables: Iterable[Table]) -> tuple[Path, ...]:
-    """Write every table as CSV."""
+    """Write every table as CSV.
+
+    Raises:
+        StudyError: a file cannot be written.
+    """
     sheets = {folder / f"{table.name}.csv": table.sheet() for table in tables}
     for path, sheet in sheets.items():
         write_text(path, csv_text(*sheet))

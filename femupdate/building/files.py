@@ -95,6 +95,9 @@ def save_building(building: Building, path: str | Path) -> Path:
     The file appears whole or not at all. Of a building that was read from a file, or that changes
     one, the text stays with all its comments but for what has changed. The mesh of a building of
     kind "mesh" is copied beside it, so that the two can be moved together.
+
+    Raises:
+        BuildingError: the file cannot be written.
     """
     target = Path(path).expanduser()
     if isinstance(building, MeshBuilding):

@@ -35,7 +35,11 @@ def program_of(path: str | Path) -> str | None:
 
 
 def building_text(path_or_name: str | Path) -> tuple[str, str]:
-    """Return what to call a building file, and its text; of other programs, nothing is read."""
+    """Return what to call a building file, and its text; other programs' models are not read here.
+
+    Raises:
+        BuildingError: there is no such file, or it is not UTF-8 text.
+    """
     text = str(path_or_name)
     path = Path(path_or_name).expanduser()
     is_path = text.endswith(_SUFFIX) or "/" in text or os.sep in text

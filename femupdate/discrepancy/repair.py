@@ -353,7 +353,11 @@ class KeptOut:
 
 
 def hold(kept: KeptOut, problem: Likelihood, done: Repair) -> Held:
-    """Both models against data that neither has seen, at their level of motion."""
+    """Both models against data that neither has seen, at their level of motion.
+
+    Raises:
+        MeasurementError: a channel that the observation has is missing in the file.
+    """
     modes = any(kind.name == "modes" for kind in kept.data)
     chi2 = kept.chi2(problem, done.before), kept.chi2(problem, done.after)
     compared = "frequencies, damping ratios and shapes" if modes else "ln|H|"

@@ -205,6 +205,9 @@ def displacement_histories(
         system: the structure with its effects, whose modes are real.
         samples: parameters (S, p + q) and damping ratios (S,).
         acceleration: (n,) of the base along the motion.
+
+    Raises:
+        StructureError: a stiffness is not positive definite.
     """
     task = _Task(system, np.atleast_2d(acceleration), time_step, oversampling)
     theta, sizes = system.split(samples[0])

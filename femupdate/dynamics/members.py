@@ -48,6 +48,9 @@ def beam_end_rows(
     the order of `Beams.force_names`; tension is negative at the first end and positive at the
     second. Inertia inside the element is left out, as in the equivalent static forces of any
     program.
+
+    Raises:
+        StructureError: there is no such beam.
     """
     beams = model.elements_of(Beams)
     if not 0 <= beam < len(beams):
@@ -83,6 +86,9 @@ def cut_rows(
         below: level of the cut, m: elements that rise from it count.
         within: nodes of the part that is cut: only elements that have no other node count. All
             where None.
+
+    Raises:
+        StructureError: no element of these kinds rises from the nodes.
     """
     wanted, rows = list(kinds), np.zeros((DOF_PER_NODE, operators.dof))
     found = False

@@ -19,7 +19,11 @@ CATALOGUE: dict[str, Effect] = {
 
 
 def effect_named(name: str) -> Effect:
-    """Return an effect of the catalogue."""
+    """Return an effect of the catalogue.
+
+    Raises:
+        BuildingError: there is none of that name.
+    """
     if name not in CATALOGUE:
         raise BuildingError(
             f"effects: no effect is named {name!r}; the known ones are {', '.join(CATALOGUE)}"
@@ -75,7 +79,11 @@ def building_effects(building: Building) -> BuildingEffects:
 
 
 def check_places(structure: Structure, effects: BuildingEffects) -> None:
-    """Make sure that every effect of a building can sit where its file says."""
+    """Make sure that every effect of a building can sit where its file says.
+
+    Raises:
+        BuildingError: it cannot.
+    """
     for number, listed in enumerate(effects.placed):
         places = listed.effect.places(structure)
         if listed.place not in (*places, *listed.effect.points(structure)):

@@ -270,7 +270,11 @@ class Structure:
 
 
 def require_story_factors(building: Building) -> None:
-    """Make sure that effects can act: their matrices are scaled story by story."""
+    """Make sure that effects can act: their matrices are scaled story by story.
+
+    Raises:
+        BuildingError: the building has factors of its own on kinds of members.
+    """
     if building.by_kind:
         raise BuildingError(
             f"{building.name}: parameters: what is missing in a model is looked for with one "

@@ -54,7 +54,11 @@ def factorize_held(operators: AffineOperators, stiffness: csc_matrix) -> Factori
 
 
 def refuse_negative(operators: AffineOperators, factorization: Factorization) -> None:
-    """Look at the signs of the pivots; see `factorize_supported`."""
+    """Look at the signs of the pivots; see `factorize_supported`.
+
+    Raises:
+        StructureError: one is negative.
+    """
     pivots = factorization.pivots()
     if pivots is None or (pivots < 0.0).any():
         diagonal = factorization.matrix.diagonal()

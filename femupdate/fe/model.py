@@ -95,6 +95,9 @@ class Elements(ABC):
         """Forces inside the elements per unit motion of their nodes, (n, r, 6k), at theta = 1.
 
         The order is that of `force_names`; N, N m, or both of them per metre.
+
+        Raises:
+            StructureError: this kind of element does not give its forces.
         """
         raise StructureError(
             f"the forces inside a {self.name} are not available; ask for other parts"
@@ -105,6 +108,9 @@ class Elements(ABC):
 
         Args:
             youngs_modulus: (n,) with the stiffness parameters in it, Pa.
+
+        Raises:
+            StructureError: OpenSees has no counterpart.
         """
         raise StructureError(f"the OpenSees script knows no {self.name}; leave such elements out")
 
@@ -144,7 +150,11 @@ class Elements(ABC):
         return replace(self, **some)
 
     def check(self, points: Floats) -> None:
-        """Refuse values that are missing or impossible."""
+        """Refuse values that are missing or impossible.
+
+        Raises:
+            StructureError: names the first such element and its nodes.
+        """
         for item in fields(self):
             values = getattr(self, item.name)
             if values is not None and len(values) != len(self):

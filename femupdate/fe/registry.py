@@ -25,6 +25,9 @@ def element_for(cell_type: str, name: str | None = None) -> type[Elements]:
 
     Args:
         name: of the kind; the standard one of this type where None.
+
+    Raises:
+        StructureError: no kind of this name is made of such cells.
     """
     fitting = {k: kind for k, kind in element_kinds().items() if kind.cell_type == cell_type}
     if name is None:

@@ -232,6 +232,9 @@ def students(mean: Tensor, covariance: Tensor, log_mass: Tensor) -> Mixture:
     """Students about k points (k, p), of these covariances (k, p, p) and log masses (k,).
 
     Every one has a hundredth of the weight at least: a curvature may understate its mass.
+
+    Raises:
+        InferenceError: a covariance is not positive definite.
     """
     weight = log_mass.softmax(0).clamp_min(0.01)
     root, failed = torch.linalg.cholesky_ex(1.2 * covariance)
@@ -430,6 +433,9 @@ def draws_about_particles(
     """`count` weighted parameters around particles (n, p) of every posterior mode.
 
     Modes that hold no particle are missed: the particles must come from a sampler that finds them.
+
+    Raises:
+        InferenceError: no draw has a finite likelihood.
     """
     fitting, drawing = spawn(seed, 2)
     xi = prior.to_normal(particles).clamp(-EDGE, EDGE)

@@ -66,6 +66,9 @@ def wide_start(found: Descent) -> Mixture:
     """Students about maxima, as wide as if a hundredth of the likelihood were known.
 
     Narrower ones miss tails of a bent posterior: of 20 stories one factor's sd was a quarter less.
+
+    Raises:
+        InferenceError: a curvature has no inverse.
     """
     prior = torch.eye(found.z.shape[1], dtype=torch.float64)
     covariance = _covariance(prior + 0.01 * (found.precision - prior))

@@ -395,6 +395,9 @@ class TemperedSmc:
             groups: of particles that are resampled apart.
             progress: sees beta after every level.
             kept: sees the share of the states that were kept.
+
+        Raises:
+            InferenceError: no finite likelihood, or too many levels.
         """
         density = self._density()
         generator = torch_generator(seed, self.prior.device)

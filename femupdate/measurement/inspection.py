@@ -419,6 +419,9 @@ def inspect_file(
         unit: of the accelerations, where the file does not say it.
         columns: our column name to the file's column or channel, where the user says it; a
             channel that is turned round is shown so.
+
+    Raises:
+        MeasurementError: it cannot be read.
     """
     path = Path(path)
     recording = read_measured(path)

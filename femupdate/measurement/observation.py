@@ -469,7 +469,11 @@ class Observation:
 
 
 def select_floors(observation: Observation, floors: Sequence[str]) -> Observation:
-    """Return the observation of some of its floors, in the order asked for."""
+    """Return the observation of some of its floors, in the order asked for.
+
+    Raises:
+        MeasurementError: a floor was not observed, is named twice, or none is named.
+    """
     unknown = [floor for floor in floors if floor not in observation.floors]
     if unknown or not floors or len(set(floors)) != len(floors):
         asked = ", ".join(floors) or "none"
@@ -551,7 +555,11 @@ def resolved_share(frequency_hz: Floats, resolution_hz: float | None, *, estimat
 def require_floors_of_building(
     source: str, floors: Sequence[str], building_floors: Sequence[str]
 ) -> None:
-    """Refuse measurements of another building, recognised by the names of its floors."""
+    """Refuse measurements of another building, recognised by the names of its floors.
+
+    Raises:
+        MeasurementError: the building has no floor of a measured name.
+    """
     foreign = [floor for floor in floors if floor not in building_floors]
     if foreign:
         raise MeasurementError(

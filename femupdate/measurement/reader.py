@@ -159,6 +159,9 @@ def kind_in(
         direction: of the motion; of identified modes other components are left out.
         force: floor at which the force acts, where the columns' names do not say it.
         noise: standard deviation of ln|H| where a table of FRFs gives none.
+
+    Raises:
+        MeasurementError: the file, a column or a cell cannot be used; the message names it.
     """
     if recording.modes or recording.mode_table is not None:
         return identified_modes(recording, columns, direction)

@@ -320,7 +320,11 @@ _DEGREES = ("deg", "degrees", "°")
 
 
 def without_decibels(table: ColumnTable) -> ColumnTable:
-    """Functions of frequency whose levels in dB are ratios, and those with a phase complex."""
+    """Functions of frequency whose levels in dB are ratios, and those with a phase complex.
+
+    Raises:
+        MeasurementError: a phase has no unit, or no magnitude beside it.
+    """
     if not (table.names and FREQUENCY_NAME.match(table.names[0])):
         return table
     values, names, units = table.values.copy(), list(table.names), list(table.units)

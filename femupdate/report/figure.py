@@ -292,14 +292,22 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
 
 
 def draw(result: Result, folder: Path, progress: Progress = SILENT) -> tuple[Path, ...]:
-    """Draw every picture of a result into a folder."""
+    """Draw every picture of a result into a folder.
+
+    Raises:
+        ReportError: one cannot be written.
+    """
     return save_pictures(list(result.figures()), folder, progress)
 
 
 def save_pictures(
     pictures: Sequence[Picture], folder: Path, progress: Progress = SILENT, label: str = "Drawing"
 ) -> tuple[Path, ...]:
-    """Draw pictures into a folder."""
+    """Draw pictures into a folder.
+
+    Raises:
+        ReportError: one cannot be written.
+    """
     progress.start(label, len(pictures))
     paths = []
     for picture in pictures:

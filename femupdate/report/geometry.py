@@ -35,7 +35,11 @@ class Geometry:
 
     @classmethod
     def of(cls, nodes: ArrayLike, shells: ArrayLike, beams: ArrayLike) -> "Geometry":
-        """Take lists as well as arrays; either of shells and beams may be empty."""
+        """Take lists as well as arrays; either of shells and beams may be empty.
+
+        Raises:
+            ReportError: there is nothing to draw.
+        """
         quads = np.asarray(shells, dtype=np.int64).reshape(-1, 4)
         lines = np.asarray(beams, dtype=np.int64).reshape(-1, 2)
         if not len(quads) and not len(lines):
@@ -230,7 +234,11 @@ SIGNS: Mapping[str, Callable[..., Glyphs]] = {
 
 
 def drawn(glyphs: "Iterable[Glyph]") -> Glyphs:
-    """Return the signs that an effect asks for."""
+    """Return the signs that an effect asks for.
+
+    Raises:
+        ReportError: one is of a kind that is not known.
+    """
     found = Glyphs()
     for glyph in glyphs:
         if glyph.kind not in SIGNS:

@@ -44,7 +44,11 @@ class Image:
 
     @classmethod
     def of(cls, path: Path) -> "Image":
-        """Such a file."""
+        """Such a file.
+
+        Raises:
+            ReportError: it is none.
+        """
         if not path.is_file() or not path.read_bytes()[:8].startswith((_PNG, _JPEG)):
             raise ReportError(f"{path} is no picture; give a PNG or JPEG file")
         return cls(path)
@@ -160,6 +164,9 @@ def added_section(path: Path, name: str) -> Section:
     """A section of the reader's own: a picture, or text whose paragraphs blank lines divide.
 
     A first line that begins with "# " is its title, which is else the name of the file.
+
+    Raises:
+        ReportError: the file is neither.
     """
     title = path.stem.replace("_", " ")
     head = path.read_bytes()[:8]

@@ -36,6 +36,9 @@ def inspected(file: Inspection) -> Figure:
     """Draw the histories of a file, else its functions of frequency, else its modes.
 
     The first `MOST_LINES` of them are drawn.
+
+    Raises:
+        ReportError: the file holds none of them.
     """
     title = file.path.name
     if file.channels:

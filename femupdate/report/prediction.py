@@ -320,6 +320,9 @@ def read_prediction(path: Path, building: Building, mass: float) -> Prediction:
 
     Args:
         mass: above the middle of the first story, kg.
+
+    Raises:
+        StudyError: the file is damaged, or an older version wrote it.
     """
     try:
         tree = read_tree(path)

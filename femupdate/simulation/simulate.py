@@ -177,6 +177,9 @@ def write_simulation(
 
     Args:
         comments: lines to add at its top to those that say what it is.
+
+    Raises:
+        MeasurementError, StudyError: a file cannot be written.
     """
     truth, told = truth_path(path), simulation.truth
     label = (

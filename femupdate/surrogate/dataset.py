@@ -68,6 +68,9 @@ def compute_dataset(
         modes: kept for each sample, at most.
         top_hz: top of the frequency grid.
         shard: samples of one.
+
+    Raises:
+        StudyError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     scramble = torch_generator(seed).initial_seed()

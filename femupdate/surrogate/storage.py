@@ -148,7 +148,11 @@ def find_surrogate(study: Study, building: Building) -> tuple[Surrogate, Path] |
 
 
 def require_surrogate(study: Study, building: Building) -> Surrogate:
-    """A surrogate that fits the building."""
+    """A surrogate that fits the building.
+
+    Raises:
+        SurrogateError: there is none.
+    """
     found = find_surrogate(study, building)
     if found is None:
         raise SurrogateError(

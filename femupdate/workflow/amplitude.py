@@ -74,6 +74,9 @@ def record_levels(model: StudyModel, source: ObservationSource) -> dict[str, flo
     """Level (m/s2) of every floor's acceleration along the motion (see `motion_level`).
 
     Of several files the first one with histories counts.
+
+    Raises:
+        MeasurementError: no file holds histories.
     """
     direction = direction_of(model.building)
     return floor_levels(_histories(source, direction), direction)

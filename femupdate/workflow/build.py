@@ -256,7 +256,11 @@ EXPORTS = {"nastran": "model.bdf", "opensees": "opensees_model.py"}
 
 
 def _export(study: Study, building: Building, program: str) -> None:
-    """Write bulk data in N and m, or a Python script for OpenSeesPy, all stiffness factors 1."""
+    """Write bulk data in N and m, or a Python script for OpenSeesPy, all stiffness factors 1.
+
+    Raises:
+        StudyError: the building has no mesh, or there is no such program.
+    """
     if building.kind == "shear":
         raise StudyError(
             f"{building.name} is a shear building of lumped masses, which has no mesh to export; "

@@ -115,7 +115,11 @@ def check_calibration(
 
 
 def check_device(name: str) -> None:
-    """Make sure that torch can compute in double precision on a device."""
+    """Make sure that torch can compute in double precision on a device.
+
+    Raises:
+        InferenceError: it cannot.
+    """
     import torch
 
     try:

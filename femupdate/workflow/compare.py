@@ -172,6 +172,9 @@ def find_state(text: str, study: Study) -> State:
     Args:
         text: a study folder, a posterior file, or the name of a posterior of the study.
         study: that is asked for the name.
+
+    Raises:
+        StudyError: there is none, or it is damaged.
     """
     path, names = Path(text), study.posteriors()
     if text in names:

@@ -94,6 +94,9 @@ def inspect(
         unit: of accelerations, or of force and length of a model, where a file does not say it.
         columns: our column name to the file's column or channel.
         rate: samples a second, of a table without times.
+
+    Raises:
+        MeasurementError: none can be read.
     """
     read, refused, models = [], [], []
     for path in map(Path, files):

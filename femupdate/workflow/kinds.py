@@ -183,7 +183,11 @@ def read_measured_of(
 
 
 def with_rest(study: Study, model: StudyModel, measured: Measured, progress: Progress) -> Measured:
-    """What was measured, with what the reduced model lacks under forces."""
+    """What was measured, with what the reduced model lacks under forces.
+
+    Raises:
+        MeasurementError: a response to a force is in another unit or quantity than its file says.
+    """
     if not measured.forced:
         return measured
     rest = open_rest(study, model, progress)
@@ -395,6 +399,9 @@ def check_base_level(model: StudyModel, base: Observation) -> None:
     """Refuse a table of FRFs that cannot be floor over base acceleration.
 
     Responses to a hammer without units look like it, and are smaller by the masses of the building.
+
+    Raises:
+        MeasurementError: no parameters of the prior come near |H|.
     """
     if base.coherence is not None or not base.valid.any():
         return  # estimated here, from histories of the base and the floors

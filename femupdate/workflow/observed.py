@@ -55,7 +55,11 @@ class ObservationSource:
         return (self.path, *self.further)
 
     def opened(self) -> "ObservationSource":
-        """The source with its files read: all that follows sees them as they are now."""
+        """The source with its files read: all that follows sees them as they are now.
+
+        Raises:
+            MeasurementError: a file cannot be read.
+        """
         if self.files:
             return self
         files = {}
@@ -70,6 +74,9 @@ class ObservationSource:
 
         Args:
             noise: standard deviation of ln|H| where a table of FRFs gives none.
+
+        Raises:
+            MeasurementError: the file cannot be used.
         """
         recording = self._recording(path)
         return kind_in(recording, self.unit, self.columns, direction, self.force, **noise)
@@ -83,7 +90,11 @@ class ObservationSource:
         return base_motion_in(self._recording(self.path), self.unit, self.columns)
 
     def asked_of(self, modes: IdentifiedModes, path: Path) -> IdentifiedModes:
-        """Identified modes on the floors and in the band that are asked for."""
+        """Identified modes on the floors and in the band that are asked for.
+
+        Raises:
+            MeasurementError: no mode lies in the band.
+        """
         if self.sensors:
             modes = modes.of_floors([name for name in modes.floors if name in self.sensors])
         if self.band_hz is None:
@@ -203,7 +214,11 @@ def _within(observation: Observation, band_hz: tuple[float, float]) -> Observati
 
 
 def check_readable(source: ObservationSource) -> None:
-    """Make sure that the files can be used, before anything is built or written."""
+    """Make sure that the files can be used, before anything is built or written.
+
+    Raises:
+        MeasurementError: a file cannot be used.
+    """
     read = [source.read(path, "x") for path in source.paths]
     if source.force and not any(
         isinstance(each, tuple) and each[0].excitation.force for each in read
@@ -219,6 +234,9 @@ def readable(
     Args:
         study: which keeps unit and columns of files that it has read before.
         reading: fields of `ObservationSource` that say how to read the files.
+
+    Raises:
+        MeasurementError: a file cannot be used.
     """
     asked = {name: value for name, value in reading.items() if value is not None}
     source = ObservationSource(path, further=further, **study.reading_of(path) | asked).opened()

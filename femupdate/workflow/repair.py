@@ -346,7 +346,11 @@ def _kept_out(
 def _check_explained(
     kept_out: KeptOut, problem: Likelihood, found: Diagnosis, source: ObservationSource
 ) -> None:
-    """Make sure that data kept out may be another event of what was diagnosed."""
+    """Make sure that data kept out may be another event of what was diagnosed.
+
+    Raises:
+        MeasurementError: no candidate explains them as one.
+    """
     fits = [found.base, *(finding.fitted for finding in found.findings)]
     best = kept_out.explained(problem, fits)
     if best is not None and not best >= LEAST_EXPLAINED:  # which no number is not

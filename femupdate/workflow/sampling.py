@@ -77,7 +77,11 @@ class FittedEffects:
 def fitted_effects(
     study: Study, model: StudyModel, measured: Measured, progress: Progress
 ) -> FittedEffects:
-    """Fit the effects that a building lists; the basis that serves there is kept."""
+    """Fit the effects that a building lists; the basis that serves there is kept.
+
+    Raises:
+        BuildingError: an effect cannot be.
+    """
     finder = finder_model(study, model, progress)
     phase = any(place.effect.needs_phase for place in building_effects(model.building).placed)
     data: list[Data] = []

@@ -55,7 +55,11 @@ _LEFT_OUT = ("__init__.py", "__pycache__")
 
 
 def copy_examples(folder: Path | str = "examples") -> Told:
-    """Copy the shipped example and building files into a folder; files there stay as they are."""
+    """Copy the shipped example and building files into a folder; files there stay as they are.
+
+    Raises:
+        StudyError: a file cannot be written.
+    """
     copied, kept = [], []
     models = [
         (Path("models") / name, source)
