@@ -87,21 +87,10 @@ class Residuals:
         return (residual[:, None] - moved).transpose(1, 2) / step[:, None]
 
 
-class Misfit(Residuals):
-    """Whitened misfit of a model of ln|H|.
-
-    Args:
-        respond: z (n, z) to ln|H| (n, f, k).
-        step: of finite differences in z.
-    """
-
-    def __init__(self, respond: Callable[[Tensor], Tensor], data: LatentData, step: float) -> None:
-        root, target = data.weight.sqrt(), data.log_frf
-
-        def residuals(z: Tensor) -> Tensor:
-            return (root * (target - respond(z))).flatten(1)
-
-        super().__init__(residuals, step)
+def misfit_of(respond: Callable[[Tensor], Tensor], data: LatentData, step: float) -> Residuals:
+    """That of a model z (n, z) to ln|H| (n, f, k), with a step of finite differences in z."""
+    root = data.weight.sqrt()
+    return Residuals(lambda z: (root * (data.log_frf - respond(z))).flatten(1), step)
 
 
 @dataclass(frozen=True, eq=False)

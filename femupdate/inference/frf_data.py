@@ -245,25 +245,16 @@ class FrfData:
         force = Excitation(self.excitation.force)
         return system.respond(force, theta, zeta, sizes, frequency_hz, self.rest)[:, :, 0]
 
-    def as_logs(
-        self,
-        system: System,
-        *,
-        precision: torch.dtype = torch.float64,
-        modes: int | None = MODES_KEPT,
-    ) -> "FrfData":
+    def as_logs(self, system: System, modes: int | None = MODES_KEPT) -> "FrfData":
         """The same of one record under base motion without phases, as fast as it can be had.
 
         Args:
             system: the model. Responses of one with effects are made of all its modes.
-            precision: of the responses; modes are always solved in float64. float32 takes half the
-                time and moves the log likelihood by a few thousandths.
             modes: kept for a response; all where None, which makes responses smooth in theta:
                 which modes are kept changes from place to place.
         """
         how = Responses(
             modes=None if system.placed else modes,
-            precision=precision,
             floors=self.rows,
             seen=self.blocks[0].estimator,
         )
@@ -526,12 +517,11 @@ def base_logs(
     system: System,
     *,
     table: ErrorTable = MODEL_ERROR,
-    precision: torch.dtype = torch.float64,
     modes: int | None = MODES_KEPT,
 ) -> FrfData:
     """ln|H| under base motion, at all frequencies of an observation (see `FrfData.as_logs`)."""
     data = frf_data(observation, system.floors, use_phase=False, table=table)
-    return data.as_logs(system, precision=precision, modes=modes)
+    return data.as_logs(system, modes)
 
 
 def forced_data(

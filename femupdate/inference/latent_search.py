@@ -25,11 +25,11 @@ from torch import Tensor
 from femupdate.maximise import (
     Descent,
     LatentData,
-    Misfit,
     Residuals,
     Search,
     descend,
     distinct,
+    misfit_of,
     nats_of,
 )
 from femupdate.surrogate.network import LatentMixture, Mvae
@@ -129,7 +129,7 @@ def find_latent(
     starts = _starts(mvae, data, proposal, generator)
     points = (data.weight > 0).any(0).nonzero()[:, 0]
     seen = LatentData(data.log_frf[:, points], data.weight[:, points])
-    by_decoder = Misfit(lambda z: mvae.decode(z, points), seen, 1e-3)
+    by_decoder = misfit_of(lambda z: mvae.decode(z, points), seen, 1e-3)
     # A decoder's misfit may be wrong by some nats.
     near = _distinct(mvae, descend(by_decoder, starts), nats=30.0, count=24)
     # In double precision: differences of responses are taken.
@@ -179,7 +179,7 @@ def _own_misfit(
 
     if settle is None:
         data, respond = reduced
-        return Misfit(lambda z: respond(*parameters(z)), data, _RESPONSE_STEP), reached
+        return misfit_of(lambda z: respond(*parameters(z)), data, _RESPONSE_STEP), reached
 
     def joined(z: Tensor) -> Tensor:
         theta, zeta = parameters(z)

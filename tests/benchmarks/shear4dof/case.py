@@ -4,7 +4,7 @@ Published as a test of samplers; the noise is the authors' own (seed 101), so th
 ours are of the same observation.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -144,7 +144,8 @@ def _curvature_sd(model: StudyModel, solutions: Floats) -> Floats:
 
 def data_likelihood(model: StudyModel, case: Case) -> LogLikelihood:
     """exp(-|r|^2 / 2 sigma^2) of the roof, in the factors; the damping ratio is known."""
-    data = base_logs(case.observation, model.system, table=STATED, precision=torch.float32)
+    data = base_logs(case.observation, model.system, table=STATED)
+    data = replace(data, logs=replace(data.logs, precision=torch.float32))
     likelihood = likelihood_of((data,), model.system, model.parameters)
 
     def of_factors(theta: torch.Tensor) -> torch.Tensor:
