@@ -3,7 +3,9 @@
 import hashlib
 import multiprocessing
 import os
+import re
 import signal
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -59,3 +61,18 @@ def snapshot(folder):
 
 def tensor(values):
     return torch.as_tensor(np.asarray(values), dtype=torch.float64)
+
+
+def of_contributing(section):
+    """The pieces of code of a section of CONTRIBUTING.md."""
+    page = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text()
+    text = page.split(f"\n## {section}\n")[1].split("\n## ")[0]
+    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+
+
+def contribute(section, package, name, tmp_path, monkeypatch):
+    """Put the first piece of code of a section beside the modules of a package."""
+    more = tmp_path / "more"
+    more.mkdir()
+    (more / f"{name}.py").write_text(of_contributing(section)[0])
+    monkeypatch.setattr(package, "__path__", [*package.__path__, str(more)])

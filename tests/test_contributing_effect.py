@@ -1,8 +1,6 @@
 """The effect of CONTRIBUTING.md, put into the catalogue, is simulated, found, reduced and drawn."""
 
-import re
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +13,8 @@ from femupdate.report import drawn
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.workflow import ObservationSource, diagnose_study, open_study
+from tests.helpers import contribute
 
-PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
 STICK, SIZE = "shear_3dof", 0.15
 HIDDEN = SimulationSettings(effects=(("neighbour@RF", (SIZE,)),), seed=4)
 
@@ -24,12 +22,7 @@ HIDDEN = SimulationSettings(effects=(("neighbour@RF", (SIZE,)),), seed=4)
 @pytest.fixture
 def effect(tmp_path, monkeypatch):
     """The page's effect as a module beside the others."""
-    section = PAGE.read_text().split("\n## A new effect\n")[1].split("\n## ")[0]
-    code = re.search(r"```python\n(.*?)```", section, re.DOTALL)
-    more = tmp_path / "more"
-    more.mkdir()
-    (more / "neighbour.py").write_text(code.group(1))
-    monkeypatch.setattr(catalogue, "__path__", [*catalogue.__path__, str(more)])
+    contribute("A new effect", catalogue, "neighbour", tmp_path, monkeypatch)
     for kind in classes_in(catalogue, Effect):
         monkeypatch.setitem(CATALOGUE, kind.name, kind())
     yield CATALOGUE["neighbour"]

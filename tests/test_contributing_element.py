@@ -1,10 +1,8 @@
 """The element of CONTRIBUTING.md, put into the folder of elements, works everywhere."""
 
 import json
-import re
 import subprocess
 import sys
-from pathlib import Path
 
 import meshio
 import numpy as np
@@ -22,20 +20,15 @@ from femupdate.fe import (
     static_displacement,
 )
 from femupdate.fe import elements as folder
+from tests.helpers import contribute
 
-PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
 E, AREA, DENSITY, ONE = 200e9, 3e-4, 7850.0, np.ones(1)
 
 
 @pytest.fixture
 def kind(tmp_path, monkeypatch):
     """The page's element as a module beside the others."""
-    section = PAGE.read_text().split("\n## A new element\n")[1].split("\n## ")[0]
-    code = re.search(r"```python\n(.*?)```", section, re.DOTALL)
-    more = tmp_path / "more"
-    more.mkdir()
-    (more / "tie.py").write_text(code.group(1))
-    monkeypatch.setattr(folder, "__path__", [*folder.__path__, str(more)])
+    contribute("A new element", folder, "tie", tmp_path, monkeypatch)
     element_kinds.cache_clear()
     yield element_kinds()["tie"]
     element_kinds.cache_clear()

@@ -1,8 +1,5 @@
 """The reader of CONTRIBUTING.md, put into the folder of readers, reads a file."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -10,20 +7,15 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement import read_measured, read_observation_file, read_record
 from femupdate.measurement import readers as folder
 from femupdate.measurement.reader import readers
+from tests.helpers import contribute
 
-PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
 VALUES = np.round(np.random.default_rng(7).normal(size=(80, 2)) * [40, 90], 2)
 
 
 @pytest.fixture
 def contributed(tmp_path, monkeypatch):
     """The page's reader as a module beside the others."""
-    section = PAGE.read_text().split("\n## A new reader\n")[1].split("\n## ")[0]
-    code = re.search(r"```python\n(.*?)```", section, re.DOTALL)
-    more = tmp_path / "more"
-    more.mkdir()
-    (more / "logger.py").write_text(code.group(1))
-    monkeypatch.setattr(folder, "__path__", [*folder.__path__, str(more)])
+    contribute("A new reader", folder, "logger", tmp_path, monkeypatch)
     readers.cache_clear()
     yield
     readers.cache_clear()

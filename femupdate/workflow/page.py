@@ -142,7 +142,6 @@ class BuildingDescription(Result):
 
     def figures(self) -> Iterator[Picture]:
         """The model at rest, and plans where it has a mesh."""
-        from femupdate.report.geometry import Geometry, drawn
         from femupdate.report.plot_building import building_view, story_plans
 
         building = self.model.building

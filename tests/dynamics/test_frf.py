@@ -20,31 +20,19 @@ EQUIVALENT = [
 ]
 
 
-@pytest.mark.parametrize("zeta", [0.0, 0.005, 0.02, 0.3])
-def test_constant_modal_damping_against_a_direct_solution(chain, thetas, zeta):
-    found = complex_frf(
-        System(chain.reduced()).modal_data(tensor(thetas)),
-        tensor(FREQUENCY),
-        ConstantDamping(),
-        tensor([zeta] * 3),
-    )
+@pytest.mark.parametrize("zeta", [0.0, 0.005, 0.02, 0.3, None])
+def test_damping_against_a_direct_solution(chain, thetas, zeta):
+    """Of a ratio for all modes, and Rayleigh's, which takes no ratio."""
+    law, ratio, damped = ConstantDamping(), zeta, {"zeta": zeta}
+    if zeta is None:
+        law, ratio = RayleighDamping(0.02, (1.0, 20.0)), 9.9
+        damped = {"proportional": rayleigh(0.02, 1.0, 20.0)}
+    data = System(chain.reduced()).modal_data(tensor(thetas))
+    found = complex_frf(data, tensor(FREQUENCY), law, tensor([ratio] * 3))
     for row, theta in enumerate(thetas):
-        expected = chain.at(theta, zeta=zeta).frf(FREQUENCY)
+        expected = chain.at(theta, **damped).frf(FREQUENCY)
         # Near a resonance without damping the solution itself loses five digits.
         np.testing.assert_allclose(found[row], expected, rtol=1e-8, atol=1e-8)
-
-
-def test_rayleigh_damping_against_a_direct_solution(chain, thetas):
-    law = RayleighDamping(0.02, (1.0, 20.0))
-    found = complex_frf(
-        System(chain.reduced()).modal_data(tensor(thetas)),
-        tensor(FREQUENCY),
-        law,
-        tensor([9.9] * 3),
-    )
-    for row, theta in enumerate(thetas):
-        expected = chain.at(theta, proportional=rayleigh(0.02, 1.0, 20.0)).frf(FREQUENCY)
-        np.testing.assert_allclose(found[row], expected, rtol=1e-10, atol=1e-10)
 
 
 def test_the_four_solutions_of_the_benchmark_have_one_roof_curve():

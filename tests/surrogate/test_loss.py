@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from torch import nn
 from torch.distributions import Normal
 
 from femupdate.surrogate import (
@@ -14,6 +13,7 @@ from femupdate.surrogate import (
     proposal,
     reconstruction,
 )
+from tests.surrogate.test_network import random_networks
 
 SIZES = NetworkSizes(
     2, 30, 2, True, 3, floor_features=6, width=16, parameter_width=12, blocks=2, components=2
@@ -26,15 +26,8 @@ def generator(seed=0):
 
 @pytest.fixture(scope="module")
 def mvae():
-    torch.manual_seed(0)
-    networks = Mvae(SIZES)
-    networks.lower.copy_(torch.tensor([0.3, 0.5]))
-    networks.upper.copy_(torch.tensor([3.0, 2.0]))
-    networks.x_mean.normal_()
-    networks.x_scale.uniform_(0.5, 2.0)
+    networks = random_networks(SIZES)
     networks.decoder.damping_bounds.copy_(torch.tensor([0.01, 0.05]))
-    for parameter in networks.parameters():
-        nn.init.normal_(parameter, std=0.3)
     return networks.requires_grad_(False)
 
 

@@ -10,10 +10,9 @@ SIZES = NetworkSizes(
 )
 
 
-@pytest.fixture
-def mvae():
+def random_networks(sizes):
     torch.manual_seed(0)
-    networks = Mvae(SIZES)
+    networks = Mvae(sizes)
     networks.lower.copy_(torch.tensor([0.3, 0.5]))
     networks.upper.copy_(torch.tensor([3.0, 2.0]))
     networks.x_mean.normal_()
@@ -21,6 +20,11 @@ def mvae():
     for parameter in networks.parameters():
         torch.nn.init.normal_(parameter, std=0.3)
     return networks
+
+
+@pytest.fixture
+def mvae():
+    return random_networks(SIZES)
 
 
 def seen(floors, band=(0.0, 1.0)):

@@ -87,24 +87,17 @@ def without_effects(number: str, task: Mapping[str, Any], folder: Path) -> None:
 
 def free_modes(number: str, task: Mapping[str, Any], folder: Path) -> None:
     """As many modes as floors, which no building ties; they forecast, and name nothing."""
-    seen = _histories(number)
-    if seen is not None:
-        started = time.process_time()
+
+    def answer(seen: Histories, base: Floats) -> Floats:
         fitted = fit_free([seen], _DIRECTION, (0.5, 18.0), len(task["floors"]))
-        base = read_csv(FOLDER / "tasks" / number / "next_base.csv")["base"][None]
-        _write_forecast(number, folder, seen.floors, fitted.answer(base, seen.time_step))
-        _write(number, folder, started, {})
+        return fitted.answer(base, seen.time_step)
+
+    _rival(number, folder, answer)
 
 
 def impulse_filter(number: str, task: Mapping[str, Any], folder: Path) -> None:
     """An impulse response from the base to each floor; it forecasts, and names nothing."""
-    seen = _histories(number)
-    if seen is not None:
-        started = time.process_time()
-        fitted = fit_filter([seen], _DIRECTION)
-        base = read_csv(FOLDER / "tasks" / number / "next_base.csv")["base"][None]
-        _write_forecast(number, folder, seen.floors, fitted.answer(base))
-        _write(number, folder, started, {})
+    _rival(number, folder, lambda seen, base: fit_filter([seen], _DIRECTION).answer(base))
 
 
 Entry = Callable[[str, Mapping[str, Any], Path], None]
@@ -144,12 +137,14 @@ def places_of(effect: str, place: str, building: Path) -> list[str]:
     return place.split(",")
 
 
-def _histories(number: str) -> Histories | None:
-    """What was measured, where it is a record of base motion."""
-    read = read_observation_file(FOLDER / "tasks" / number / "measured.csv")
-    if isinstance(read, Histories) and read.excitation == BASE_MOTION:
-        return read
-    return None
+def _rival(number: str, folder: Path, answer: Callable[[Histories, Floats], Floats]) -> None:
+    """A forecast from what was measured, where it is a record of base motion."""
+    seen = read_observation_file(FOLDER / "tasks" / number / "measured.csv")
+    started = time.process_time()
+    if isinstance(seen, Histories) and seen.excitation == BASE_MOTION:
+        base = read_csv(FOLDER / "tasks" / number / "next_base.csv")["base"][None]
+        _write_forecast(number, folder, seen.floors, answer(seen, base))
+        _write(number, folder, started, {})
 
 
 def _forecast(number: str, study: Any, folder: Path) -> None:
