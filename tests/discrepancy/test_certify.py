@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,20 +34,15 @@ def test_discoveries_are_those_of_the_rule_for_e_values(logs, untried, share):
     assert kept == sum(np.exp(one) >= tried / (max(enough) * share) for one in logs if enough)
 
 
-@pytest.fixture(scope="module")
-def posed():
-    """A function: a problem in two halves, of a chain with more mass on its roof."""
-
-    def make(more, seed):
-        masses = MASSES * [1.0, 1.0 + more]
-        frf = Chain(masses, SPRINGS * THETA, zeta=0.03).frf(GRID)
-        whole, building = observe(FLOORS, GRID, frf, SD, seed), building_of(MASSES, SPRINGS)
-        parity = np.arange(len(GRID)) % 2
-        parts = [replace(whole, valid=whole.valid & (parity == one)) for one in (0, 1)]
-        halves = tuple(pose(building, one).data[0] for one in parts)
-        return in_parts(pose(building, whole), halves)
-
-    return make
+def posed(more, seed):
+    """A problem in two halves, of a chain with more mass on its roof."""
+    masses = MASSES * [1.0, 1.0 + more]
+    frf = Chain(masses, SPRINGS * THETA, zeta=0.03).frf(GRID)
+    whole, building = observe(FLOORS, GRID, frf, SD, seed), building_of(MASSES, SPRINGS)
+    parity = np.arange(len(GRID)) % 2
+    parts = [replace(whole, valid=whole.valid & (parity == one)) for one in (0, 1)]
+    halves = tuple(pose(building, one).data[0] for one in parts)
+    return in_parts(pose(building, whole), halves)
 
 
 def in_parts(problem, halves):
@@ -62,13 +56,13 @@ def weighed(problem, placed):
     return base, fitted, certify(problem, base, [fitted], 20, 0.05).get(placed[-1].label)
 
 
-def test_mass_that_is_there_holds_on_the_other_half(posed):
+def test_mass_that_is_there_holds_on_the_other_half():
     found = weighed(posed(0.25, 1), place("added_mass@RF"))[2]
     assert found.log_e_value > np.log(20 / 0.05)
     assert found.certified
 
 
-def test_what_is_not_there_gains_nothing_on_the_other_half(posed):
+def test_what_is_not_there_gains_nothing_on_the_other_half():
     """Where theta acts nearly linearly the mean e-value is one, within its standard error here."""
     found = [weighed(posed(0.0, seed), place("added_mass@RF"))[2] for seed in range(10, 18)]
     values = np.exp([one.log_e_value for one in found])
@@ -77,13 +71,13 @@ def test_what_is_not_there_gains_nothing_on_the_other_half(posed):
     assert np.log(values).mean() < 0.0
 
 
-def test_data_that_cannot_be_parted_certify_nothing_and_are_not_kept_out_in_turn(posed):
+def test_data_that_cannot_be_parted_certify_nothing_and_are_not_kept_out_in_turn():
     base, _, tested = weighed(in_parts(posed(0.25, 1), ()), place("added_mass@RF"))
     assert tested is None
     assert np.isnan(missed_in_turn(base))
 
 
-def test_other_data_weigh_an_effect_with_their_own_stiffness(posed):
+def test_other_data_weigh_an_effect_with_their_own_stiffness():
     """The other event's stories are 10 % softer: that speaks neither for the mass nor against."""
     placed, building = place("added_mass@RF"), building_of(MASSES, SPRINGS)
     base, fitted, _ = weighed(posed(0.25, 2), placed)
@@ -97,14 +91,14 @@ def test_other_data_weigh_an_effect_with_their_own_stiffness(posed):
     assert gains[1] < -5.0
 
 
-def test_halves_kept_out_in_turn_are_missed_less_with_an_effect_that_is_there(posed):
+def test_halves_kept_out_in_turn_are_missed_less_with_an_effect_that_is_there():
     base, fitted, _ = weighed(posed(0.25, 1), place("added_mass@RF"))
     before, after = missed_in_turn(base), missed_in_turn(fitted)
     assert 0.6 < after < 1.6
     assert before > 2.0 * after
 
 
-def test_each_half_is_missed_by_no_less_than_a_fit_to_all_data_leaves(posed):
+def test_each_half_is_missed_by_no_less_than_a_fit_to_all_data_leaves():
     """The error is that of a prediction: the half was not fitted to."""
     fits = [weighed(posed(0.0, seed), place("added_mass@RF"))[1] for seed in range(3)]
     left = [one.chi2 / one.likelihood.effective for one in fits]

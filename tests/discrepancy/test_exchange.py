@@ -18,19 +18,14 @@ THETA, SD = np.array([0.7, 1.4, 0.9, 1.6, 0.6]), 0.05
 MASSES, SPRINGS = np.ones(5), np.full(5, 600.0)
 
 
-@pytest.fixture(scope="module")
-def hidden():
-    """A function: the problem with the rows in an order and with signs, and its best fit."""
-
-    def make(rows=(0, 1, 2, 3, 4), signs=(1, 1, 1, 1, 1), masses=MASSES, quiet=1.0):
-        chain = Chain(masses, SPRINGS * THETA, zeta=0.03)
-        frf = chain.frf(GRID)[list(rows)] * np.array(signs)[:, None]
-        seen = observe(FLOORS, GRID, frf, SD / quiet, 5)
-        seen = replace(seen, noise_sd=quiet * seen.noise_sd)
-        problem = pose(building_of(MASSES, SPRINGS), seen)
-        return problem, fit_baseline(problem)[0]
-
-    return make
+def hidden(rows=(0, 1, 2, 3, 4), signs=(1, 1, 1, 1, 1), masses=MASSES, quiet=1.0):
+    """The problem with the rows in an order and with signs, and its best fit."""
+    chain = Chain(masses, SPRINGS * THETA, zeta=0.03)
+    frf = chain.frf(GRID)[list(rows)] * np.array(signs)[:, None]
+    seen = observe(FLOORS, GRID, frf, SD / quiet, 5)
+    seen = replace(seen, noise_sd=quiet * seen.noise_sd)
+    problem = pose(building_of(MASSES, SPRINGS), seen)
+    return problem, fit_baseline(problem)[0]
 
 
 def exchanges(problem):
@@ -45,7 +40,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("label", WRONG)
-def test_the_right_name_is_found_and_theta_with_it(hidden, label):
+def test_the_right_name_is_found_and_theta_with_it(label):
     problem, base = hidden(**WRONG[label])
     found = promising(problem, base, exchanges(problem))
     share, placed, _ = found[0]
@@ -59,7 +54,7 @@ def test_the_right_name_is_found_and_theta_with_it(hidden, label):
     assert best.chi2 < 600.0 + 5.0 * np.sqrt(1200.0)
 
 
-def test_the_repair_starts_anew_from_an_exchange(hidden):
+def test_the_repair_starts_anew_from_an_exchange():
     """What a basis about the wrong theta gave is not carried on."""
     problem, base = hidden(**WRONG["swapped_channels@2F,3F"])
     asked = []

@@ -15,21 +15,16 @@ FLOORS = ("2F", "3F", "4F", "5F", "RF")
 MASSES, SPRINGS, SD = np.ones(5), np.full(5, 600.0), 0.02
 
 
-@pytest.fixture(scope="module")
-def posed():
-    """A function: the problem with another mass on one floor, and its best fit without it."""
-
-    def make(floor, share, theta):
-        masses = MASSES + share * np.array([name == floor for name in FLOORS])
-        frf = Chain(masses, SPRINGS * np.array(theta), zeta=0.01).frf(GRID)
-        seen = observe(FLOORS, GRID, frf, SD, 7)
-        problem = pose(building_of(MASSES, SPRINGS), seen)
-        return problem, fit_baseline(problem)[0]
-
-    return make
+def posed(floor, share, theta):
+    """The problem with another mass on one floor, and its best fit without it."""
+    masses = MASSES + share * np.array([name == floor for name in FLOORS])
+    frf = Chain(masses, SPRINGS * np.array(theta), zeta=0.01).frf(GRID)
+    seen = observe(FLOORS, GRID, frf, SD, 7)
+    problem = pose(building_of(MASSES, SPRINGS), seen)
+    return problem, fit_baseline(problem)[0]
 
 
-def test_a_large_effect_is_found_from_afar(posed):
+def test_a_large_effect_is_found_from_afar():
     """Theta has made up for so much of it that other effects score higher."""
     label, share, theta = "added_mass@4F", -0.48, (1.36, 1.03, 0.84, 0.84, 1.49)
     problem, base = posed(label.split("@")[1], share, theta)

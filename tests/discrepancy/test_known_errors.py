@@ -39,24 +39,19 @@ class Alike:
         return system, lambda errors: errors
 
 
-@pytest.fixture
-def posed():
+def posed(truth, count, noise):
     """The likelihood of |H| of a chain of equal springs times factors, and its prior."""
-
-    def make(truth, count, noise):
-        masses, springs = np.ones(len(truth)), np.full(len(truth), 600.0)
-        grid = {"frequency_grid": {"start": 0.05, "step": 0.05, "count": count}}
-        building = building_of(masses, springs, **grid)
-        frf = Chain(masses, springs * truth, zeta=0.01).frf(GRID[:count])
-        seen = observe(building.floors, GRID[:count], frf, noise, 3, phase=False)
-        data = base_logs(seen, system := System(reduced_of(building).model), modes=None)
-        prior = theta_prior(building) + Parameters((damping_parameter(building),))
-        return likelihood_of((data,), system, prior), prior
-
-    return make
+    masses, springs = np.ones(len(truth)), np.full(len(truth), 600.0)
+    grid = {"frequency_grid": {"start": 0.05, "step": 0.05, "count": count}}
+    building = building_of(masses, springs, **grid)
+    frf = Chain(masses, springs * truth, zeta=0.01).frf(GRID[:count])
+    seen = observe(building.floors, GRID[:count], frf, noise, 3, phase=False)
+    data = base_logs(seen, system := System(reduced_of(building).model), modes=None)
+    prior = theta_prior(building) + Parameters((damping_parameter(building),))
+    return likelihood_of((data,), system, prior), prior
 
 
-def test_what_moves_all_factors_alike_is_never_told_from_them(posed):
+def test_what_moves_all_factors_alike_is_never_told_from_them():
     likelihood, prior = posed(np.array([0.9, 1.1, 1.0]), 240, 0.02)
     found = settled(replace(likelihood, known=Alike()), 1)
     middle = prior.from_normal(found.found.z[:1])
@@ -70,7 +65,7 @@ def test_what_moves_all_factors_alike_is_never_told_from_them(posed):
     assert sd == pytest.approx(COMMON, rel=0.05)
 
 
-def test_twelve_factors_are_found_from_low_frequencies_on(posed):
+def test_twelve_factors_are_found_from_low_frequencies_on():
     truth = np.append(np.exp(np.random.default_rng(0).uniform(-0.69, 0.69, 12)), 0.01)
     likelihood, prior = posed(truth[:12], 80, 0.01)
     found = settled(likelihood, 0)

@@ -28,21 +28,16 @@ def chain():
     return Chain(MASSES, TRUTH * SPRINGS, zeta=ZETA)
 
 
-@pytest.fixture(scope="module")
-def fitted():
-    """A function: the problem of an FRF with noise, and the model without effects fitted to it."""
-
-    def make(frf, seed, sd=SD, phase=True):
-        observation = observe(FLOORS, GRID, frf, sd, seed, phase)
-        problem = pose(building_of(MASSES, SPRINGS), observation)
-        start = torch.from_numpy(np.log([*TRUTH, ZETA]))
-        return problem, fit(problem, (), start, 25)
-
-    return make
+def fitted(frf, seed, sd=SD, phase=True):
+    """The problem of an FRF with noise, and the model without effects fitted to it."""
+    observation = observe(FLOORS, GRID, frf, sd, seed, phase)
+    problem = pose(building_of(MASSES, SPRINGS), observation)
+    start = torch.from_numpy(np.log([*TRUTH, ZETA]))
+    return problem, fit(problem, (), start, 25)
 
 
 @pytest.fixture(scope="module")
-def clean(chain, fitted):
+def clean(chain):
     """Statistics (seed, effect) of clean data, and their p-values."""
     frf, placed = chain.frf(GRID), place(*TWO_SIDED, *ONE_SIDED)
     statistics, tails = [], []
@@ -74,7 +69,7 @@ def test_p_values_of_clean_data_are_uniform(clean):
     assert kstest(clean[1], "uniform").pvalue > 1e-3
 
 
-def test_where_the_noise_is_alone_nothing_stands_out(chain, fitted):
+def test_where_the_noise_is_alone_nothing_stands_out(chain):
     _, base = fitted(chain.frf(GRID), 5)
     cells = base.cells()
     assert len(cells) == 3 * 10
@@ -83,7 +78,7 @@ def test_where_the_noise_is_alone_nothing_stands_out(chain, fitted):
     assert np.mean([cell.excess for cell in inside]) == pytest.approx(0.0, abs=0.3)
 
 
-def test_where_a_disturbed_band_of_one_floor_stands_out(chain, fitted):
+def test_where_a_disturbed_band_of_one_floor_stands_out(chain):
     frf = chain.frf(GRID)
     band = (GRID > 8.0) & (GRID < 11.0)
     frf[1, band] *= 1.6
@@ -108,7 +103,7 @@ def test_where_a_disturbed_band_of_one_floor_stands_out(chain, fitted):
         ),
     ],
 )
-def test_the_statistic_is_what_a_refit_gains(chain, fitted, label, least, change):
+def test_the_statistic_is_what_a_refit_gains(chain, label, least, change):
     """Of a small effect: chi2 falls by the square of the score statistic (Rao, 1948)."""
     (placed,) = place(label)
     problem, base = fitted(change(chain), 3, sd=0.01)
@@ -133,14 +128,14 @@ def _rocking(chain, size):
     return chain.but(heights=heights, rocking=moment * heights[-1] / (size * roof))
 
 
-def test_a_soft_base_is_absorbed_by_the_first_story(chain, fitted):
+def test_a_soft_base_is_absorbed_by_the_first_story(chain):
     """Springs in series: no data of these sensors could show it, and none is left to explain."""
     problem, base = fitted(chain.frf(GRID), 2, sd=0.02)
     tests = [score(problem, base, one) for one in candidates(problem)]
     assert unobservable_effects(problem, base, tests, 1.0) == ("base_sway@base",)
 
 
-def test_a_weak_effect_is_hidden_by_large_noise(chain, fitted):
+def test_a_weak_effect_is_hidden_by_large_noise(chain):
     """A gain of 5 % under an error of 100 % of |H| in 60 points: D = .05 x sqrt(60) < 1."""
     problem, base = fitted(chain.frf(GRID), 2, sd=1.0, phase=False)
     tests = [score(problem, base, one) for one in candidates(problem)]

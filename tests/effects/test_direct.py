@@ -8,6 +8,7 @@ import pytest
 from femupdate.dynamics import RayleighDamping
 from femupdate.effects import CATALOGUE
 from femupdate.fe import Beams, Shells
+from tests.effects.equations import lumped_masses
 
 ZETA = 0.03
 # Both sides solve the same equations; what is left is rounding, over K's condition number.
@@ -35,7 +36,7 @@ def ground(case, sway=0.0, rocking=0.0):
     return springs
 
 
-def floor_masses(case, floor, node_masses):
+def floor_masses(case, floor):
     """(n,) masses on the degrees of freedom of one floor, the others zero."""
     if case.mesh is None:
         return np.where(np.arange(len(case.theta)) == floor, np.diag(case.equations.M), 0.0)
@@ -43,7 +44,7 @@ def floor_masses(case, floor, node_masses):
     level = case.mesh.floor_level[floor]
     there = np.isclose(model.nodes[:, 2], level)
     spread = np.zeros((len(model.nodes), 6))
-    spread[there, :3] = node_masses(model)[there, None]
+    spread[there, :3] = lumped_masses(model)[there, None]
     return spread.ravel()[case.structure.operators.free]
 
 
@@ -62,9 +63,9 @@ def test_rayleigh_law_of_the_model(case):
 
 
 @pytest.mark.parametrize("size", [0.3, -0.1])
-def test_added_mass(case, node_masses, size):
+def test_added_mass(case, size):
     for floor, name in enumerate(case.structure.floors):
-        changed = case.equations.with_mass(size * floor_masses(case, floor, node_masses))
+        changed = case.equations.with_mass(size * floor_masses(case, floor))
         agree(
             case.frf(f"added_mass@{name}", sizes=[size], zeta=ZETA),
             changed.frf(case.frequency_hz, ZETA),
@@ -101,12 +102,12 @@ def test_story_damper(case):
 
 
 @pytest.mark.parametrize("tuning", [0.6, 1.0, 2.5])
-def test_tuned_appendage(case, node_masses, tuning):
+def test_tuned_appendage(case, tuning):
     for floor, name in enumerate(case.structure.floors):
         effect = CATALOGUE["tuned_appendage"]
         omega = effect.terms(case.structure, name).constants[1]
         along = case.equations.rigid[:, 0] > 0.0
-        mass = floor_masses(case, floor, node_masses)[along].sum()
+        mass = floor_masses(case, floor)[along].sum()
         changed = case.equations.but(appendages=((floor, 0.1 * mass, tuning * omega, 0.02),))
         agree(
             case.frf(f"tuned_appendage@{name}", sizes=[0.1, tuning, 0.02], zeta=ZETA),
@@ -185,10 +186,10 @@ def test_stiffness_of_members(frame, effect, kind, size, bending, place):
     agree(frame.frf(f"{effect}@{place}", sizes=[size], zeta=ZETA), exact)
 
 
-def eccentric(case, size, node_masses):
+def eccentric(case, size):
     """(n,) masses that move the centre of each floor's mass across the motion, by hand."""
     model = case.mesh.model
-    own, across = node_masses(model), model.nodes[:, 1 - case.mesh.direction]
+    own, across = lumped_masses(model), model.nodes[:, 1 - case.mesh.direction]
     more = np.zeros((len(model.nodes), 6))
     for level in case.mesh.floor_level:
         here = np.isclose(model.nodes[:, 2], level)
@@ -198,8 +199,8 @@ def eccentric(case, size, node_masses):
     return more.ravel()[case.structure.operators.free]
 
 
-def test_eccentricity(frame, node_masses):
-    changed = frame.equations.with_mass(eccentric(frame, 0.08, node_masses))
+def test_eccentricity(frame):
+    changed = frame.equations.with_mass(eccentric(frame, 0.08))
     agree(
         frame.frf("eccentricity@all", sizes=[0.08], zeta=ZETA),
         changed.frf(frame.frequency_hz, ZETA),

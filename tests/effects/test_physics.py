@@ -10,6 +10,7 @@ from femupdate.building import from_document
 from femupdate.dynamics import ConstantDamping, System, reduced_on
 from femupdate.effects import CATALOGUE, DrawnBuilding, Placed, building_effects, structure_of
 from tests.documents import stick
+from tests.effects.equations import frame_of
 
 ZETA = 0.04
 GRID = np.linspace(0.2, 9.0, 45)
@@ -93,7 +94,7 @@ def lightened(document):
     return changed
 
 
-def test_added_mass_is_a_building_file_with_a_heavier_floor(frame_document, frame_of):
+def test_added_mass_is_a_building_file_with_a_heavier_floor(frame_document):
     light = lightened(frame_document)
     heavy = copy.deepcopy(light)
     heavy["floor_mass"][1]["total"] *= 1.4
@@ -108,7 +109,7 @@ def test_added_mass_is_a_building_file_with_a_heavier_floor(frame_document, fram
     np.testing.assert_allclose(plain.rigid_mass + 0.4 * added.rigid, exact.rigid_mass, rtol=1e-6)
 
 
-def test_wall_stiffness_is_a_building_file_with_another_concrete(frame_document, frame_of):
+def test_wall_stiffness_is_a_building_file_with_another_concrete(frame_document):
     other = copy.deepcopy(frame_document)
     other["materials"]["cracked"] = {**other["materials"]["concrete"], "youngs_modulus": 15e9}
     for part in ("slabs", "walls"):
