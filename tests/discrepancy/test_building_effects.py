@@ -16,13 +16,11 @@ MODELS = Path(__file__).parents[2] / "models"
 MASS = {"name": "added_mass", "place": "3F", "parameters": {"size": 0.1}}
 
 
-@pytest.fixture
-def listed():
-    """A function: a chain of three stories whose file lists effects."""
-    return lambda *effects: building_of([3, 2, 1], [9e3, 5e3, 4e3], effects=list(effects))
+def listed(*effects):
+    return building_of([3, 2, 1], [9e3, 5e3, 4e3], effects=list(effects))
 
 
-def test_effects_in_the_order_of_the_file_with_neutral_values_where_it_says_none(listed):
+def test_effects_in_the_order_of_the_file_with_neutral_values_where_it_says_none():
     tank = {"name": "tuned_appendage", "place": "RF", "parameters": {"size": 0.02}}
     swapped = {"name": "swapped_channels", "place": "2F,3F"}
     found = building_effects(listed(MASS, swapped, tank))
@@ -44,7 +42,7 @@ def test_effects_in_the_order_of_the_file_with_neutral_values_where_it_says_none
     ],
     ids=["effect", "twice", "parameter", "value"],
 )
-def test_an_impossible_effect_is_refused_in_one_sentence_with_its_key(listed, change, words):
+def test_an_impossible_effect_is_refused_in_one_sentence_with_its_key(change, words):
     with pytest.raises(BuildingError) as refused:
         building_effects(listed(MASS, {**MASS, "place": "RF", **change}))
     sentence = str(refused.value)
@@ -62,7 +60,7 @@ def test_an_impossible_effect_is_refused_in_one_sentence_with_its_key(listed, ch
         {"name": "swapped_channels", "place": "2F"},
     ],
 )
-def test_an_impossible_place_is_refused_in_one_sentence_with_its_key(listed, effect):
+def test_an_impossible_place_is_refused_in_one_sentence_with_its_key(effect):
     building = listed(MASS, effect)
     with pytest.raises(BuildingError, match=r"^chain: effects\[1\]\.place: ") as refused:
         check_places(reduced_of(building).structure, building_effects(building))
@@ -70,7 +68,7 @@ def test_an_impossible_place_is_refused_in_one_sentence_with_its_key(listed, eff
     assert "\n" not in str(refused.value)
 
 
-def test_a_building_with_effects_comes_back_from_its_file(listed, tmp_path):
+def test_a_building_with_effects_comes_back_from_its_file(tmp_path):
     plain = listed()
     mass, tank = place("added_mass@3F", "tuned_appendage@RF")
     repaired = with_effect(plain, mass, np.array([0.1234567]))

@@ -16,14 +16,12 @@ GRID = np.linspace(0.4, 14.0, 60)
 TRUTH, ZETA, GAIN = np.array([0.8, 1.4, 1.1]), 0.05, 0.02
 
 
-@pytest.fixture(scope="module")
-def chain():
-    return Chain(MASSES, TRUTH * SPRINGS, zeta=ZETA)
+CHAIN = Chain(MASSES, TRUTH * SPRINGS, zeta=ZETA)
 
 
-def test_errors_are_as_large_as_their_standard_deviations(chain):
+def test_errors_are_as_large_as_their_standard_deviations():
     """Theta, zeta and a gain over 40 noises: mean and spread of the errors in their own sd."""
-    frf = chain.frf(GRID)
+    frf = CHAIN.frf(GRID)
     frf[1] *= 1.0 + GAIN
     errors = []
     for seed in range(40):
@@ -51,9 +49,9 @@ def test_errors_are_as_large_as_their_standard_deviations(chain):
     assert spread[1] < 1.0 < spread[0]
 
 
-def test_the_baseline_is_found_from_anywhere_in_the_prior(chain):
+def test_the_baseline_is_found_from_anywhere_in_the_prior():
     """Without noise the truth comes out, whatever the seed of the draws."""
-    exact = observe(("2F", "3F", "RF"), GRID, chain.frf(GRID), 1e-9, 0)
+    exact = observe(("2F", "3F", "RF"), GRID, CHAIN.frf(GRID), 1e-9, 0)
     exact = replace(exact, noise_sd=np.full_like(exact.noise_sd, 0.05))
     problem = pose(building_of(MASSES, SPRINGS), exact)
     for seed in (0, 7):
@@ -77,10 +75,10 @@ def test_a_search_that_ends_beside_the_maximum_is_done_again(seed):
     np.testing.assert_allclose(best.theta()[0], truth, rtol=2e-3)
 
 
-def test_an_extended_model_starts_where_the_smaller_one_stands(chain):
+def test_an_extended_model_starts_where_the_smaller_one_stands():
     """With neutral sizes it predicts the same, and its fit is not worse."""
     problem = pose(
-        building_of(MASSES, SPRINGS), observe(("2F", "3F", "RF"), GRID, chain.frf(GRID), 0.1, 1)
+        building_of(MASSES, SPRINGS), observe(("2F", "3F", "RF"), GRID, CHAIN.frf(GRID), 0.1, 1)
     )
     base = fit_baseline(problem)[0]
     placed = place("story_damper@3F", "tuned_appendage@RF")

@@ -23,9 +23,7 @@ TWO_SIDED = ("channel_gain@2F", "added_mass@3F", "channel_delay@RF")
 ONE_SIDED = ("foundation_rocking@base", "story_damper@3F")
 
 
-@pytest.fixture(scope="module")
-def chain():
-    return Chain(MASSES, TRUTH * SPRINGS, zeta=ZETA)
+CHAIN = Chain(MASSES, TRUTH * SPRINGS, zeta=ZETA)
 
 
 def fitted(frf, seed, sd=SD, phase=True):
@@ -37,9 +35,9 @@ def fitted(frf, seed, sd=SD, phase=True):
 
 
 @pytest.fixture(scope="module")
-def clean(chain):
+def clean():
     """Statistics (seed, effect) of clean data, and their p-values."""
-    frf, placed = chain.frf(GRID), place(*TWO_SIDED, *ONE_SIDED)
+    frf, placed = CHAIN.frf(GRID), place(*TWO_SIDED, *ONE_SIDED)
     statistics, tails = [], []
     for seed in range(CLEAN):
         problem, base = fitted(frf, seed)
@@ -69,8 +67,8 @@ def test_p_values_of_clean_data_are_uniform(clean):
     assert kstest(clean[1], "uniform").pvalue > 1e-3
 
 
-def test_where_the_noise_is_alone_nothing_stands_out(chain):
-    _, base = fitted(chain.frf(GRID), 5)
+def test_where_the_noise_is_alone_nothing_stands_out():
+    _, base = fitted(CHAIN.frf(GRID), 5)
     cells = base.cells()
     assert len(cells) == 3 * 10
     assert min(cell.p_value for cell in cells) > 1e-3 / len(cells)
@@ -78,8 +76,8 @@ def test_where_the_noise_is_alone_nothing_stands_out(chain):
     assert np.mean([cell.excess for cell in inside]) == pytest.approx(0.0, abs=0.3)
 
 
-def test_where_a_disturbed_band_of_one_floor_stands_out(chain):
-    frf = chain.frf(GRID)
+def test_where_a_disturbed_band_of_one_floor_stands_out():
+    frf = CHAIN.frf(GRID)
     band = (GRID > 8.0) & (GRID < 11.0)
     frf[1, band] *= 1.6
     _, base = fitted(frf, 5)
@@ -103,10 +101,10 @@ def test_where_a_disturbed_band_of_one_floor_stands_out(chain):
         ),
     ],
 )
-def test_the_statistic_is_what_a_refit_gains(chain, label, least, change):
+def test_the_statistic_is_what_a_refit_gains(label, least, change):
     """Of a small effect: chi2 falls by the square of the score statistic (Rao, 1948)."""
     (placed,) = place(label)
-    problem, base = fitted(change(chain), 3, sd=0.01)
+    problem, base = fitted(change(CHAIN), 3, sd=0.01)
     test = score(problem, base, placed)
     start = extended(problem, base, (placed,), np.array([test.size]))
     after = fit(problem, (placed,), start, 30)
@@ -128,23 +126,23 @@ def _rocking(chain, size):
     return chain.but(heights=heights, rocking=moment * heights[-1] / (size * roof))
 
 
-def test_a_soft_base_is_absorbed_by_the_first_story(chain):
+def test_a_soft_base_is_absorbed_by_the_first_story():
     """Springs in series: no data of these sensors could show it, and none is left to explain."""
-    problem, base = fitted(chain.frf(GRID), 2, sd=0.02)
+    problem, base = fitted(CHAIN.frf(GRID), 2, sd=0.02)
     tests = [score(problem, base, one) for one in candidates(problem)]
     assert unobservable_effects(problem, base, tests, 1.0) == ("base_sway@base",)
 
 
-def test_a_weak_effect_is_hidden_by_large_noise(chain):
+def test_a_weak_effect_is_hidden_by_large_noise():
     """A gain of 5 % under an error of 100 % of |H| in 60 points: D = .05 x sqrt(60) < 1."""
-    problem, base = fitted(chain.frf(GRID), 2, sd=1.0, phase=False)
+    problem, base = fitted(CHAIN.frf(GRID), 2, sd=1.0, phase=False)
     tests = [score(problem, base, one) for one in candidates(problem)]
     hidden = unobservable_effects(problem, base, tests, 1.0)
     assert {f"channel_gain@{floor}" for floor in FLOORS} <= set(hidden)
 
 
-def test_candidates_are_what_the_sensors_could_show(chain):
-    frf = chain.frf(GRID)
+def test_candidates_are_what_the_sensors_could_show():
+    frf = CHAIN.frf(GRID)
     some = observe(("3F", "RF"), GRID, frf[1:], SD, 0, phase=False)
     problem = pose(building_of(MASSES, SPRINGS), some)
     labels = {one.label for one in candidates(problem)}
@@ -159,9 +157,9 @@ def test_candidates_are_what_the_sensors_could_show(chain):
     assert "channel_delay@2F" in {one.label for one in candidates(whole)}
 
 
-def test_effects_that_do_the_same_are_alike(chain):
+def test_effects_that_do_the_same_are_alike():
     """Of one floor alone its own gain and that of the base are one; a delay is another thing."""
-    roof = observe(("RF",), GRID, chain.frf(GRID)[2:], SD, 0)
+    roof = observe(("RF",), GRID, CHAIN.frf(GRID)[2:], SD, 0)
     problem = pose(building_of(MASSES, SPRINGS), roof)
     base = fit(problem, (), torch.from_numpy(np.log([*TRUTH, ZETA])), 25)
     gain, own, delay = (

@@ -20,27 +20,25 @@ COMMON = {
 }
 
 
-@pytest.fixture(scope="module")
-def table():
-    """Four equal columns under a rigid slab of 40 t, all that weighs."""
-    return from_document(
-        {
-            **COMMON,
-            "name": "table",
-            "grid": {"x": {"X0": 0.0, "X1": 5.0}, "y": {"Y0": 0.0, "Y1": 4.0}},
-            "stories": [{"name": "S1", "height": HEIGHT}],
-            "materials": {"c": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 0.0}},
-            "sections": {"column": {"shape": "circle", "diameter": 0.4}},
-            "columns": [{"section": "column"}],
-            "slabs": [{"x": ["X0", "X1"], "y": ["Y0", "Y1"], "thickness": 0.6}],
-            "floor_mass": [{"total": MASS}],
-            "mesh": {"size": 3.0},
-        }
-    )
+# Four equal columns under a rigid slab of 40 t, all that weighs.
+TABLE = from_document(
+    {
+        **COMMON,
+        "name": "table",
+        "grid": {"x": {"X0": 0.0, "X1": 5.0}, "y": {"Y0": 0.0, "Y1": 4.0}},
+        "stories": [{"name": "S1", "height": HEIGHT}],
+        "materials": {"c": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 0.0}},
+        "sections": {"column": {"shape": "circle", "diameter": 0.4}},
+        "columns": [{"section": "column"}],
+        "slabs": [{"x": ["X0", "X1"], "y": ["Y0", "Y1"], "thickness": 0.6}],
+        "floor_mass": [{"total": MASS}],
+        "mesh": {"size": 3.0},
+    }
+)
 
 
-def test_a_point_on_a_diagonal_of_a_cross_takes_that_one(table):
-    document = to_document(table)
+def test_a_point_on_a_diagonal_of_a_cross_takes_that_one():
+    document = to_document(TABLE)
     document["sections"]["rod"] = {"shape": "circle", "diameter": 0.03}
     cross = {"section": "rod", "along": ["Y0", "Y1"], "from": "X0", "to": "X1", "shape": "cross"}
     braced = from_document({**document, "braces": [cross]})
@@ -74,33 +72,31 @@ def cantilever(axis):
     )
 
 
-@pytest.fixture(scope="module")
-def wall_frame():
-    """Walls and columns under slabs, lopsided, with one wall that only weighs."""
-    return from_document(
-        {
-            **COMMON,
-            "name": "wall frame",
-            "grid": {"x": {"X0": 0.0, "X1": 4.0, "X2": 9.0}, "y": {"Y0": 0.0, "Y1": 5.0}},
-            "stories": [{"name": "S1", "height": 3.2}, {"name": "S2", "height": 2.8}],
-            "materials": {"c": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}},
-            "sections": {
-                "column": {"shape": "rectangle", "width": 0.4, "depth": 0.6},
-                "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
-            },
-            "columns": [{"section": "column"}],
-            "beams": [{"section": "beam"}],
-            "walls": [
-                {"along": "Y0", "from": "X0", "to": "X1", "thickness": 0.2},
-                {"along": "Y0", "from": "X1", "to": "X2", "thickness": 0.15, "stories": ["S1"]},
-                {"along": "X0", "from": "Y0", "to": "Y1", "thickness": 0.2},
-                {"along": "Y1", "from": "X0", "to": "X1", "thickness": 0.1, "stiffness": False},
-            ],
-            "slabs": [{"x": ["X0", "X2"], "y": ["Y0", "Y1"], "thickness": 0.2}],
-            "floor_mass": [{"total": 90e3}],
-            "mesh": {"size": 1.0},
-        }
-    )
+# Walls and columns under slabs, lopsided, with one wall that only weighs.
+WALL_FRAME = from_document(
+    {
+        **COMMON,
+        "name": "wall frame",
+        "grid": {"x": {"X0": 0.0, "X1": 4.0, "X2": 9.0}, "y": {"Y0": 0.0, "Y1": 5.0}},
+        "stories": [{"name": "S1", "height": 3.2}, {"name": "S2", "height": 2.8}],
+        "materials": {"c": {"youngs_modulus": 25e9, "poisson_ratio": 0.2, "density": 2400.0}},
+        "sections": {
+            "column": {"shape": "rectangle", "width": 0.4, "depth": 0.6},
+            "beam": {"shape": "rectangle", "width": 0.3, "depth": 0.5},
+        },
+        "columns": [{"section": "column"}],
+        "beams": [{"section": "beam"}],
+        "walls": [
+            {"along": "Y0", "from": "X0", "to": "X1", "thickness": 0.2},
+            {"along": "Y0", "from": "X1", "to": "X2", "thickness": 0.15, "stories": ["S1"]},
+            {"along": "X0", "from": "Y0", "to": "Y1", "thickness": 0.2},
+            {"along": "Y1", "from": "X0", "to": "X1", "thickness": 0.1, "stiffness": False},
+        ],
+        "slabs": [{"x": ["X0", "X2"], "y": ["Y0", "Y1"], "thickness": 0.2}],
+        "floor_mass": [{"total": 90e3}],
+        "mesh": {"size": 1.0},
+    }
+)
 
 
 def slow():
@@ -119,8 +115,8 @@ def forces(building, theta, zeta, wanted, motion=None):
 
 
 @pytest.mark.parametrize("zeta", [0.05, None])  # one ratio, or the building's own law
-def test_columns_share_the_inertia_of_the_floor(table, zeta):
-    for found in forces(table, [0.8], zeta, [(0, 0, 0.5), (5, 4, 0.5)]):
+def test_columns_share_the_inertia_of_the_floor(zeta):
+    for found in forces(TABLE, [0.8], zeta, [(0, 0, 0.5), (5, 4, 0.5)]):
         assert found.member.kind == "column"
         peaks = found.named(found.peak.mean)
         # Local y of a column is the global x here. 1 %: the motion is slow, not still.
@@ -149,12 +145,12 @@ def test_a_cantilever_wall_carries_the_inertia_above(axis, story):
 
 
 @pytest.mark.parametrize("story", [1, 2])
-def test_walls_and_columns_share_the_story_shear(wall_frame, story):
+def test_walls_and_columns_share_the_story_shear(story):
     """All that passes a story cut is the inertia of what lies above, whoever carries it."""
     walls = [f"Y0:X0-X1:S{story}", f"X0:S{story}"] + ["Y0:X1-X2:S1"] * (story == 1)
     z = 0.2 if story == 1 else 3.4
     places = [(x, y, z) for x in (0.0, 4.0, 9.0) for y in (0.0, 5.0)]
-    chosen = choose_members(wall_frame, [*walls, *places])
+    chosen = choose_members(WALL_FRAME, [*walls, *places])
     # The wall across carries along x with its thickness: cut it as if it stood along x.
     turned = replace(chosen.members[1].what, ends=chosen.members[0].ends, has_columns=False)
     across = replace(chosen.members[1], forces=("N", "V", "M"), what=turned)
@@ -184,9 +180,9 @@ def test_walls_and_columns_share_the_story_shear(wall_frame, story):
         ("Q:S1", r"no wall is named 'Q:S1'"),
     ],
 )
-def test_walls_that_are_not_there(wall_frame, name, words):
+def test_walls_that_are_not_there(name, words):
     with pytest.raises(BuildingError, match=words):
-        choose_members(wall_frame, [name])
+        choose_members(WALL_FRAME, [name])
 
 
 def with_effect(building, name, place, **parameters):
@@ -194,8 +190,8 @@ def with_effect(building, name, place, **parameters):
     return from_document(to_document(building) | {"effects": [entry]})
 
 
-def test_columns_carry_the_inertia_of_an_added_mass(table):
-    heavier = with_effect(table, "added_mass", table.floors[0], size=0.1)
+def test_columns_carry_the_inertia_of_an_added_mass():
+    heavier = with_effect(TABLE, "added_mass", TABLE.floors[0], size=0.1)
     (found,) = forces(heavier, [0.8, 0.25], 0.05, [(0, 0, 0.5)])
     assert found.named(found.peak.mean)["Vy_start"] == pytest.approx(1.25 * MASS / 4, rel=0.01)
 
@@ -209,7 +205,7 @@ def test_columns_carry_the_inertia_of_an_added_mass(table):
         ("amplitude_softening", "all"),
     ],
 )
-def test_effects_that_change_members_or_do_not_follow_modes_are_refused(wall_frame, name, place):
+def test_effects_that_change_members_or_do_not_follow_modes_are_refused(name, place):
     words = rf"not found beside the effect {name}@{place}, which changes members.*leave members out"
     with pytest.raises(BuildingError, match=words):
-        choose_members(with_effect(wall_frame, name, place), [(0, 0, 0)])
+        choose_members(with_effect(WALL_FRAME, name, place), [(0, 0, 0)])

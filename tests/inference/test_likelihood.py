@@ -29,9 +29,7 @@ FREQUENCY = 0.1 * np.arange(1, 121)
 TRUTH, ZETA = np.array([1.3, 0.7, 1.1]), 0.03
 
 
-@pytest.fixture(scope="module")
-def model():
-    return reduced_stick(MASS, SPRING)
+MODEL = reduced_stick(MASS, SPRING)
 
 
 def exact_log_frf(theta, zeta):
@@ -75,13 +73,13 @@ def squares(likelihood, parameters):
     return likelihood.raw(parameters).square().sum(dim=1)
 
 
-def test_misfit_by_hand(model):
+def test_misfit_by_hand():
     """Several floors in another order, each point with its own noise."""
     rng = np.random.default_rng(1)
     sd = rng.uniform(0.1, 0.4, (3, 120))
     measured = observation(sd, floors=("RF", "2F"))
     theta = np.array([[0.8, 1.4, 2.2], [1.3, 0.7, 1.1]])
-    found = likelihood_by(System(model), measured)
+    found = likelihood_by(System(MODEL), measured)
     for row, one in enumerate(theta):
         expected = exact_log_frf(one, ZETA)[[2, 0]]
         whitened = (measured.log_frf - expected) / sd[[2, 0]]
@@ -96,7 +94,7 @@ def test_misfit_by_hand(model):
         np.testing.assert_allclose(predicted, expected, atol=1e-9)
 
 
-def test_points_that_are_not_valid_do_not_count(model):
+def test_points_that_are_not_valid_do_not_count():
     valid = np.ones((3, 120), dtype=bool)
     valid[1, 30:50] = valid[2, :5] = False
     measured = observation(0.2, valid=valid)
@@ -105,31 +103,31 @@ def test_points_that_are_not_valid_do_not_count(model):
     noise[1, 30], spoiled[1, 31] = 0.0, -np.inf
     other = Observation(FREQUENCY, FLOORS, spoiled, noise, valid)
     theta = damped([TRUTH])
-    one = likelihood_by(System(model), measured)
-    two = likelihood_by(System(model), other)
+    one = likelihood_by(System(MODEL), measured)
+    two = likelihood_by(System(MODEL), other)
     assert one.base.points == two.base.points == 360 - 25
     assert float(one(theta)) == float(two(theta))
     whitened = ((measured.log_frf - exact_log_frf(TRUTH, ZETA)) / 0.2)[valid]
     assert float(squares(one, theta)) == pytest.approx((whitened**2).sum(), rel=1e-9)
 
 
-def test_what_is_explained_is_variation_not_drift_that_seems_to_have_no_noise(model):
+def test_what_is_explained_is_variation_not_drift_that_seems_to_have_no_noise():
     """The records of other buildings drift as this one's own do, well below the first mode."""
     sd = np.full((3, 120), 0.05)
     sd[:, 0] = 1e-4
     right, flat = observation(sd), replace(observation(sd), log_frf=np.zeros((3, 120)))
     right.log_frf[:, 0] = flat.log_frf[:, 0] = 0.5
-    sides = (likelihood_by(System(model), seen) for seen in (right, flat))
+    sides = (likelihood_by(System(MODEL), seen) for seen in (right, flat))
     shares = [side.explained(side.raw(damped([TRUTH]))) for side in sides]
     assert shares[0] > 0.95
     assert shares[1] < 0.0
 
 
-def test_misfit_of_the_truth_is_chi_square(model):
+def test_misfit_of_the_truth_is_chi_square():
     """For simulated noise, with as many degrees of freedom as there are valid points."""
     misfits = []
     for seed in range(200):
-        likelihood = likelihood_by(System(model), observation(np.linspace(0.05, 0.5, 120), seed))
+        likelihood = likelihood_by(System(MODEL), observation(np.linspace(0.05, 0.5, 120), seed))
         assert likelihood.base.points == 360
         misfits.append(float(squares(likelihood, damped([TRUTH]))))
     assert kstest(misfits, chi2(360).cdf).pvalue > 0.01
@@ -150,10 +148,10 @@ def surrogate():
     return Surrogate(mvae.eval(), SurrogateInfo("toy", "", FLOORS, 0.2, "0", {}, {}))
 
 
-def test_latent_likelihood_is_the_integral_of_its_gaussians(model, surrogate):
+def test_latent_likelihood_is_the_integral_of_its_gaussians(surrogate):
     """By completing the square with numpy, component by component."""
     measured = select_floors(observation(0.2), ["3F", "RF"])
-    likelihood = LatentLikelihood(surrogate, System(model), measured)
+    likelihood = LatentLikelihood(surrogate, System(MODEL), measured)
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (6, 3)))
     found = likelihood(theta)
     with torch.no_grad():
@@ -178,7 +176,7 @@ def test_latent_likelihood_is_the_integral_of_its_gaussians(model, surrogate):
     assert not found.requires_grad
 
 
-def test_an_observation_on_another_grid_is_refused(model, surrogate):
+def test_an_observation_on_another_grid_is_refused(surrogate):
     measured = observation(0.2)
     shorter = Observation(
         FREQUENCY[:100],
@@ -188,15 +186,15 @@ def test_an_observation_on_another_grid_is_refused(model, surrogate):
         measured.valid[:, :100],
     )
     with pytest.raises(SurrogateError, match=r"knows 120 frequencies, .* has 100"):
-        LatentLikelihood(surrogate, System(model), shorter)
+        LatentLikelihood(surrogate, System(MODEL), shorter)
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
-def test_a_gpu_gives_the_same_and_answers_where_it_was_asked(model, surrogate):
+def test_a_gpu_gives_the_same_and_answers_where_it_was_asked(surrogate):
     theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (6, 3)))
     measured = observation(0.2)
-    latent = LatentLikelihood(surrogate, System(model), measured)(theta)
-    there = LatentLikelihood(surrogate, System(model), measured, device="cuda")
+    latent = LatentLikelihood(surrogate, System(MODEL), measured)(theta)
+    there = LatentLikelihood(surrogate, System(MODEL), measured, device="cuda")
     # In single precision by other kernels: up to .5 % of these log likelihoods.
     torch.testing.assert_close(there(theta), latent, rtol=1e-2, atol=1e-2)
     assert surrogate.mvae.lower.device.type == "cpu"  # the networks given stay where they were
