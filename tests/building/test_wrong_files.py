@@ -5,9 +5,10 @@ import time
 
 import pytest
 
-from femupdate.building import building_text, load_building
+from femupdate.building import building_text, from_document, load_building
 from femupdate.errors import BuildingError
 from tests.building.frames import SMALL
+from tests.documents import stick
 
 ZETA = "[prior.zeta]\nlower = 0.01\nupper = 0.05\n"
 FIXED = '[supports]\nbase = "fixed"\n'
@@ -265,33 +266,11 @@ def test_wall_without_stiffness_that_nothing_carries(tmp_path):
         load_building(write(tmp_path, text))
 
 
-def test_shear_story_with_two_stiffnesses(tmp_path):
-    text = """
-name = "s"
-kind = "shear"
-[[stories]]
-name = "S1"
-mass = "2 t"
-stiffness = "5 kN/m"
-stiffness_per_mass = "3 1/s2"
-[frequency_grid]
-start = "0 Hz"
-step = "1 Hz"
-count = 3
-[prior.theta]
-lower = 1
-upper = 2
-[damping]
-law = "constant"
-ratio = 0.1
-"""
+@pytest.mark.parametrize("stiffness", [{"stiffness": 5e3, "stiffness_per_mass": 3.0}, {}])
+def test_shear_story_with_two_stiffnesses_or_none(stiffness):
+    story = {"name": "S1", "mass": 2e3} | stiffness
     with pytest.raises(BuildingError, match=r"stories\[0\]\.stiffness: give either"):
-        load_building(write(tmp_path, text))
-    without = text.replace('stiffness = "5 kN/m"\n', "").replace(
-        'stiffness_per_mass = "3 1/s2"\n', ""
-    )
-    with pytest.raises(BuildingError, match=r"stories\[0\]\.stiffness: give either"):
-        load_building(write(tmp_path, without))
+        from_document(stick([2e3], [5e3], stories=[story]))
 
 
 @pytest.mark.parametrize(
