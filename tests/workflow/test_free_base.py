@@ -4,30 +4,21 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from femupdate.building import from_document, save_building
 from femupdate.study import Study
 from femupdate.workflow import CalibrationSettings, ObservationSource, calibrate_study, open_study
+from tests.documents import stick
 
 THETA = np.array([0.8, 1.2])
 # Base of 3 t on rails, floors of 2 t and 1 t.
 MASS = np.diag([3e3, 2e3, 1e3])
-BUILDING = """
-name = "hung"
-kind = "shear"
-supports = {{ base = "{base}", mass = "3 t" }}
-frequency_grid = {{ start = "1 Hz", step = "0.1 Hz", count = 150 }}
-prior = {{ theta = {{ lower = 0.3, upper = 3 }}, zeta = {{ lower = 0.005, upper = 0.06 }} }}
-damping = {{ law = "constant", ratio = 0.02 }}
-
-[[stories]]
-name = "S1"
-mass = "2 t"
-stiffness = "4 MN/m"
-
-[[stories]]
-name = "S2"
-mass = "1 t"
-stiffness = "2.5 MN/m"
-"""
+HUNG = stick(
+    [2e3, 1e3],
+    [4e6, 2.5e6],
+    supports={"base": "slides", "mass": 3e3},
+    prior={"theta": {"lower": 0.3, "upper": 3}, "zeta": {"lower": 0.005, "upper": 0.06}},
+    frequency_grid={"start": 1.0, "step": 0.1, "count": 150},
+)
 
 
 def modes(more=0.0):
@@ -63,9 +54,8 @@ def identified(path, more=0.0):
 
 @pytest.mark.parametrize("write", [hammer, identified])
 def test_its_stories_are_found(write, tmp_path):
-    (tmp_path / "hung.toml").write_text(BUILDING.format(base="slides"))
     study = Study(tmp_path / "study")
-    model = open_study(study, str(tmp_path / "hung.toml"))
+    model = open_study(study, str(save_building(from_document(HUNG), tmp_path / "hung.toml")))
     source = ObservationSource(write(tmp_path / "measured.csv"))
     report = calibrate_study(study, model, source, CalibrationSettings(particles=1000))
     draws = report.posterior.samples
@@ -78,11 +68,11 @@ def test_its_stories_are_found(write, tmp_path):
 
 def test_a_listed_effect_is_found_from_both(tmp_path):
     """A fifth more mass on the roof."""
-    effect = '\n[[effects]]\nname = "added_mass"\nplace = "RF"\nparameters = { size = 0.0 }\n'
-    (tmp_path / "hung.toml").write_text(BUILDING.format(base="slides") + effect)
+    effect = {"name": "added_mass", "place": "RF", "parameters": {"size": 0.0}}
+    path = save_building(from_document(HUNG | {"effects": [effect]}), tmp_path / "hung.toml")
     files = [write(tmp_path / f"{write.__name__}.csv", 0.2) for write in (hammer, identified)]
     study = Study(tmp_path / "study")
-    model = open_study(study, str(tmp_path / "hung.toml"))
+    model = open_study(study, str(path))
     source = ObservationSource(files[0], further=tuple(files[1:]))
     report = calibrate_study(study, model, source, CalibrationSettings(particles=1000))
     draws = report.posterior.samples
