@@ -4,6 +4,7 @@ import numpy as np
 
 from tests.chains import Chain
 
+GRID = 0.2 * np.arange(1, 61)
 TOWER = Chain(np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6]))
 
 
@@ -32,3 +33,12 @@ def grid_about(draws):
     axes = np.linspace(mean - 6.0 * sd, mean + 6.0 * sd, 21).T
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     return points, float(np.log(np.prod(0.6 * sd) / (1.5 * 1.5 * 0.09)))
+
+
+def write_table(path, log_frf, sd, floors=("2F", "RF"), grid=GRID):
+    """|H| of some floors with the noise of every point."""
+    head = ",".join(["frequency_hz", *floors, *(f"{name}_sd" for name in floors)])
+    noise = np.broadcast_to(sd, log_frf.shape)
+    rows = np.column_stack([grid, np.exp(log_frf).T, noise.T])
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.12g")
+    return path

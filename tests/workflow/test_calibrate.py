@@ -23,13 +23,12 @@ from femupdate.workflow import (
     train_study,
 )
 from femupdate.workflow.calibration_report import predictive_log_frf
-from tests.workflow.by_hand import grid_about, tower_frf
+from tests.workflow.by_hand import GRID, grid_about, tower_frf, write_table
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 QUICK = CalibrationSettings(
     particles=200, exact=True, chains=2, smc=SmcSettings(moves=4, independence_moves=2)
 )
-GRID = 0.2 * np.arange(1, 61)
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
 
 
@@ -38,12 +37,7 @@ def frf_table(tmp_path_factory):
     """A table of the tower's own FRFs with noise of a tenth on ln|H|, and that ln|H|."""
     noise = 0.1 * np.random.default_rng(5).standard_normal((2, GRID.size))
     log_frf = np.log(np.abs(tower_frf(TRUTH, ZETA, GRID))) + noise
-    rows = [
-        f"{f:.1f},{a:.12g},{b:.12g},0.1,0.1" for f, a, b in zip(GRID, *np.exp(log_frf), strict=True)
-    ]
-    path = tmp_path_factory.mktemp("table") / "frf.csv"
-    path.write_text("\n".join(["frequency_hz,2F,RF,2F_sd,RF_sd", *rows]) + "\n")
-    return path, log_frf
+    return write_table(tmp_path_factory.mktemp("table") / "frf.csv", log_frf, 0.1), log_frf
 
 
 def quadrature(log_frf, grid, noise=0.1):
@@ -90,17 +84,14 @@ def test_the_exact_posterior_is_that_of_quadrature(tmp_path, tower_file, frf_tab
 
 def test_damping_is_drawn_as_sharply_as_the_data_tell_it(tmp_path, tower_model):
     """A hundredth of the prior: against quadrature of its density at the true factors."""
-    rows = np.abs(tower_frf(TRUTH, ZETA, GRID)) * np.exp(
-        0.01 * np.random.default_rng(6).standard_normal((2, GRID.size))
-    )
-    table = [f"{f:.1f},{a:.12g},{b:.12g},0.01,0.01" for f, a, b in zip(GRID, *rows, strict=True)]
-    path = tmp_path / "frf.csv"
-    path.write_text("\n".join(["frequency_hz,2F,RF,2F_sd,RF_sd", *table]) + "\n")
+    noise = 0.01 * np.random.default_rng(6).standard_normal((2, GRID.size))
+    log_frf = np.log(np.abs(tower_frf(TRUTH, ZETA, GRID))) + noise
+    path = write_table(tmp_path / "frf.csv", log_frf, 0.01)
     measured = measured_of(tower_model.building, ObservationSource(path))
     likelihood = settled_likelihood(tower_model, measured, QUICK).likelihood
     drawn = draw_zeta(tower_model, likelihood, np.tile(TRUTH, (4000, 1)), 0)
     fine = np.linspace(0.045, 0.055, 2001)
-    missed = [np.log(np.abs(tower_frf(TRUTH, zeta, GRID))) - np.log(rows) for zeta in fine]
+    missed = [np.log(np.abs(tower_frf(TRUTH, zeta, GRID))) - log_frf for zeta in fine]
     weight = np.square(missed).sum(axis=(1, 2)) / 0.01**2
     weight = np.exp(-0.5 * (weight - weight.min()))
     mean = weight @ fine / weight.sum()

@@ -13,9 +13,8 @@ from femupdate.inference import load_posterior
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study
 from femupdate.workflow import CalibrationSettings, ObservationSource, calibrate_study, open_study
-from tests.workflow.by_hand import tower_frf
+from tests.workflow.by_hand import GRID, tower_frf, write_table
 
-GRID = 0.2 * np.arange(1, 61)
 ZETA, SD = 0.05, 0.05
 EXACT = CalibrationSettings(particles=1000, exact=True)
 
@@ -38,10 +37,7 @@ def table(tmp_path_factory):
         clean = np.log(np.abs(tower_frf(np.array(theta), ZETA, GRID)))
         clean[0] += off
         noisy = clean + noise * np.random.default_rng(seed).standard_normal(clean.shape)
-        rows = np.column_stack([GRID, np.exp(noisy).T, np.full((60, 2), SD)])
-        made.append(folder / f"{len(made)}.csv")
-        head = "frequency_hz,2F,RF,2F_sd,RF_sd"
-        np.savetxt(made[-1], rows, delimiter=",", header=head, comments="", fmt="%.12g")
+        made.append(write_table(folder / f"{len(made)}.csv", noisy, SD))
         return made[-1]
 
     return write

@@ -16,10 +16,9 @@ from femupdate.workflow import (
     measured_of,
     open_study,
 )
-from tests.workflow.by_hand import tower_frf, tower_modes
+from tests.workflow.by_hand import GRID, tower_frf, tower_modes, write_table
 
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
-GRID = 0.2 * np.arange(1, 61)
 SETTINGS = CalibrationSettings(particles=1000)  # --exact goes without saying
 
 
@@ -39,11 +38,8 @@ def modes_file(tmp_path_factory):
 @pytest.fixture(scope="module")
 def frf_file(tmp_path_factory):
     noise = 0.3 * np.random.default_rng(5).standard_normal((2, GRID.size))
-    values = np.exp(np.log(np.abs(tower_frf(TRUTH, ZETA, GRID))) + noise)
-    rows = [f"{f:.1f},{a:.12g},{b:.12g},0.3,0.3" for f, a, b in zip(GRID, *values, strict=True)]
-    path = tmp_path_factory.mktemp("frf") / "frf.csv"
-    path.write_text("\n".join(["frequency_hz,2F,RF,2F_sd,RF_sd", *rows]) + "\n")
-    return path
+    log_frf = np.log(np.abs(tower_frf(TRUTH, ZETA, GRID))) + noise
+    return write_table(tmp_path_factory.mktemp("frf") / "frf.csv", log_frf, 0.3)
 
 
 @pytest.fixture

@@ -21,22 +21,12 @@ from femupdate.workflow import (
     measured_of,
     open_study,
 )
-from tests.workflow.by_hand import grid_about, tower_frf
+from tests.workflow.by_hand import GRID, grid_about, tower_frf, write_table
 
 QUICK = CalibrationSettings(
     particles=200, exact=True, chains=2, smc=SmcSettings(moves=4, independence_moves=2)
 )
-GRID = 0.2 * np.arange(1, 61)
 TRUTH, ZETA = np.array([0.8, 1.3]), 0.05
-
-
-def write_table(path, log_frf, sd, floors=("2F", "RF"), grid=GRID):
-    """|H| of some floors with the noise of every point."""
-    head = ",".join(["frequency_hz", *floors, *(f"{name}_sd" for name in floors)])
-    noise = np.broadcast_to(sd, log_frf.shape)
-    rows = np.column_stack([grid, np.exp(log_frf).T, noise.T])
-    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.12g")
-    return path
 
 
 @pytest.fixture(scope="module")
