@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from femupdate.arrays import Floats
 from femupdate.building.deck_model import NastranModel
 from femupdate.building.entry import Complaint
 from femupdate.building.etabs_model import EtabsModel
@@ -47,7 +48,7 @@ def model_units(file: ModelFile[Any], units: str | None) -> tuple[str, str, str]
     Args:
         units: as the user says them, such as "kN,m".
     """
-    stated = file.units
+    stated, fitting = file.units, _fitting(file)
     if units:
         force, _, length = (part.strip() for part in units.partition(","))
         try:
@@ -59,11 +60,30 @@ def model_units(file: ModelFile[Any], units: str | None) -> tuple[str, str, str]
                 f"{file.file.name}: the file is in {','.join(stated)}, not {units}; leave --units "
                 "out"
             )
+        if stated is None and fitting and f"{force},{length}" not in fitting:
+            raise BuildingError(
+                f"{file.file.name}: its materials are usual ones in {' or '.join(fitting)}, and "
+                f"none in {units}; correct --units or leave it out"
+            )
         return force, length, "as you said"
     if stated is not None:
         return *stated, "as the file says"
+    if len(fitting) == 1:
+        ((system, (young, density)),) = fitting.items()
+        force, length = system.split(",")
+        why = f"the only ones with a usual material ({young:.4g} GPa, {density:.4g} kg/m3)"
+        return force, length, why
+    could = f"could be {' or '.join(fitting)}" if fitting else "tell none"
+    raise BuildingError(
+        f"{file.file.name}: the file says no units, and its materials {could}; say force and "
+        "length by --units, such as --units N,mm"
+    )
+
+
+def _fitting(file: ModelFile[Any]) -> dict[str, Floats]:
+    """Systems of units in which all materials of a file are usual ones, with figures of one."""
     known = np.array([pair for pair in file.materials if min(pair) > 0.0]).reshape(-1, 2)
-    fitting = []
+    fitting = {}
     for system in _SYSTEMS:
         newton, metre = (
             factor(u, k) for u, k in zip(system.split(","), ("force", "length"), strict=True)
@@ -72,17 +92,8 @@ def model_units(file: ModelFile[Any], units: str | None) -> tuple[str, str, str]
         figures = (known * scale)[:, None, :]
         inside = (figures >= _MATERIALS[..., 0]) & (figures <= _MATERIALS[..., 1])
         if len(known) and inside.all(axis=2).any(axis=1).all():
-            fitting.append((system, figures[0, 0]))
-    if len(fitting) == 1:
-        (system, (young, density)) = fitting[0]
-        force, length = system.split(",")
-        why = f"the only ones with a usual material ({young:.4g} GPa, {density:.4g} kg/m3)"
-        return force, length, why
-    could = f"could be {' or '.join(name for name, _ in fitting)}" if fitting else "tell none"
-    raise BuildingError(
-        f"{file.file.name}: the file says no units, and its materials {could}; say force and "
-        "length by --units, such as --units N,mm"
-    )
+            fitting[system] = figures[0, 0]
+    return fitting
 
 
 def building_model(building: MeshBuilding) -> ReadModel:

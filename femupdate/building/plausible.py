@@ -7,7 +7,12 @@ from itertools import pairwise
 import numpy as np
 
 from femupdate.building.document import Building
-from femupdate.building.kinds import FrameBuilding, MeshBuilding, ShearBuilding
+from femupdate.building.kinds import (
+    FrameBuilding,
+    MeshBuilding,
+    ShearBuilding,
+    shear_operators,
+)
 from femupdate.building.members import Slab
 from femupdate.building.references import resolve
 from femupdate.errors import BuildingError
@@ -29,6 +34,7 @@ _WRONG_UNIT = 10.0  # times beyond what is usual, from where a named material is
 def doubts(building: Building) -> Iterator[str]:
     """Yield what is odd about a building's figures, a sentence each."""
     yield from _names(building)
+    yield from _heights(building)
     if isinstance(building, ShearBuilding):
         return
     for name, material in building.materials.items():
@@ -43,6 +49,9 @@ def doubts(building: Building) -> Iterator[str]:
             yield f"{key}: youngs_modulus is {modulus:.3g} GPa, and {text}: is the unit wrong?"
         if not material.density:
             yield f"{key}: density is zero: the members made of it weigh nothing"
+        elif not 300.0 <= material.density <= 9000.0:  # of timber and of steel
+            usual = "steel has 7850, concrete 2400, timber 500: is the unit wrong?"
+            yield f"{key}: density is {material.density:.3g} kg/m3, and {usual}"
     deck = isinstance(building, MeshBuilding) and building.from_program
     if "supports" not in building.model_fields_set and not deck:
         yield "supports: the table is left out, so the base is fixed in all six directions"
@@ -62,6 +71,31 @@ def _names(building: Building) -> Iterator[str]:
             f"stories: {names[0]} is the lowest and {names[-1]} the highest, as they are listed "
             "from the bottom to the top, but their names count downwards: is the order right?"
         )
+
+
+def _heights(building: Building) -> Iterator[str]:
+    """Stories as high as none is, and sticks whose frequency no building of their height has."""
+    low, high = 0.1, 20.0  # m
+    heights: list[float | None] = [story.height for story in building.stories]
+    for name, height in zip(building.story_names, heights, strict=True):
+        if height is None or low <= height <= high:
+            continue
+        text = f"stories: {name} is {height:g} m high: is the unit wrong?"
+        if not low / _WRONG_UNIT <= height <= high * _WRONG_UNIT:
+            raise BuildingError(f"{text} Correct its height")
+        yield text
+        return
+    total = sum(height or np.nan for height in heights)
+    if isinstance(building, ShearBuilding) and building.masses_known and total == total:
+        operators = shear_operators(building)
+        terms = operators.stiffness_terms.sum(axis=0) / np.diag(operators.mass)[:, None]
+        first = float(np.sqrt(np.linalg.eigvals(terms).real.min())) / (2.0 * np.pi)
+        usual = 46.0 / total  # Ellis (1980), Proc. ICE 69, of 163 buildings
+        if not 0.02 * usual <= first <= 10.0 * usual:
+            yield (
+                f"the lowest frequency is {first:.3g} Hz, and buildings so high have about "
+                f"{usual:.2g} Hz: are the units of mass and stiffness right?"
+            )
 
 
 def _wide_sections(building: FrameBuilding) -> Iterator[str]:

@@ -539,6 +539,14 @@ def _out_of_order(
             " base?"
         )
         return
+    for sensor in others:
+        if sensor.floor == BASE and sizes[sensor.number] > 2.0 * sizes[reference.number]:
+            ratio = sizes[sensor.number] / sizes[reference.number]
+            yield (
+                f"{sensor.title} moves {ratio:.2g} times as much as {reference.title} {at}: do both"
+                " stand on the base?"
+            )
+            return
     # Floors must be in order where the mode amplifies twofold.
     if based and max(sizes.values()) < 2.0 * sizes[reference.number]:
         return

@@ -209,7 +209,7 @@ def even_step(
     passed = np.rint(steps / usual) if usual > 0.0 else np.zeros_like(steps)
     lost = np.flatnonzero(passed > 1.0)
     near = np.abs(steps - passed * usual).max() <= max(1.5 * digit, 0.02 * usual)
-    few = lost.size < 0.01 * time.size and passed.sum() < 3 * time.size
+    few = 0 < lost.size < 0.01 * time.size and passed.sum() < 3 * time.size
     if enough and near and passed.min() == 1.0 and few:
         step = float(np.polyfit(np.r_[0.0, np.cumsum(passed)], since, 1)[0])
         step = 1.0 / round(1.0 / step) if abs(1.0 / step - round(1.0 / step)) < 0.01 else step
@@ -228,7 +228,8 @@ def even_step(
         return float(step), None, (words,)
     worst = int(np.argmax(np.abs(steps - usual)))
     uneven = np.abs(steps - usual) > max(1.5 * digit, 0.002 * usual)
-    if not (enough and (steps > 0).all() and steps.max() < 3.5 * usual and uneven.mean() > 0.1):
+    throughout = uneven.mean() > 0.1 or (near and not lost.size)
+    if not (enough and (steps > 0).all() and steps.max() < 3.5 * usual and throughout):
         raise file.error(
             f"the sampling is not uniform: {steps[worst]:.6g} s after the row before, elsewhere"
             f" {usual:.6g} s; fill the gap or resample to one time step",

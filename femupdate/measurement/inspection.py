@@ -173,7 +173,8 @@ def next_step(
         return NextStep(
             "",
             f"The names do not say which floor {', '.join(left_over)} is; say it for all channels"
-            f" by --columns, such as 'base={histories[usable[0]].name},2F={left_over[-1]}'.",
+            f" by --columns, such as 'base={histories[usable[0]].name},"
+            f"RF={histories[usable[-1]].name}'.",
         )
     base = [ours for ours in proposed if ours.startswith(BASE)]
     floors = [ours for ours in proposed if not ours.startswith(BASE)]

@@ -163,24 +163,31 @@ _ROOF = re.compile(
 )
 _STORY = (
     r"floor|flr?|level|lvl|stor(?:e?y|ies)|stockwerk|(?:ober)?geschoss|etage|étage|niveau|piso"
-    r"|planta|piano|andar|kat|verdieping|OG"
+    r"|planta|piano|andar|kat|verdieping|stock|OG"
 )
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 _ORDINAL = re.compile(rf"\b({'|'.join(_ORDINALS)})\b", re.IGNORECASE)
 _NUMBERED = re.compile(
-    rf"\b(\d+)(?:st|nd|rd|th|\.)?[ -]*(?:{_STORY})\b|\b(?:{_STORY})[ -]*(\d+)\b|^R\+(\d+)$"
+    rf"\b(\d+)(?:st|nd|rd|th|er|[eè]re|[eè]me|[eºª°.])?[ -]*(?:{_STORY})\b"
+    rf"|\b(?:{_STORY})[ -]*(\d+)\b|^R\+(\d+)$"
     r"|(?<![A-Za-z0-9])(?:x|a|acc)?(\d+)F\b|^[LF][ -]?(\d+)$|(\d+)[階层楼]|^(\d+)(?:st|nd|rd|th)$",
     re.IGNORECASE,
 )
+_GROUND_FLOOR = re.compile(
+    r"\b(ground floor|lobby|GF|EG|PB|erdgescho\w+|rez|RDC|planta baja|t[eé]rreo|piano terra"
+    r"|zemin)\b",
+    re.IGNORECASE,
+)
 _BELOW = re.compile(
-    r"\b(basement\w*|foundation\w*|ground floor|lobby|base(?!line)\w*|B\d?F?|GF|EG|UG|PB"
-    r"|erdgescho\w+|keller\w*|fundament\w*|rez|RDC|cimentaci[oó]n|fondazion[ei]|planta baja"
-    r"|t[eé]rreo|funda[cç][aã]o|piano terra|zemin|temel|bodrum|s[oó]tano|(shak\w+ )?table)\b"
+    rf"{_GROUND_FLOOR.pattern}|\b(basement\w*|foundation\w*|base(?!line)\w*|B\d?F?|UG|KG"
+    r"|keller\w*|fundament\w*|sous-sol|cimentaci[oó]n|fondazion[ei]"
+    r"|funda[cç][aã]o|temel|bodrum|s[oó]tano|(shak\w+ )?table)\b"
     r"|基[礎础]|地下",
     re.IGNORECASE,
 )
+_CEILING = re.compile(r"\b(decke\w*|ceiling|plafond|soffitto)\b", re.IGNORECASE)
 _BESIDE = re.compile(
-    r"\bgr(?:oun|n)d\w*|free[ -]?field|\b(pit|boden\w*|soil|sol|solo|suelo|terreno|input)\b"
+    r"\bgr(?:oun|n)d\w*|free[ -]?field|\b(pit|boden\w*|soil|sol|solo|suelo|terreno|terrain|input)\b"
     r"|地[表盤面]|^地$",
     re.IGNORECASE,
 )
@@ -209,6 +216,8 @@ def floors_of(texts: Sequence[str]) -> tuple[str | None, ...]:
             floors.append(channel.floor)
         elif _ROOF.search(text.replace("_", " ")):
             floors.append("RF")
+        elif _CEILING.search(text):  # of the story, or the floor that bears its name?
+            floors.append(None)
         elif number is not None:
             above = number + (shift if number else 0)
             floors.append(f"{above}F" if above > 1 else BASE)
@@ -224,7 +233,8 @@ def floors_of(texts: Sequence[str]) -> tuple[str | None, ...]:
 
 def two_bases(texts: Sequence[str]) -> bool:
     """Whether of places that are each taken for the base some are a first floor, others below."""
-    return len({_number(text) == 1 for text in texts}) > 1
+    first = {_number(t) == 1 or bool(_GROUND_FLOOR.search(t.replace("_", " "))) for t in texts}
+    return len(first) > 1
 
 
 def base_rank(text: str) -> int:

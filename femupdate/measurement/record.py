@@ -128,8 +128,8 @@ class GroundMotion:
 
     def scaled(self, factor: float) -> "GroundMotion":
         """Return the motion times a factor; a negative one turns its direction round."""
-        if not np.isfinite(factor):
-            raise MeasurementError(f"ground motion {self.name}: cannot be scaled by {factor}")
+        if not (np.isfinite(factor) and factor):
+            raise MeasurementError(f"ground motion {self.name}: cannot be scaled by {factor:g}")
         # No shaking table reaches 100 g.
         if self.peak * abs(factor) > 100.0 * STANDARD_GRAVITY:
             raise MeasurementError(

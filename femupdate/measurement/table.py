@@ -39,7 +39,7 @@ def cells_of(line: str, delimiter: str | None) -> list[str]:
 
 
 # Cells without a value, as people and programs write them; what only Fortran writes, and marks of
-# thousands that are no commas or points.
+# thousands and of the sign that typesetters write.
 BLANKS = ("", "-", "--", "–", "nan", "n/a", "#n/a", "na", "null", "none")
 _FORTRAN, _THOUSANDS_MARK = r"(?<=[\d.])[dD](?=[-+]?\d)", r"(?<=\d)['’\u00a0\u202f](?=\d{3}(?!\d))"
 _COUNTER = re.compile(r"#|no|nr|num(ber)?|idx|index|samples?|row|point|pt|scan|count(er)?|", re.I)
@@ -448,8 +448,8 @@ def parse_rows(
     texts = [text for _, text in rows]
     if re.search(_FORTRAN, texts[-1]):
         texts = [re.sub(_FORTRAN, "e", text) for text in texts]
-    if re.search(_THOUSANDS_MARK, texts[-1]):
-        texts = [re.sub(_THOUSANDS_MARK, "", text) for text in texts]
+    if not (joined := "\n".join(texts)).isascii() or "'" in joined:
+        texts = [re.sub(_THOUSANDS_MARK, "", text).replace("−", "-") for text in texts]
     if delimiter != ",":
         if any(re.search(r"\d,\d{3}\.", text) for text in texts):  # 1,234.5
             texts = [text.replace(",", "") for text in texts]
@@ -475,6 +475,8 @@ def parse_rows(
             cure = "fill in the measured value or remove the row or column"
             if position == 0 and ":" in cell:
                 cure = "write times as 2024-03-05 10:00:00.005, or in seconds"
+            elif position == 0 and all(map(is_number, cells[1:])):
+                cure = "if channels are rows here, turn the table: a column for each"
             raise file.error(
                 f"{f'the value is {cell}' if number else what}; {cure}",
                 line,
@@ -508,11 +510,10 @@ def read_head_rows(
     names = tuple(name for name, _ in titles)
     for position, name in enumerate(names):
         if name and name in names[:position]:
-            raise file.error(
-                f"two columns are called {name!r}; rename or remove one (several sensors of a"
-                f" floor are {name}:1, {name}:2)",
-                line,
-            )
+            cure = f"rename or remove one (several sensors of a floor are {name}:1, {name}:2)"
+            if TIME_NAME.match(name):
+                cure = "keep one where both are alike, else give each clock a file"
+            raise file.error(f"two columns are called {name!r}; {cure}", line)
     units: tuple[str | None, ...] = tuple(unit for _, unit in titles)
     for kind, named in (("time", TIME_NAME), ("frequency", FREQUENCY_NAME)):
         name, inside = bracketed(first[0])

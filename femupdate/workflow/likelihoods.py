@@ -305,9 +305,12 @@ def beyond_prior(
     named, keys = _outside(likelihood.prior, points[at])
     if not named or float(density[at] - density[0]) < 10.0:  # nats
         return ()
+    cure = f"change {keys} in the building file."
+    if measured.doubts:
+        cure = f"{measured.doubts[0]} Else {cure}"
     return (
         f"The prior is too narrow: the model meets the data far better with {named}. "
-        f"Do not trust these intervals; change {keys} in the building file.",
+        f"Do not trust these intervals; {cure}",
     )
 
 

@@ -13,6 +13,7 @@ from femupdate.arrays import Floats, Integers
 from femupdate.building.kinds import require_heights
 from femupdate.dynamics.history import history_batches
 from femupdate.dynamics.members import (
+    ChosenMembers,
     MemberForces,
     Place,
     choose_members,
@@ -129,6 +130,7 @@ def predict_study(
     motion = record.motion(columns if measured in (None, record.path) else None)
     if motion.rotation is not None:
         require_heights(model.building)
+    chosen = choose_members(model.building, settings.members) if settings.members else None
     reference = None
     if measured is not None:
         reference = _measured_floors(model, measured, columns, record, motion)
@@ -176,7 +178,7 @@ def predict_study(
         motion=motion,
         measured=reference,
         floor_spectra=spectra,
-        members=_members(study, model, values, motion, settings, progress),
+        members=_members(study, model, values, motion, (chosen, settings.member_draws), progress),
     )
     save_prediction(report)
     _record(study, model, record, report, measured)
@@ -302,15 +304,14 @@ def _members(
     model: StudyModel,
     values: Values,
     motion: GroundMotion,
-    settings: PredictionSettings,
+    asked: tuple[ChosenMembers | None, int],
     progress: Progress,
 ) -> tuple[MemberForces, ...]:
-    """Forces of the members asked for, written into the study."""
-    if not settings.members:
+    """Forces of the members asked for, at so many draws, written into the study."""
+    (chosen, draws), drawn = asked, len(values.zeta)
+    if chosen is None:
         return ()
-    chosen = choose_members(model.building, settings.members)
-    drawn = len(values.zeta)
-    few = np.linspace(0, drawn - 1, min(settings.member_draws, drawn)).astype(int)
+    few = np.linspace(0, drawn - 1, min(draws, drawn)).astype(int)
     progress.start("Forces of members", len(few))
     members = member_forces(
         chosen,

@@ -158,6 +158,13 @@ def test_units_scale_everything_alike(tmp_path):
     np.testing.assert_allclose(heavy, light, rtol=1e-6)  # stiffness and mass a thousandfold
 
 
+@pytest.mark.parametrize("units", ["N,m", "kN,mm", "kip,in"])
+def test_units_that_make_its_materials_unusual_are_refused(tmp_path, units):
+    told = f"its materials are usual ones in N,mm, and none in {units}; correct --units"
+    with pytest.raises(BuildingError, match=told):
+        load_building(write(tmp_path, FRAME), units)
+
+
 def test_a_weight_density_is_told_by_wtmass(tmp_path):
     text = FRAME.replace("2.5-9", "2.452-5").replace("7.85-9", "7.698-5")
     text = text.replace("12.5\n", "1.226+5\n").replace(

@@ -69,6 +69,8 @@ CASES = {
         r"columns\[0\]\.rigid_ends: they leave nothing of story high, 2.8 m high; shorten them"),
     "modulus of concrete in MPa": ('"25 GPa"', '"28 MPa"',
         "materials.concrete.youngs_modulus: 0.028 GPa is no concrete, of which 10 to 60 GPa are"),
+    "story of 2800 m": ('"2.8 m"', '"2800 m"',
+        "stories: high is 2800 m high: is the unit wrong. Correct its height"),
     "springs of one newton": ("[mesh]", '[supports]\nbase = "springs"\nkx = "1 N/m"\n\n[mesh]',
         "supports.kx: the whole building would move at 0.0.* Hz on this spring"),
     "path with backslashes": ('name = "small"', 'name = "C:\\temp"',
@@ -341,6 +343,7 @@ def test_figures_that_no_building_has(tmp_path, old, new, message):
             '"0 kg/m3"',
             "materials.concrete: density is zero: the members made",
         ),
+        ('"2400 kg/m3"', '"2.4 kg/m3"', "density is 2.4 kg/m3, and steel has 7850, concrete"),
         (FIXED, "", "supports: the table is left out, so the base is fixed"),
         (
             'width = "300 mm"\ndepth = "500 mm"',
@@ -358,6 +361,18 @@ def test_figures_that_an_engineer_would_ask_about(tmp_path, caplog, old, new, me
     for _ in range(2):  # told once, however often a command reads the file
         load_building(write(tmp_path, (SMALL + FIXED).replace(old, new, 1)))
     assert caplog.text.count(message) == 1
+
+
+@pytest.mark.parametrize(("mass", "asked"), [(20.0, False), (0.02, True), (200e3, True)])
+def test_frequencies_that_no_stick_so_high_has_are_asked_about(tmp_path, caplog, mass, asked):
+    """Three stories of 3 m and 30 kN/mm: 2.7 Hz with 20 t, 87 and 0.03 Hz in other units."""
+    story = f'height = "3 m"\nmass = "{mass} t"\nstiffness = "30 kN/mm"\n'
+    stories = "".join(f'[[stories]]\nname = "S{k}"\n{story}' for k in (1, 2, 3))
+    text = 'name = "stick"\nkind = "shear"\n'
+    text += 'frequency_grid = { start = "1 Hz", step = "1 Hz", count = 9 }\n'
+    text += f'damping = {{ law = "constant", ratio = 0.02 }}\n{stories}'
+    load_building(write(tmp_path, text))
+    assert ("the lowest frequency is" in caplog.text) == asked
 
 
 @pytest.mark.parametrize(

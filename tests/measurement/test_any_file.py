@@ -76,6 +76,7 @@ def scaled(**factors: float) -> np.ndarray:
 
 
 _JITTER = np.sort(TIME + 3e-4 * np.random.default_rng(1).normal(size=TIME.size))
+_SLOW = TIME + 1e-4 * TIME**2  # a clock that loses 0.8 % in the end
 _LEAP = dated("%H:%M:%S.%L", "2016-12-31 23:59:50")
 _LEAP = [t.replace("00:00:00", "23:59:60") for t in _LEAP]
 _LEAP = [
@@ -96,6 +97,7 @@ TABLES = {
     "two decimals": table(printed("{:.2f}", 0.5 * TIME)),
     "whole seconds": table(printed("{:.0f}", np.floor(TIME))),
     "jitter": table(printed("{:.6f}", _JITTER), at(_JITTER)),
+    "clock that slows down": table(printed("{:.6f}", _SLOW[:3980]), at(_SLOW[:3980])),
     "starts late": table(_TIMES, blanked(3, slice(0, 500))),
     "gap": table(_TIMES, _GAP),
     "half rate": table(_TIMES, blanked(2, slice(1, None, 2))),
@@ -103,6 +105,11 @@ TABLES = {
     "points of thousands": table(
         _TIMES, 1e3 * ROWS, "time_s;base;2F;3F;RF\ns;mm/s2;mm/s2;mm/s2;mm/s2", ";"
     ).replace(".", ","),
+    "as typesetters write": re.sub(
+        r"(?<=\d)(?=\d{3}\.)",
+        "\u202f",
+        table(_TIMES, 1e3 * ROWS, "time_s;base;2F;3F;RF\ns;mm/s2;mm/s2;mm/s2;mm/s2", ";"),
+    ).replace("-", "\u2212"),
     "units of each": table(
         _TIMES,
         scaled(base=1 / 9.80665, f2=100.0, rf=1e3 / 9.80665),
@@ -155,6 +162,7 @@ SAID = {
     "two decimals": ("rounded to 0.01 s: 200 Hz", 200, 4000),
     "whole seconds": ("rounded to 1 s: 100 Hz", 100, 4000),
     "jitter": ("are interpolated to 100 Hz", 100, 3999),
+    "clock that slows down": ("are interpolated to 100 Hz", 100, 3995),
     "starts late": ("RF 5 s later", 100, 3500),
     "gap": ("blank cells: it is used from 10.4", 100, 2960),
     "half rate": ("all are taken at 50 Hz", 50, 2000),
@@ -240,6 +248,17 @@ REFUSED = {
     "rows missing again and again": (
         table(np.delete(printed("{:.2f}"), _LOST), np.delete(ROWS, _LOST, 1)),
         "the sampling is not uniform",
+    ),
+    "channels as rows": (
+        "\n".join(
+            ",".join([name, *(f"{v:.4f}" for v in row)])
+            for name, row in zip(("time_s", *NAMES), [TIME, *ROWS], strict=True)
+        ),
+        "if channels are rows here, turn the table",
+    ),
+    "two clocks": (
+        table(_TIMES, [*ROWS[:2], TIME, *ROWS[2:]], "time_s,base,2F,time_s,3F,RF"),
+        "two columns are called 'time_s'; keep one where both are alike",
     ),
     "commas twice": (
         table(printed("{:.2f}")).replace(".", ","),
@@ -390,6 +409,8 @@ def test_frfs_without_header_are_mapped_by_number(write):
         "ground first_floor second_floor third_floor",
         "1st 2nd 3rd Roof",
         "RDC R+1 R+2 Toiture",
+        "Sous-sol 1er_étage 2e_étage Toiture",
+        "KG 1._Stock 2._Stock 3._Stock",
         "Sótano Piso_1 Piso_2 Azotea",
     ],
 )
@@ -422,7 +443,7 @@ def test_nothing_is_proposed_where_a_column_is_left_over(write):
     step = inspect_file(path).step
     assert step.command == ""
     assert "which floor A is" in step.advice
-    assert "such as 'base=Ground,2F=A'" in step.advice
+    assert "such as 'base=Ground,RF=Roof'" in step.advice
 
 
 def test_what_is_proposed_fits_the_file(write):

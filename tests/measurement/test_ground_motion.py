@@ -50,8 +50,9 @@ def test_scaled():
     named = GroundMotion(motion.acceleration, 0.01, name="kobe", channel="NS")
     assert named.title == "kobe NS"
     assert named.scaled(0.5).scaled(0.2).title == "kobe NS, scaled by 0.1"
-    with pytest.raises(MeasurementError, match="cannot be scaled by nan"):
-        motion.scaled(np.nan)
+    for factor in (0.0, np.nan):
+        with pytest.raises(MeasurementError, match=f"cannot be scaled by {factor:g}"):
+            motion.scaled(factor)
 
 
 @pytest.mark.parametrize(

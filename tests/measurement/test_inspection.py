@@ -127,6 +127,7 @@ PLACES = {
     "Ground Floor": "base",
     "2F:1": "2F",
     "RF.y": "RF",
+    "EG Decke": None,
     "Deck: Near West Abutment": None,
     "HNE": None,
 }

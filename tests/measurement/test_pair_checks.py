@@ -64,6 +64,14 @@ def test_nothing_is_said_of_good_records(seed):
     assert pair_findings(channels[1:], FLOORS[1:]) == ()
 
 
+def test_a_floor_that_is_taken_for_the_base_as_well_is_told():
+    """Its mean with the base would be no base."""
+    channels, _ = building(0)
+    (found,) = pair_findings(channels, ("base", "base", "3F", "RF"))
+    assert found.startswith("channel 2 ")
+    assert found.endswith("do both stand on the base?")
+
+
 def test_a_step_at_the_end_is_no_drift():
     """It shifts the means, floors against the base: an offset in between, no phase."""
     last, sides = np.arange(5000) >= 4980, (0.1, -0.1, -0.1, -0.1)

@@ -35,24 +35,40 @@ def test_circular_frequencies_and_periods_without_their_unit_are_told(tmp_path):
             femupdate.calibrate(tmp_path / "study", tmp_path / "modes.csv", **HOW)
 
 
-def test_a_factor_below_its_prior_is_refused_with_the_key_that_widens_it(tmp_path):
-    """Three masses of 1 kg on springs of 3000 N/m, the lowest of which has lost four fifths."""
+FREQUENCIES = np.arange(0.15, 25.0, 0.05)
+
+
+def weak(hz):
+    """Responses (n, 3) of three masses of 1 kg on springs of 3000 N/m, the lowest a fifth of it."""
     k = 3000.0 * np.array([0.2, 1.2, 0.8, 0.0])
     stiffness = np.diag(k[:3] + k[1:]) - np.diag(k[1:3], 1) - np.diag(k[1:3], -1)
     squared, modes = np.linalg.eigh(stiffness)
-    grid = np.arange(0.15, 25.0, 0.05)
-    ratio = grid[:, None] / (np.sqrt(squared) / (2.0 * np.pi))
+    ratio = hz[:, None] / (np.sqrt(squared) / (2.0 * np.pi))
     amplified = 1.0 + ratio**2 / (1.0 - ratio**2 + 2j * 0.02 * ratio)
-    noise = np.exp(0.03 * np.random.default_rng(0).normal(size=(len(grid), 3)))
-    frf = noise * np.abs(amplified @ (modes * modes.sum(0)).T)
-    np.savetxt(
-        tmp_path / "frf.csv",
-        np.column_stack([grid, frf]),
-        delimiter=",",
-        header="frequency_hz,2F,3F,RF",
-        comments="",
-    )
+    return amplified @ (modes * modes.sum(0)).T
+
+
+def write_columns(path, names, columns):
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=names, comments="")
+
+
+def test_a_factor_below_its_prior_is_refused_with_the_key_that_widens_it(tmp_path):
+    noise = np.exp(0.03 * np.random.default_rng(0).normal(size=(len(FREQUENCIES), 3)))
+    columns = [FREQUENCIES, noise * np.abs(weak(FREQUENCIES))]
+    write_columns(tmp_path / "frf.csv", "frequency_hz,2F,3F,RF", columns)
     with pytest.raises(InferenceError, match=r"\[prior.theta\].* `anyway=True`") as refused:
         femupdate.calibrate(tmp_path / "study", tmp_path / "frf.csv", **HOW)
     assert "theta_1 near 0.2 (lower limit 0.333)" in str(refused.value)
     assert not (tmp_path / "study" / "posterior.nc").exists()
+
+
+def test_what_is_odd_about_a_file_is_told_before_its_prior_is_blamed(tmp_path):
+    """The sensor of the roof is turned round."""
+    rng, count, step = np.random.default_rng(4), 6000, 0.02
+    spectrum = np.fft.rfft(rng.normal(size=count)) * (np.fft.rfftfreq(count, step) > 0.2)
+    floors = spectrum * weak(np.fft.rfftfreq(count, step)).T * np.array([[1.0], [1.0], [-1.0]])
+    rows = np.fft.irfft([spectrum, *floors], count) + 0.01 * rng.normal(size=(4, count))
+    names = "time_s,base (m/s2),2F (m/s2),3F (m/s2),RF (m/s2)"
+    write_columns(tmp_path / "run.csv", names, [step * np.arange(count), *rows])
+    with pytest.raises(InferenceError, match=r"direction reversed. Else change .*\[prior.theta\]"):
+        femupdate.calibrate(tmp_path / "study", tmp_path / "run.csv", **HOW)

@@ -10,6 +10,7 @@ from femupdate.errors import BuildingError
 from femupdate.inference import load_posterior
 from femupdate.measurement import GroundMotion
 from femupdate.report import plus_minus
+from femupdate.study import Study
 from femupdate.workflow import (
     CalibrationSettings,
     ObservationSource,
@@ -90,6 +91,13 @@ def test_histories_are_those_of_another_integrator(tower, tower_model, record, w
     )
 
 
+def test_members_that_a_stick_lacks_are_refused_before_any_work(tower_file, record, tmp_path):
+    study = Study(tmp_path / "study")  # which has no posterior either
+    settings = PredictionSettings(members=((0.0, 0.0, 3.0),))
+    with pytest.raises(BuildingError, match="a shear building has no members"):
+        predicted(study, open_study(study, str(tower_file)), record, settings)
+
+
 def test_an_offset_of_the_record_is_taken_off(record, wave, tmp_path):
     moved = write_record(tmp_path / "moved.csv", GroundMotion(wave - 0.5, STEP, channel="EW"))
     found = RecordSource(moved).motion().acceleration
@@ -111,8 +119,6 @@ def test_damping_is_the_posterior_s_own_unless_one_is_given(tower, tower_model, 
 
 
 def test_a_law_of_its_own_takes_no_ratio(tmp_path, tower_file, tower_observation, record):
-    from femupdate.study import Study
-
     law = 'law = "rayleigh"\nratio = 0.05\nanchors = ["3 Hz", "9 Hz"]'
     text = tower_file.read_text().replace('law = "constant"\nratio = 0.05', law)
     file = tmp_path / "rayleigh.toml"
