@@ -145,11 +145,8 @@ class ReducedModel:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All of it but the names of its floors, for a file."""
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
-        if self.node_shapes is not None:
-            arrays["node_shapes"] = self.node_shapes
-        if self.dashpots is not None:
-            arrays["dashpots"] = self.dashpots
+        every = {name: getattr(self, name) for name in (*_ARRAYS, "node_shapes", "dashpots")}
+        arrays = {name: array for name, array in every.items() if array is not None}
         if self.rotation is not None:
             arrays |= {f"rotation_{name}": getattr(self.rotation, name) for name in _ROTATION}
         if self.released is not None:
