@@ -184,9 +184,10 @@ def _cards(lines: list[tuple[str, int, str]]) -> Iterator[Card]:
                 yield Card(of, name, first, tuple(data))
             name, first, data, of = head.rstrip("* ").upper(), number, [], file
             if not re.fullmatch(r"[A-Z][A-Z0-9]*", name):
-                raise Card(file, name, number, ()).error(
-                    "this is no name of a card; begin the line with one, or with $ for a comment"
-                )
+                cure = "begin the line with one, or with $ for a comment"
+                if name.startswith("="):
+                    cure = "cards that repeat the one before are not read: write them out"
+                raise Card(file, name, number, ()).error(f"this is no name of a card; {cure}")
         elif not name:
             raise Card(file, head, number, ()).error("it continues no card; remove the line")
         elif (mark := head.strip("+* ")) and asked not in ("+", "*", f"+{mark}", f"*{mark}", mark):

@@ -24,6 +24,7 @@ from femupdate.building.sections import (
 from femupdate.errors import BuildingError
 
 _LINES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
+_DIRECTED = ("MAT2", "MAT3", "MAT8", "MAT9", "MAT10", "MAT11")  # of other materials
 _OTHER = ("PSOLID", "PSHEAR", "PCOMP", "PCOMPG", "PBEND", "PBUSH")
 # A direction of Nastran's element axes in those of our beams: its y is our z, its z our -y.
 _OURS = np.array([0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10])
@@ -179,7 +180,7 @@ class _DeckReading:
             if card.whole(5, 0):
                 self.turns[node] = deck.system(card.whole(5), card).at(point)
         self.properties = deck.by_number("PSHELL", *_LINES, *_OTHER)
-        self.materials = deck.by_number("MAT1")
+        self.materials = deck.by_number("MAT1", *_DIRECTED)
         self.plate, self.section = cache(self._plate), cache(self._section)
         self.material = cache(self._material)
 
@@ -202,6 +203,8 @@ class _DeckReading:
 
     def _material(self, number: int, user: Card) -> Stuff:
         card = known(user, self.materials, number, "MAT1")
+        if card.name != "MAT1":
+            raise user.error(f"material {number} is a {card.name}; name a MAT1, alike in all axes")
         young, shear, ratio = card.real(1, 0.0), card.real(2, 0.0), card.real(3, 0.0)
         if not card.text(3) and young and shear:
             ratio = 0.5 * young / shear - 1.0

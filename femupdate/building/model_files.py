@@ -73,10 +73,11 @@ def model_units(file: ModelFile[Any], units: str | None) -> tuple[str, str, str]
         force, length = system.split(",")
         why = f"the only ones with a usual material ({young:.4g} GPa, {density:.4g} kg/m3)"
         return force, length, why
+    lacks = f"; --draft then asks for {', '.join(LACKING[key] for key in file.lacks)}"
     could = f"could be {' or '.join(fitting)}" if fitting else "tell none"
     raise BuildingError(
         f"{file.file.name}: the file says no units, and its materials {could}; say force and "
-        "length by --units, such as --units N,mm"
+        f"length by --units, such as --units N,mm{lacks if file.lacks else ''}"
     )
 
 
@@ -105,13 +106,14 @@ def building_model(building: MeshBuilding) -> ReadModel:
         raise Complaint("mesh.unit", f"the model is in {','.join(file.units or ())}; write those")
     base = building.supports.base if "supports" in building.model_fields_set else None
     given = {"supports.base": base, "mesh.diaphragms": mesh.diaphragms, "mesh.mass": mesh.mass}
-    for key in file.lacks:
-        if given[key] is None:
-            text = (
-                f"the key is missing; {file.program} does not say {LACKING[key]}, so say it "
-                f"(--draft writes a building file for {file.file.name})"
-            )
-            raise Complaint(key, text)
+    if missing := [key for key in file.lacks if given[key] is None]:
+        keys = "the key is" if len(missing) == 1 else "these keys are"
+        unsaid = ", ".join(LACKING[key] for key in missing)
+        raise Complaint(
+            ", ".join(missing),
+            f"{keys} missing; {file.program} does not say {unsaid}, so say it in the building file "
+            f"(--draft writes one for {file.file.name})",
+        )
     if base == "pinned" and "supports.base" not in file.lacks:
         raise Complaint("supports.base", "the model says what holds the base; change it there")
     rigid = None

@@ -386,9 +386,10 @@ def mode_findings(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
         shape = np.asarray(mode.shape)
         if not mode.frequency_hz > 0.0:
             findings.append(f"{name}: the frequency must be above 0")
-        # Buildings have damping ratios of .005 to .1.
-        if mode.damping is not None and not 0.0 < mode.damping <= 0.1:
-            findings.append(f"{name} has a damping ratio of {mode.damping:.3g}")
+        # Buildings have damping ratios of .005 to .1, bare steel a few thousandths.
+        if mode.damping is not None and not 0.001 <= mode.damping <= 0.1:
+            percent = "" if mode.damping > 0.1 else ": is it a ratio, and not in percent?"
+            findings.append(f"{name} has a damping ratio of {mode.damping:.3g}{percent}")
         # A standard deviation of a tenth of the frequency is worth a word.
         if mode.frequency_sd_hz is not None and mode.frequency_sd_hz > 0.1 * mode.frequency_hz:
             findings.append(f"{name} is hardly known: ±{mode.frequency_sd_hz:.3g} Hz")

@@ -274,6 +274,11 @@ def test_a_domain_has_its_own_frequencies(domain, tmp_path):
 
 def test_what_is_not_printed_is_asked_for(tmp_path):
     path, *_ = printed(rigid_floors, tmp_path)
-    with pytest.raises(BuildingError, match=r"mesh.diaphragms: the key is missing; OpenSees does"):
+    with pytest.raises(
+        BuildingError, match=r"mesh.diaphragms, supports.base: these keys are missing"
+    ):
         load_building(path, "N,m")
+    asked = r"by --units, .*--draft then asks for .*rigid in plan, what holds"
+    with pytest.raises(BuildingError, match=asked):
+        load_building(path)
     json.loads(path.read_text())

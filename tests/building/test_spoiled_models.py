@@ -70,6 +70,8 @@ SPOILED = {
     "bdf: unknown element": ("CROD    15", "CTETRA  15", r"line 34: CTETRA 15: .*mesh\.ignore"),
     "bdf: missing property": ("CBAR    4       1 ", "CBAR    4       6 ", "no property 6; add"),
     "bdf: of a plate": ("CBAR    4       1 ", "CBAR    4       3 ", "property 3 is a PSHELL; name"),
+    "bdf: orthotropic": ("MAT1    1 ", "MAT8    1 ", "material 1 is a MAT8; name a MAT1, alike"),
+    "bdf: replicated": ("CBAR    2 ", "=       * ", "line 23: =: .* are not read: write them out"),
     "bdf: missing node": ("14,3,1,2,6,5", "14,3,1,2,6,55", "no GRID 55; add it"),
     "bdf: negative spring": ("GRID,99", "CELAS2,77,-5.,12,1\nGRID,99", "77: its stiffness is neg"),
     "bdf: double node": ("GRID,99", "GRID,12", "line 20 has this number already"),

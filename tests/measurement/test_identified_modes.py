@@ -137,6 +137,8 @@ def test_findings():
     assert mode_findings(twice)[0].endswith("this looks like one mode found twice")
     assert mode_findings((twice[0], mode(2.02, [2.0, -1.0]), mode(2.5, [1.0, 2.0]))) == ()
     assert mac(*(seen.shape for seen in twice)) == pytest.approx((1 + 4.2) ** 2 / (5 * 5.41))
+    (told,) = mode_findings((mode(2.0, [1.0, 2.0], damping=2e-4),))  # .02 under a title in %
+    assert told.endswith("damping ratio of 0.0002: is it a ratio, and not in percent?")
     doubtful = mode(2.0, [0.0, 0.0], damping=0.2, frequency_sd_hz=0.5)
     assert [text.split(" at 2 Hz")[1] for text in mode_findings((doubtful,))] == [
         " has a damping ratio of 0.2",
