@@ -438,14 +438,16 @@ def _glanced(froms: list[Fit], steps: int, distant: Fit | None, test: Score) -> 
         # the straight line from the test.
         told = np.concatenate([[test.size], tested[1:]])
         start = nearest(base.likelihood, base, test.placed, (told, tested))
-    if tested.size and test.statistic == 0.0:
-        # The test points to an impossible size. Where the factors have made up for most of a large
-        # effect, a little of it makes things worse: with beams of one story of a six-story frame
-        # at .45, the first steps lead there from 1.5 alone.
+    if tested.size:
+        # Where the factors have made up for most of a large effect, a little of it makes things
+        # worse, and the test may point to the other side or an impossible size: with beams of one
+        # story of a six-story frame at .45, the first steps lead there from 1.5 alone.
         size = test.placed.effect.parameters[0]
         step = np.sign(tested[0] - size.neutral) * size.scale
-        sizes = np.clip(size.neutral + step * np.array([1.0, 1.5, 2.0]), size.lower, size.upper)
-        large = [np.array([value, *tested[1:]]) for value in np.unique(sizes)]
+        shares = np.array([1.0, -1.0] if test.statistic else [1.0, 1.5, 2.0])
+        sizes = np.clip(size.neutral + step * shares, size.lower, size.upper)
+        sizes = np.unique(sizes[sizes != size.neutral])
+        large = [np.array([value, *tested[1:]]) for value in sizes]
     starts = [[start, *large], *([start] for _ in froms[1:])]
     if distant is not None and distant.placed[-1].label == test.placed.label:
         starts[-1] = [distant.known_of(-1)]

@@ -41,19 +41,24 @@ def test_a_large_effect_is_found_from_afar():
     assert (np.abs(mean - theta) < 4.5 * sd).all()
 
 
-def test_a_large_effect_is_reached_by_coarse_noise():
+@pytest.mark.parametrize(
+    ("share", "theta", "sd", "seed"),
+    [(0.73, [0.75, 0.79, 1.46], 0.01, 2), (-0.45, [1.109, 1.475, 0.784], 0.003, 102)],
+    ids=["by coarse noise", "from a standard deviation off"],
+)
+def test_a_large_effect_is_reached(share, theta, sd, seed):
     """Its peaks have parted from those without it: by the noise itself, a fit stops on the way."""
     masses, springs = np.array([2.0, 1.5, 1.5]), np.array([5e3, 4e3, 4e3])
-    heavy, stiff = masses * [1.0, 1.73, 1.0], springs * [0.75, 0.79, 1.46]
+    heavy, stiff = masses * [1.0, 1.0 + share, 1.0], springs * theta
     grid = 0.1 * np.arange(1, 159)
     exact = Chain(heavy, stiff, zeta=0.006).frf(grid)
     problem = pose(
         building_of(masses, springs, zeta=(0.003, 0.06)),
-        observe(("2F", "3F", "RF"), grid, exact, 0.01, 2),
+        observe(("2F", "3F", "RF"), grid, exact, sd, seed),
     )
     found = diagnose(problem, among=frozenset({"added_mass@3F"}))
     assert found.verdict == NAMED
-    assert found.leading.size == pytest.approx(0.73, abs=4.0 * found.leading.size_sd)
+    assert found.leading.size == pytest.approx(share, abs=4.0 * found.leading.size_sd)
 
 
 def test_of_two_floors_either_mass_is_told():
