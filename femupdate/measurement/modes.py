@@ -171,7 +171,7 @@ def _columns(table: ColumnTable, columns: Mapping[str, str], named: bool) -> dic
         elif unit and known not in (MODE, TEST) and unit not in ("-", "1"):
             raise table.file.error(
                 f"the column cannot be in {unit!r}; damping is a ratio or in %, a shape has no"
-                " unit",
+                " unit (write phases as complex numbers, 0.1+2j)",
                 column=table.title(position),
             )
         values[known] = table.values[:, position] * factor

@@ -366,7 +366,9 @@ def si_factor(file: TextFile, unit: str, kind: str, column: str | None = None) -
     try:
         return _factor(plain_unit(unit), kind)
     except UnitError as error:
-        raise file.error(str(error), column=column) from None
+        speed = kind == "acceleration" and _VELOCITY.fullmatch(plain_unit(unit))
+        words = f"{unit} is a unit of velocity; give accelerations" if speed else str(error)
+        raise file.error(words, column=column) from None
 
 
 def _known(name: str, kind: str) -> bool:

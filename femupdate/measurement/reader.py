@@ -80,9 +80,11 @@ def read_measured(path: str | Path) -> Recording:
         name = next(fits, "")
     if not name:
         file = read_text(path)  # says what it is where it is no text
+        cure = "convert it to CSV"
+        if path.suffix.lower() in (".csv", ".txt"):
+            cure = "a table has a row that names its columns, then a row for each time or mode"
         raise file.error(
-            "the file is in none of the known formats, which `femupdate list` names; convert it"
-            " to CSV"
+            f"the file is in none of the known formats, which `femupdate list` names; {cure}"
         )
     recording = read_as(name, path)
     channels = in_step(recording.file, dict(enumerate(recording.channels)))

@@ -139,6 +139,15 @@ class GroundMotion:
             )
         return self._changed(lambda row: row * factor, scale=self.scale * factor)
 
+    def require_frequency(self, lowest_hz: float) -> None:
+        """Refuse samples too far apart to show the lowest frequency of a building."""
+        if self.time_step * lowest_hz > 0.5:
+            raise MeasurementError(
+                f"ground motion {self.name}: a value every {self.time_step:g} s shows no motion at "
+                f"{lowest_hz:.3g} Hz, the building's lowest frequency; is the time's unit wrong? "
+                "Times in ms have the name time_s (ms)"
+            )
+
     def resampled(self, time_step: float) -> "GroundMotion":
         """Return the motion at another time step (s), band-limited to the lower Nyquist frequency.
 

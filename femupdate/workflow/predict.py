@@ -121,7 +121,7 @@ def predict_study(
 
     Raises:
         BuildingError: a ratio is asked for, but the building's law gives every mode its own.
-        MeasurementError: record or measurement cannot be used.
+        MeasurementError: record or measurement cannot be used, or the record is too coarse.
         StudyError: there is no posterior, or it is of another building.
     """
     settings = settings or PredictionSettings()
@@ -139,20 +139,20 @@ def predict_study(
     system = open_system(study, model)
     rows = posterior.rows(settings.samples, settings.seed)
     values, damping = _damped(model, posterior, settings)
+    lowest = system.first_hz(values.theta[:1], values.sizes[:1])
+    motion.require_frequency(lowest)
 
     progress.start("Integrating the response", len(rows))
     # Of the parameters alone, as they were when they were measured.
     alone, at_level = _summary(system, posterior, motion, values, settings, None, progress)
     moving, erring = spawn(settings.seed, 2)
     # Errors of the model fade below the lowest frequency.
-    lowest = system.first_hz(values.theta[:1], values.sizes[:1])
     errors = EventErrors(posterior, rows, 0.25 * lowest, erring)
     scatter = _chosen_scatter(posterior, settings, rows)
     if settings.damping is not None or model.building.damping.is_rayleigh:
         scatter = replace(scatter, damping=0.0, damped=0.0)
-    factors = posterior.parameters.of("stiffness")
-    box = factors.lower, factors.upper
-    theta, zeta = scatter.next_event(values.theta, values.zeta, box, moving)
+    box = posterior.parameters.of("stiffness")
+    theta, zeta = scatter.next_event(values.theta, values.zeta, (box.lower, box.upper), moving)
     progress.start("Integrating the response of another event", len(rows))
     moved = replace(values, theta=theta, zeta=zeta)
     summary, _ = _summary(system, posterior, motion, moved, settings, errors, progress)

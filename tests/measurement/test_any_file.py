@@ -256,6 +256,10 @@ REFUSED = {
         ),
         "if channels are rows here, turn the table",
     ),
+    "rows without times": (
+        "\n".join(",".join([name, *map(str, row)]) for name, row in zip(NAMES, ROWS, strict=True)),
+        "none of the known formats, .* a row that names its columns, then a row for each time",
+    ),
     "two clocks": (
         table(_TIMES, [*ROWS[:2], TIME, *ROWS[2:]], "time_s,base,2F,time_s,3F,RF"),
         "two columns are called 'time_s'; keep one where both are alike",

@@ -171,7 +171,7 @@ HEAD = "mode,frequency_hz,damping,2F,RF\n"
         ("mode,frequency_hz,2F,2F\n1,2,3,4\n", r"two columns are called '2F'"),
         ("mode,frequency_hz,2F_re\n1,2,3\n", r"must have either the column 2F or both 2F_re"),
         ("mode,frequency_hz (rpm),2F\n1,2,3\n", r"unknown unit 'rpm' for frequency"),
-        ("mode,frequency_hz,2F (mm)\n1,2,3\n", r"cannot be in 'mm'; damping is a ratio"),
+        ("mode,frequency_hz,2F (mm)\n1,2,3\n", r"cannot be in 'mm'; damping is.*complex"),
         ("mode,frequency_hz,frequency_sd_hz\n1,2,0\n", r"deviation of the frequency of mode 1"),
         ("mode,frequency_hz,2F,2F_sd\n1,2,3,-1\n", r"a standard deviation of the shape of mode 1"),
         ("mode,period_s,frequency_hz,RF\n1,.25,5,1\n", "do not fit each other; leave out one"),

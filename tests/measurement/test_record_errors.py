@@ -37,7 +37,7 @@ PLAIN = {
     "no time, no header": ("\n".join(f"{v},{-v}" for v in VALUES), "no column grows as times do"),
     "no unit": (plain(rows(), "time_s,a\n"), "does not say its unit; give it by the unit option"),
     "unknown unit": (plain(rows(), "time_s,a\ns,furlong\n"), "unknown unit 'furlong'"),
-    "a velocity": (plain(rows(), "time_s,a (mm/s)\n"), "unknown unit 'mm/s' for acceleration"),
+    "a velocity": (plain(rows(), "time_s,a (mm/s)\n"), "mm/s is a unit of velocity; give acc"),
     "unknown time unit": (plain(rows(), "time_s,a\nh,gal\n"), "unknown unit 'h' for time"),
     "short units row": (plain(rows(), "time_s,a\ns\n"), "line 2: the units row has 1 cells"),
     "nan": (plain(changed(7, "0.04,nan")), "line 7, column 'a': the cell is blank or nan"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, lsim
 
-from femupdate.errors import BuildingError
+from femupdate.errors import BuildingError, MeasurementError
 from femupdate.inference import load_posterior
 from femupdate.measurement import GroundMotion
 from femupdate.report import plus_minus
@@ -96,6 +96,13 @@ def test_members_that_a_stick_lacks_are_refused_before_any_work(tower_file, reco
     settings = PredictionSettings(members=((0.0, 0.0, 3.0),))
     with pytest.raises(BuildingError, match="a shear building has no members"):
         predicted(study, open_study(study, str(tower_file)), record, settings)
+
+
+def test_a_record_whose_steps_show_no_mode_is_refused(tower, tower_model, wave, tmp_path):
+    rows = [f"{5.0 * k:g},{a:.6f}" for k, a in enumerate(wave)]
+    (tmp_path / "ms.csv").write_text("\n".join(["time_s,acc (m/s2)", *rows]) + "\n")
+    with pytest.raises(MeasurementError, match=r"every 5 s .* lowest frequency; is the time"):
+        predicted(tower, tower_model, tmp_path / "ms.csv")
 
 
 def test_an_offset_of_the_record_is_taken_off(record, wave, tmp_path):
