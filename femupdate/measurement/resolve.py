@@ -213,9 +213,12 @@ def resolved(table: ColumnTable, columns: Mapping[str, str] | None) -> ColumnTab
     axes = axes_of([given.get(k, name) for k, name in enumerate(names)])
     if len(axes) != 1:
         first = names[0]
+        cure = f"rename it or map it by --columns {TIME}={first},..."
+        if parse_history(given.get(0, first)):
+            cure = "give the samples a second by --rate 200 where times are missing"
         raise file.error(
-            f"one column must be {TIME} or {FREQUENCY}, the first is {first!r}; rename it or map"
-            f" it by --columns {TIME}={first},... (`femupdate inspect {file.path}` proposes all)"
+            f"one column must be {TIME} or {FREQUENCY}, the first is {first!r}; {cure}"
+            f" (`femupdate inspect {file.path}` proposes all)"
         )
     ((at, axis),) = axes.items()
     if axis == FREQUENCY and table.values[0, at] == 0.0:  # where nothing accelerates

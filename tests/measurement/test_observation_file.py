@@ -147,6 +147,8 @@ HISTORY_ERRORS = {
     "blank unit": (GOOD.replace("s,gal,gal", "s,gal,"), "column '2F:1': the file does not say"),
     "wrong unit": (GOOD.replace(",mg", ",mm"), "unknown unit 'mm' for acceleration"),
     "no time": (GOOD.replace("time_s", "zeit"), "the first is 'zeit'; rename it or map it"),
+    "times missing": ("base (g),RF (g)\n" + "\n".join(f"{i % 5},{i % 7}" for i in range(N)),
+        "the first is 'base'; give the samples a second by --rate 200"),
     "unknown column": (GOOD.replace(",RF,", ",roof,"),
         "unknown column 'roof' (did you mean 'RF'?); columns"),
     "near miss": (GOOD.replace("base", "bse"), "unknown column 'bse' (did you mean 'base'?)"),
