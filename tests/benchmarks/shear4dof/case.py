@@ -145,6 +145,7 @@ def _curvature_sd(model: StudyModel, solutions: Floats) -> Floats:
 def data_likelihood(model: StudyModel, case: Case) -> LogLikelihood:
     """exp(-|r|^2 / 2 sigma^2) of the roof, in the factors; the damping ratio is known."""
     data = base_logs(case.observation, model.system, table=STATED)
+    assert data.logs is not None
     data = replace(data, logs=replace(data.logs, precision=torch.float32))
     likelihood = likelihood_of((data,), model.system, model.parameters)
 
