@@ -42,19 +42,27 @@ def static_displacement(operators: AffineOperators, theta: Floats, load: Floats)
     return operators.expand(factorization.solve(operators.gather(load)))
 
 
-def lowest_modes(operators: AffineOperators, theta: Floats, count: int) -> NaturalModes:
-    """Lowest natural modes by a block Lanczos method on K^-1 M.
+def lowest_modes(
+    operators: AffineOperators, theta: Floats, count: int, shift_hz: float | None = None
+) -> NaturalModes:
+    """Lowest natural modes by the shift-invert Lanczos method.
 
     A Sturm count confirms that no mode below the highest ones returned is missing.
 
+    Args:
+        shift_hz: None for a structure that stands by itself; a small negative value, such as -1.0,
+            admits free structures, whose rigid motions come out with zero frequency.
+
     Raises:
-        StructureError: the structure is a mechanism, count exceeds the degrees of freedom that
-            carry mass, or the solution does not converge.
+        StructureError: the structure is a mechanism (without shift), count exceeds the degrees of
+            freedom that carry mass, or the solution does not converge.
     """
-    _check_request(_massive(operators), count)
+    _check_request(_massive(operators), count, shift_hz)
     stiffness = operators.stiffness(theta)
-    factors = factorize_held(operators, stiffness)
-    return _lowest(operators, _Problem(stiffness, operators.mass, factors), count)
+    shift = 0.0 if shift_hz is None else -((2.0 * np.pi * shift_hz) ** 2)
+    shifted = stiffness if shift_hz is None else (stiffness - shift * operators.mass).tocsc()
+    factorization = factorize_held(operators, shifted)
+    return _lowest(operators, _Problem(stiffness, operators.mass, factorization, shift), count)
 
 
 def _massive(operators: AffineOperators) -> int:
@@ -81,7 +89,8 @@ def _lowest(
         image = symmetric_times(problem.mass, shapes)
         elastic = symmetric_times(problem.stiffness, shapes)
         error = np.linalg.norm(elastic - values * image, axis=0)
-        residual = float((error / np.linalg.norm(elastic, axis=0)).max())
+        size = np.linalg.norm(elastic - problem.shift * image, axis=0)
+        residual = float((error / size).max())
         # Solutions without trouble stay below a tenth of it.
         if not residual < 3e-5:
             complaint = f"left a relative residual of {residual:.1e}"
@@ -95,11 +104,12 @@ def _lowest(
 
 @dataclass(frozen=True)
 class _Problem:
-    """K phi = lambda M phi with K factorised."""
+    """K phi = lambda M phi with K - shift M factorised."""
 
     stiffness: csc_matrix
     mass: csc_matrix
     factorization: Factorization
+    shift: float
 
 
 def modes_below(
@@ -119,10 +129,10 @@ def modes_below(
     Raises:
         StructureError: the structure is a mechanism, or the modes cannot be counted.
     """
-    _check_request(_massive(operators), 1)
+    _check_request(_massive(operators), 1, None)
     stiffness = operators.stiffness(theta)
     factors = factorization or factorize_held(operators, stiffness)
-    problem = _Problem(stiffness, operators.mass, factors)
+    problem = _Problem(stiffness, operators.mass, factors, 0.0)
     for nudge in (1.0, 1.003, 1.01):  # beside a natural frequency the pivots have no sure sign
         shift = (2.0 * np.pi * top_hz * nudge) ** 2
         count = _count_negative((stiffness - shift * operators.mass).tocsc(), factors.order())
@@ -133,7 +143,7 @@ def modes_below(
     )
 
 
-def _check_request(massive: int, count: int) -> None:
+def _check_request(massive: int, count: int, shift_hz: float | None) -> None:
     if not massive:
         raise StructureError(
             "no free degree of freedom carries mass; give densities or point masses"
@@ -143,6 +153,8 @@ def _check_request(massive: int, count: int) -> None:
             f"{count} modes were asked for, but {massive} free degrees of freedom carry mass; "
             f"ask for 1 to {massive}"
         )
+    if shift_hz is not None and not shift_hz < 0.0:
+        raise StructureError(f"shift_hz is {shift_hz}; give a negative frequency, or None")
 
 
 def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
@@ -159,7 +171,7 @@ def _condensed(problem: _Problem, count: int) -> tuple[Floats, Floats]:
         raise StructureError(
             f"{count} modes were asked for, but fewer motions carry mass; ask for fewer"
         )
-    return 1.0 / inverse, flexible @ coordinates
+    return problem.shift + 1.0 / inverse, flexible @ coordinates
 
 
 def _lanczos(problem: _Problem, count: int, width: int) -> tuple[Floats, Floats] | None:
@@ -184,7 +196,7 @@ def _lanczos(problem: _Problem, count: int, width: int) -> tuple[Floats, Floats]
         # One step of inverse iteration goes beyond the basis (Ericsson and Ruhe 1980).
         rest = image.T @ ahead @ inside[new] / inverse
         if np.linalg.norm(rest, axis=0).max() <= 1e-8:
-            values = 1.0 / inverse
+            values = problem.shift + 1.0 / inverse
             order = np.argsort(values, kind="stable")
             return values[order], (combined(basis[:, :done], inside) + block @ rest)[:, order]
         look = 1.05 * done
@@ -193,8 +205,8 @@ def _lanczos(problem: _Problem, count: int, width: int) -> tuple[Floats, Floats]
 
 def _complete(problem: _Problem, values: Floats) -> bool:
     """Whether as many eigenvalues lie below the highest gap as were found below it."""
-    edges = np.append(0.0, values)
-    gaps = np.diff(edges) / values
+    edges = np.concatenate([[problem.shift], values])
+    gaps = np.diff(edges) / (values - problem.shift)
     # Pivots are counted between eigenvalues that lie so far apart.
     clear = np.flatnonzero(gaps >= 1e-3)  # the highest gap leaves least unseen above it
     top = int(clear[-1]) if len(clear) else int(gaps.argmax())

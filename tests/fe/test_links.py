@@ -12,6 +12,7 @@ from femupdate.fe import (
     assemble,
     edge_joints,
     joint_links,
+    lowest_modes,
     static_displacement,
 )
 from tests.fe import meshes
@@ -101,20 +102,13 @@ def test_six_rigid_motions_and_all_the_mass():
     free = replace(free, fixed=np.zeros_like(free.fixed))
     operators = assemble(free)
     assert len(operators.free) == free.dof - 6 * len(free.links)
-    stiffness = operators.stiffness(ONE)
-    turns = (
-        np.cross(np.eye(3)[:, None], free.nodes),
-        np.tile(np.eye(3)[:, None], (len(free.nodes), 1)),
-    )
-    for motion in np.concatenate(turns, axis=2).reshape(3, -1):
-        inside = motion[operators.free]
-        np.testing.assert_allclose(operators.expand(inside), motion, atol=1e-12)
-        assert np.abs(stiffness @ inside).max() < 1e-9 * stiffness.max()
+    modes = lowest_modes(operators, ONE, 8, shift_hz=-1.0)
+    assert (modes.frequency_hz[:6] < 1e-3).all()
+    assert modes.frequency_hz[6] > 1.0
     mass = 2500.0 * (6 * 3.5 * 0.3 + WIDTH * DEPTH * LENGTH)
     for direction in range(3):
         motion = operators.rigid_translation(direction)
         inside = motion[operators.free]
-        assert np.abs(stiffness @ inside).max() < 1e-9 * stiffness.max()
         np.testing.assert_allclose(operators.expand(inside), motion, atol=1e-12)
         assert inside @ (operators.mass @ inside) == pytest.approx(mass, rel=1e-12)
         assert inside @ operators.inertia(direction) == pytest.approx(mass, rel=1e-12)

@@ -1,5 +1,7 @@
 """Modes, static displacement and factorisation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -112,6 +114,30 @@ def test_repeated_modes_are_all_found(count):
     np.testing.assert_allclose(modes.frequency_hz, np.repeat(each, 12)[:count], rtol=1e-9)
     overlap = modes.shapes.T @ operators.mass @ modes.shapes
     np.testing.assert_allclose(overlap, np.eye(count), atol=1e-6)
+
+
+@pytest.mark.parametrize("shift", [-0.1, -5.0, -50.0])
+def test_a_shift_changes_nothing(plate_operators, shift):
+    plain = lowest_modes(plate_operators, ONE, 6)
+    shifted = lowest_modes(plate_operators, ONE, 6, shift_hz=shift)
+    np.testing.assert_allclose(shifted.frequency_hz, plain.frequency_hz, rtol=1e-7)
+    np.testing.assert_allclose(shifted.shapes, plain.shapes, atol=1e-5 * np.abs(plain.shapes).max())
+
+
+def test_six_zero_frequencies_of_a_free_structure():
+    points, parts = meshes.frame_with_wall()
+    rotation = meshes.random_rotation(8)
+    up = parts["beams"].up @ rotation.T
+    parts["beams"] = replace(parts["beams"], up=up)
+    operators = assemble(meshes.model(points @ rotation.T, groups=2, **parts))
+    modes = lowest_modes(operators, np.ones(2), 8, shift_hz=-1.0)
+    assert modes.frequency_hz[:6].max() < 1e-3
+    assert modes.frequency_hz[6] > 1.0
+    # They span the rigid motions: translations come back from them with their whole mass.
+    for direction in range(3):
+        motion = operators.rigid_translation(direction)
+        share = modes.shapes[:, :6].T @ operators.mass @ motion
+        assert share @ share == pytest.approx(motion @ operators.mass @ motion, rel=1e-8)
 
 
 def test_static_displacement_is_symmetric_and_linear(plate, plate_operators):
