@@ -81,7 +81,9 @@ def _heights(building: Building) -> Iterator[str]:
         if height is None or low <= height <= high:
             continue
         text = f"stories: {name} is {height:g} m high: is the unit wrong?"
-        if not low / _WRONG_UNIT <= height <= high * _WRONG_UNIT:
+        # A mesh of such a story runs for minutes into the limits of the solver.
+        meshed = not isinstance(building, ShearBuilding)
+        if meshed and not low / _WRONG_UNIT <= height <= high * _WRONG_UNIT:
             raise BuildingError(f"{text} Correct its height")
         yield text
         return

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from femupdate.inference.latent_search import along_ridges, bent
-from femupdate.maximise import Descent, LatentData, Misfit, descend
+from femupdate.maximise import Descent, LatentData, Residuals, descend, misfit_of
 
 REACH = torch.full((2,), 2.25, dtype=torch.float64)
 Residual = Callable[[Tensor], Tensor]
@@ -41,14 +41,14 @@ def straight(z: Tensor) -> Tensor:
     return torch.stack([(z[:, 0] - 0.5) / 0.05, (z[:, 1] + z[:, 0]) / 0.01], dim=1)
 
 
-def _misfit(residual: Residual) -> Misfit:
+def _misfit(residual: Residual) -> Residuals:
     """A misfit whose residuals are minus these."""
     zero = torch.zeros(1, 2, dtype=torch.float64)
     data = LatentData(zero, torch.ones_like(zero))
-    return Misfit(lambda z: residual(z)[:, None], data, 1e-5)
+    return misfit_of(lambda z: residual(z)[:, None], data, 1e-5)
 
 
-def _solution(misfit: Misfit, start: tuple[float, float]) -> Descent:
+def _solution(misfit: Residuals, start: tuple[float, float]) -> Descent:
     return descend(misfit, torch.tensor([start], dtype=torch.float64))
 
 
