@@ -12,7 +12,7 @@ __all__, __getattr__ = public(
         "kinds": "FrameBuilding shear_operators",
         "mesh": "mesh_building",
         "mesh_import": "import_mesh",
-        "parameters": "factor_titles stiffness_factors",
+        "parameters": "factor_titles",
         "sections": "Section",
         "shipped": "building_text shipped_buildings",
     },

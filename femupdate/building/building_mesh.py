@@ -14,7 +14,6 @@ from femupdate.building.entry import ALL, Complaint
 from femupdate.building.kinds import CLOSEST_LINES, FrameBuilding, MeshBuilding
 from femupdate.building.members import SPRING_KEYS, SixSprings, Supports
 from femupdate.building.mesh_check import nodes_at
-from femupdate.building.parameters import StiffnessFactor, stiffness_factors, with_factors
 from femupdate.building.references import intersections, resolve
 from femupdate.fe.model import FiniteElementModel, PointMasses
 
@@ -136,7 +135,7 @@ def sprung(
 class BuildingMesh:
     """A meshed building."""
 
-    model: FiniteElementModel  # the finite-element model
+    model: FiniteElementModel  # the finite-element model; its groups are the stories
     floors: tuple[str, ...]  # names of the floors, bottom to top ("2F" ... "RF").
     floor_nodes: Mapping[str, Integers]  # node indices of each floor's sensor points
     floor_level: Floats  # (floors,) height above the base, m
@@ -144,8 +143,6 @@ class BuildingMesh:
     base_nodes: Integers  # (n,) indices of the nodes at the base
     direction: int  # 0 where motion is measured along x, 1 along y
     story_names: tuple[str, ...]  # names of the stories, bottom to top
-    # the model's parameters; group i of its elements has the factor i
-    factors: tuple[StiffnessFactor, ...]
     # of a mesh that was read: which of the file's `parts` each element belongs to, one array a
     # block of the model's elements
     parts: tuple[Integers, ...] | None = None
@@ -166,9 +163,8 @@ def described(
     notes: tuple[str, ...],
 ) -> BuildingMesh:
     """The mesh of a whole model whose groups are stories; arguments as of a `BuildingMesh`."""
-    factors = stiffness_factors(building)
     return BuildingMesh(
-        model=with_factors(model, factors) if building.by_kind else model,
+        model=model,
         floors=building.floors,
         floor_nodes=floor_nodes,
         floor_level=building.floor_levels,
@@ -176,7 +172,6 @@ def described(
         base_nodes=base,
         direction="xy".index(building.sensors.direction),
         story_names=building.story_names,
-        factors=factors,
         parts=parts,
         walls=walls,
         notes=(*notes, *story_notes(building)),
@@ -194,7 +189,7 @@ def finished(
     parts: tuple[Integers, ...] | None = None,
     notes: tuple[str, ...] = (),
 ) -> BuildingMesh:
-    """Return the mesh of a building with its masses, supports, links and stiffness factors.
+    """Return the mesh of a building with its masses, supports and links.
 
     Args:
         model: elements only, whose groups are stories.

@@ -190,19 +190,6 @@ class Tolerances(Entry):
                 yield (key, f"it is above {text}, which is no tolerance; correct it")
 
 
-class ParameterGrouping(Entry):
-    """Which members share a stiffness factor: `["story"]`, or `["story", "kind"]`.
-
-    The kinds are walls, columns, beams and slabs; a story has a factor for each that it owns.
-    """
-
-    by: tuple[Literal["story", "kind"], ...]
-
-    def _complaints(self) -> Complaints:
-        if self.by not in (("story",), ("story", "kind")):
-            yield ("by", f'{list(self.by)} is no division; write ["story"] or ["story", "kind"]')
-
-
 class EffectEntry(Entry):
     """One `[[effects]]` table: which effect, where, and how large it was found to be.
 
@@ -230,6 +217,11 @@ class Building(Entry):
     """
 
     __repr__ = brief
+
+    removed: ClassVar = {
+        "parameters": "every story has one stiffness factor; remove the table. `diagnose` names "
+        "walls, slabs, columns or beams that are stiffer or softer, and [[effects]] lists them"
+    }
 
     # A building of any kind by its file or its shipped name: put here by what knows all kinds.
     load: ClassVar[Callable[..., "Building"]]
@@ -288,11 +280,6 @@ class Building(Entry):
         return self.below == tuple(range(-1, len(self.stories) - 1))
 
     @property
-    def by_kind(self) -> bool:
-        """Whether members of different kinds have stiffness factors of their own."""
-        return False
-
-    @property
     def has_dashpots(self) -> bool:
         """Whether dashpots stand between building and ground, so that modes are complex."""
         return False
@@ -310,13 +297,8 @@ class Building(Entry):
 
     def check(self) -> None:
         """Raise Complaint for the first entry that does not fit the others."""
-        if self.by_kind and self.effects:
-            text = "effects need one factor a story; remove [parameters], or the effects"
-            raise Complaint("effects", text)
-        kinds_vary = self.tolerances and self.tolerances.members
-        if kinds_vary and (self.by_kind or not isinstance(self, MeshedBuilding)):
-            text = "it is for frames and meshes whose stories have one factor each; remove it"
-            raise Complaint("tolerances.members", text)
+        if self.tolerances and self.tolerances.members and not isinstance(self, MeshedBuilding):
+            raise Complaint("tolerances.members", "it is for frames and meshes; remove it")
         seen: list[str] = []
         for number, name in enumerate(self.story_names):
             if name in seen:
@@ -349,11 +331,6 @@ class MeshedBuilding(Building):
     floor_mass: tuple[FloorMass, ...] = ()
     supports: Supports = Supports()
     springs: tuple[SpringGroup, ...] = ()
-    parameters: ParameterGrouping | None = None  # None where the file does not say it
-
-    @property
-    def by_kind(self) -> bool:
-        return self.parameters is not None and "kind" in self.parameters.by
 
     @property
     def has_dashpots(self) -> bool:

@@ -431,8 +431,6 @@ class MeshBuilding(MeshedBuilding):
             if rigid is not None and rigid != "none":
                 resolve(rigid, self.floors, "floor", "mesh.diaphragms")
             return
-        if self.by_kind:
-            raise Complaint("parameters", "a mesh of parts has one factor a story; remove it")
         super().check()
         if not self.parts:
             raise Complaint("parts", "no group of the mesh has a meaning; add a [[parts]] table")

@@ -62,19 +62,19 @@ def nodes_at(model: FiniteElementModel, points: Sequence[Point], key: str) -> In
 LEVEL = 1e-3  # m; what is nearer than this to a floor's level is on it
 
 
-def stories_of_nodes(model: FiniteElementModel, owner: Integers, levels: Floats) -> Integers:
+def stories_of_nodes(model: FiniteElementModel, levels: Floats) -> Integers:
     """Return the story of each node, (N,): the one at whose floor it lies, else the first at it.
 
     Nodes of no element go with the nearest one of an element.
 
     Args:
-        owner: (groups,) story of each group of elements.
+        model: whose groups are stories.
         levels: (stories,) of the floors, m.
     """
     none = len(levels)
     story = np.full((2, len(model.nodes)), none)
     for block in model.elements:
-        mine = np.append(owner, none)[block.group]
+        mine = np.where(block.group < 0, none, block.group)
         for nodes in block.nodes.T:
             at = np.abs(model.nodes[nodes, 2] - np.append(levels, np.inf)[mine]) < LEVEL
             np.minimum.at(story[0], nodes[at], mine[at])

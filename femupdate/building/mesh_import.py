@@ -274,7 +274,7 @@ def _with_ends(
 
 def _floor_nodes(building: MeshBuilding, model: FiniteElementModel) -> dict[str, Integers]:
     nearest_nodes, points = {}, model.nodes
-    owner = stories_of_nodes(model, np.arange(len(building.floors)), building.floor_levels)
+    owner = stories_of_nodes(model, building.floor_levels)
     for floor, level in zip(building.floors, building.floor_levels, strict=True):
         if floor in building.sensors.at:
             at = building.sensors.at[floor]

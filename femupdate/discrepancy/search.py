@@ -37,7 +37,7 @@ from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, lumped, r
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import building_effects, check_places
-from femupdate.effects.structure import Structure, require_story_factors, structure_of
+from femupdate.effects.structure import Structure, structure_of
 from femupdate.errors import BuildingError
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Data, Likelihood, joint_error, likelihood_of
@@ -79,7 +79,6 @@ def finder_structure(building: Building) -> Structure:
     needed, and half of the error of a mesh is worth them. One that was read is split where that
     does not make it large.
     """
-    require_story_factors(building)
     plain = without_effects(building)
     structure = structure_of(plain, finder_mesh_size(building))
     if isinstance(plain, MeshBuilding) and structure.mesh and not is_large(structure.mesh, 4):
@@ -94,7 +93,6 @@ def finder_mesh_size(building: Building) -> float | None:
 
 def plain_structure(building: Building, reduced: ReducedModel) -> ReducedStructure:
     """The structure on the basis of a reduced model, which knows the story factors alone."""
-    require_story_factors(building)
     structure = structure_of(without_effects(building))
     if structure.is_stick:
         return lumped(structure)

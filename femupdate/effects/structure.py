@@ -209,8 +209,7 @@ class Structure:
         """(m,) story to which each point belongs; None where heights tell it."""
         if self.mesh is None or self.building.is_chain:
             return None
-        groups = np.array([factor.story for factor in self.mesh.factors])
-        return np.repeat(stories_of_nodes(self.mesh.model, groups, self.levels), DOF_PER_NODE)
+        return np.repeat(stories_of_nodes(self.mesh.model, self.levels), DOF_PER_NODE)
 
     @cached_property
     def level_of(self) -> Integers:
@@ -267,19 +266,6 @@ class Structure:
         if not isinstance(self.building, FrameBuilding):
             return ()
         return infills(self.building, *self.meshed, self.mesh_size)
-
-
-def require_story_factors(building: Building) -> None:
-    """Make sure that effects can act: their matrices are scaled story by story.
-
-    Raises:
-        BuildingError: the building has factors of its own on kinds of members.
-    """
-    if building.by_kind:
-        raise BuildingError(
-            f"{building.name}: parameters: what is missing in a model is looked for with one "
-            "factor a story; remove [parameters] from a copy of the file and use that"
-        )
 
 
 def structure_of(

@@ -380,7 +380,7 @@ def _plain(values: Sequence[float] | Tensor) -> list[float]:
 
 
 def theta_prior(building: Building) -> Parameters:
-    """The prior of the stiffness factors, one a story or one a story and kind of member."""
+    """The prior of the stiffness factors, one a story."""
     ranges = factor_ranges(building)
     lower, upper = torch.tensor(list(ranges.values()), dtype=torch.float64).T
     return Parameters.uniform(tuple(ranges), lower, upper)

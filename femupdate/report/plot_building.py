@@ -81,11 +81,10 @@ def story_plans(mesh: BuildingMesh, names: Sequence[str], grid: Lines = ()) -> F
 
 def _members(mesh: BuildingMesh, story: int) -> dict[str, Floats]:
     """Columns (n, 2), and beams, walls and braces as segments (n, 2, 2), in plan."""
-    model, owner = mesh.model, np.array([*(factor.story for factor in mesh.factors), -1])
-    groups = []
+    model, groups = mesh.model, []
     for size in (1, 2):
         numbers = [block.group for block in model.elements if block.dimension() == size]
-        groups.append(owner[np.concatenate([[], *numbers]).astype(int)])
+        groups.append(np.concatenate([[], *numbers]))
     bars = model.nodes[model.lines[groups[0] == story]]
     rise = np.abs(bars[:, 1, 2] - bars[:, 0, 2])
     run = np.linalg.norm(bars[:, 1, :2] - bars[:, 0, :2], axis=1)

@@ -21,7 +21,7 @@ from femupdate.building.parameters import factor_ranges
 from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import effect_named
-from femupdate.effects.structure import require_story_factors, structure_of
+from femupdate.effects.structure import structure_of
 from femupdate.errors import BuildingError, MeasurementError, StructureError
 from femupdate.measurement.names import BASE, FloorChannel, channel_name, vertical_channel
 from femupdate.measurement.observation import Histories, fault_of
@@ -348,7 +348,6 @@ def parse_effect(
             f"{building.name}: {name} shows between two levels of motion; simulate each with its "
             "own --theta, --zeta and --rms"
         )
-    require_story_factors(building)
     # A coarse mesh is enough to know the places of effects.
     size = 2.0 * building.mesh.size if isinstance(building, FrameBuilding) else None
     structure = structure_of(building, size)

@@ -235,10 +235,9 @@ def write_mesh(mesh: BuildingMesh, path: Path, modes: FullModes) -> None:
     """Write the mesh as VTU, with story and thickness of the cells and some mode shapes."""
     import meshio
 
-    # The last entry is for elements that no factor scales.
-    story = np.array([*(factor.story + 1 for factor in mesh.factors), 0])
     blocks = mesh.model.elements
-    data: dict[str, list[np.ndarray]] = {"story": [story[block.group] for block in blocks]}
+    # Elements that no factor scales are of the story 0.
+    data: dict[str, list[np.ndarray]] = {"story": [block.group + 1 for block in blocks]}
     for dimension, name in ((2, "thickness_m"), (1, "section_area_m2")):
         data[name] = [block.section * (block.dimension() == dimension) for block in blocks]
     cells = [(block.cell_type, block.nodes) for block in blocks]

@@ -219,24 +219,6 @@ def mesh_warnings(likelihood: Likelihood) -> tuple[str, ...]:
     )
 
 
-def noise_notes(model: StudyModel, observation: Observation, least: float) -> tuple[str, ...]:
-    """Where the data have less noise than the likelihood believes, `least` in ln|H|."""
-    typical = float(np.median(observation.noise_sd[observation.valid]))
-    if typical >= 0.75 * least:  # two runs together have .71 of the noise of one
-        return ()
-    if model.least_noise:
-        return (
-            f"The data show a noise of {typical:.2g} in ln|H|, but {least:g} is allowed for. "
-            "Factors of kinds of members make up for what mesh and reduced model have wrong, and "
-            "no data tell the two apart.",
-        )
-    return (
-        f"The latent likelihood assumes an error of {least:g} in ln|H| (noise and "
-        f"idealisation), but the data show a noise of {typical:.2g}. This posterior is wider than "
-        "necessary; --exact uses the noise of the file.",
-    )
-
-
 def calibration_notes(info: SurrogateInfo, observation: Observation) -> tuple[str, ...]:
     """How often posteriors of the surrogate contained the truth in simulations."""
     notes, floors = [], observation.floors
@@ -416,7 +398,7 @@ def concluded(
         *(() if error is None else (error.sentence(posterior.observation),)),
         *fitting.errors,
         *tolerance_notes(posterior),
-        *(() if sampled.least_noise else overstated_noise(fitting, measured.assumes_noise)),
+        *overstated_noise(fitting, measured.assumes_noise),
         *(() if scatter is None else (scatter.sentence(),)),
         *posterior.identified.sentences(),
         *against_modes(model, measured, posterior, checking),

@@ -125,11 +125,9 @@ def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT
     thetas = np.vstack([everywhere, _thetas(plain)])
     found = on_finer_mesh(coarse, model.reduced, fine, target, thetas, progress)
     found = replace(found, model=on_nodes_of(coarse, found))
-    finer = FinerMesh(found.model)
-    if not plain.by_kind:
-        top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
-        error = learn_mesh_error(model.reduced, found, _thetas(plain), top_hz)
-        finer = FinerMesh(found.model, error, tuple(found.terms(e) for e in error.placed))
+    top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
+    error = learn_mesh_error(model.reduced, found, _thetas(plain), top_hz)
+    finer = FinerMesh(found.model, error, tuple(found.terms(e) for e in error.placed))
     study.keep(FINER_PART, finer_origin(plain), finer)
     return on_kept_finer(study, model)
 
@@ -157,7 +155,6 @@ def open_mesh_error(
     def learn() -> MeshError:
         finer = with_finer_mesh(study, model, progress).finer
         assert finer is not None
-        assert finer.error is not None
         if structure.mesh is not None and structure.mesh.of_coarser is not None:
             return finer.error.of_half()  # the finder's mesh is the finer one
         known = dict(zip(finer.error.labels, finer.terms, strict=True))

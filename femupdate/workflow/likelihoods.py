@@ -72,8 +72,6 @@ class Sampled:
         parameters: that the columns of their draws are.
         likelihood: of what was measured, with the errors of the model that the data show.
         latent: of the latent likelihood, where it was found by a search.
-        least_noise: standard deviation of ln|H| below which the likelihood does not believe the
-            file's noise.
         warnings: what whoever uses the draws should know, in sentences.
     """
 
@@ -83,7 +81,6 @@ class Sampled:
     notes: tuple[str, ...]
     likelihood: Likelihood
     latent: FoundLatent | None = None
-    least_noise: float = 0.0
     warnings: tuple[str, ...] = ()
 
     @property
@@ -167,8 +164,8 @@ def smooth_likelihood(model: StudyModel, measured: Measured) -> Likelihood:
         base = base if phase else base.as_logs(model.system, modes=None)
         cost = cost_of_scatter(measured.base, base)
     # Of what the reduced model is known to miss, the data say nothing.
-    least = max(model.least_noise, model.reduction_error) * base.independent**0.5
-    base = replace(base, sd=torch.maximum(base.sd, least))
+    least = model.reduction_error * base.independent**0.5
+    base = replace(base, sd=base.sd.clamp_min(least))
     whole = likelihood_of((base, *others), model.system, model.parameters, cost)
     return replace(whole, known=model.shared)
 

@@ -45,31 +45,27 @@ class FinerMesh:
 
     Attributes:
         model: its reduced model; node shapes are at the nodes of the building's own mesh.
-        error: of the building's own mesh, as this one shows it; None where stiffness factors
-            belong to kinds of members, which can make up for it themselves.
+        error: of the building's own mesh, as this one shows it.
         terms: what the effects that stand for the error add to the model.
     """
 
     model: ReducedModel
-    error: MeshError | None = None
-    terms: tuple[Terms, ...] = ()
+    error: MeshError
+    terms: tuple[Terms, ...]
 
     @cached_property
     def corrected(self) -> ReducedModel:
         """The model, brought nearer to an infinitely fine mesh."""
-        if self.error is None:
-            return self.model
         return corrected_model(self.model, self.error.of_half(), self.terms)
 
     @property
-    def left_open(self) -> OpenMesh | None:
+    def left_open(self) -> OpenMesh:
         """What that leaves open of the corrected model."""
-        return None if self.error is None else OpenMesh(self.error.of_half(), self.terms)
+        return OpenMesh(self.error.of_half(), self.terms)
 
     def write(self, path: Path) -> None:
         """Write it as npz, atomically."""
-        error = None if self.error is None else asdict(self.error)
-        header = json.dumps({"floors": self.model.floors, "error": error})
+        header = json.dumps({"floors": self.model.floors, "error": asdict(self.error)})
         # Stiffness of the terms, one after the other, with the number of the effect of each.
         parts = [(k, term) for k, terms in enumerate(self.terms) for term in terms.stiffness]
         matrices = [term.matrix.numpy().astype(np.float32) for _, term in parts]
@@ -90,8 +86,6 @@ class FinerMesh:
         data = read_arrays(path)
         header = json.loads(str(data["header"]))
         model = ReducedModel.of_arrays(data, header["floors"])
-        if header["error"] is None:
-            return cls(model)
         error = MeshError.of(header["error"])
         check_shapes(data, {**_TERMS, "stiffness_constant": "rr"})
         parts: list[list[Stiffness]] = [[] for _ in error.labels]
@@ -187,16 +181,6 @@ class StudyModel:
     def parameters(self) -> Parameters:
         """Everything that is inferred or known of the response, the damping ratio last."""
         return self.prior + Parameters((self.damping,))
-
-    @property
-    def least_noise(self) -> float:
-        """Standard deviation of ln|H| below which the noise of a file is not believed.
-
-        Factors of kinds of members make up for what a mesh and a reduced model have wrong: the data
-        are met as if nothing were, and nothing tells that error from the factors.
-        """
-        unknown = self.finer is not None and self.finer.error is None
-        return self.building.observation.noise_sd if unknown else 0.0
 
     @property
     def frequency_hz(self) -> Tensor:

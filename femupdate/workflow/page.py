@@ -132,10 +132,10 @@ class BuildingDescription(Result):
             )
         else:
             yield f"All modes have the damping ratio {damping.ratio:g}."
-        which = "of one kind in its story" if building.by_kind else "that its story owns"
         yield (
-            f"A stiffness factor multiplies Young's modulus of everything {which}, alike. Before "
-            f"the data it may be anything from {prior.theta.lower:.3g} to {prior.theta.upper:.3g}."
+            "A stiffness factor multiplies Young's modulus of everything that its story owns, "
+            "alike. Before the data it may be anything from "
+            f"{prior.theta.lower:.3g} to {prior.theta.upper:.3g}."
         )
         if not tolerances_of(building):
             yield "Masses, gains of the sensors and clocks are taken to be exact."

@@ -32,7 +32,7 @@ from femupdate.seeds import Seed, spawn, torch_generator
 from femupdate.study import Study
 from femupdate.surrogate.storage import find_surrogate, require_surrogate
 from femupdate.units import percent
-from femupdate.workflow.conclusion import calibration_notes, noise_notes
+from femupdate.workflow.conclusion import calibration_notes
 from femupdate.workflow.diagnose import finder_model
 from femupdate.workflow.effects import keep_basis
 from femupdate.workflow.kinds import Measured
@@ -291,11 +291,7 @@ def sample_exact(
     first, second = spawn(seed, 2)
     show.start("Looking for the maxima of the likelihood", 1)
     target = _target(study, model, measured, settings, first, fitted)
-    drawn = sampled(target, settings, second, show)
-    if fitted is not None or measured.beyond_surrogates:
-        return drawn
-    notes = (*noise_notes(model, measured.base, model.least_noise), *drawn.notes)
-    return replace(drawn, notes=notes, least_noise=model.least_noise)
+    return sampled(target, settings, second, show)
 
 
 def _target(

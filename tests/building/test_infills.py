@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from femupdate.building import from_document, mesh_building, stiffness_factors
+from femupdate.building import from_document, mesh_building
 from femupdate.building.infill_struts import strut_width
 from femupdate.effects import CATALOGUE, structure_of
 from femupdate.fe import Beams, assemble, lowest_modes, opensees_script, static_displacement
@@ -89,10 +89,7 @@ def test_opensees_finds_the_same_frequencies_by_trusses(document, opensees, tmp_
     np.testing.assert_allclose(theirs, ours, rtol=5e-4)  # its beams have no rotary inertia
 
 
-def test_their_stiffness_is_a_factor_or_an_effect(document):
-    apart = document | {"parameters": {"by": ["story", "kind"]}}
-    factors = [factor.name for factor in stiffness_factors(from_document(apart))]
-    assert factors == ["S1 columns", "S1 beams", "S1 infills"]
+def test_their_stiffness_is_an_effect(document):
     structure = structure_of(from_document(document))
     ((_, more, _),) = CATALOGUE["infill_stiffness"].terms(structure, "S1").stiffness
     bare = structure_of(from_document(document | {"infills": []}))
