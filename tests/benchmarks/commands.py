@@ -138,7 +138,7 @@ def shear4dof(job: Job, observations: int, quick: bool) -> Report:
 def calibration(job: Job, **plan: Any) -> Report:
     """Whether posteriors hold the truth as often as they say.
 
-    Coverage, ranks and TARP of latent and data-space posteriors. The binomial error of the coverage
+    Coverage of latent and data-space posteriors. The binomial error of the coverage
     of the 90 % region is 2 % with 200 cases and 1 % with 1000.
     """
     from .calibration.run import CalibrationPlan, run_calibration

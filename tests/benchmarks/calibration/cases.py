@@ -1,4 +1,4 @@
-"""Simulated buildings, their posteriors, and whether those hold the truth as often as they say."""
+"""Simulated buildings, their posteriors, and where the truth lies in those."""
 
 from dataclasses import dataclass
 
@@ -19,8 +19,6 @@ from femupdate.surrogate.storage import ANY_FLOORS
 from femupdate.workflow import StudyModel
 from femupdate.workflow.likelihoods import on_fewer_modes
 
-from .coverage import density_level, ranks, tarp_level
-
 _MODES = 40
 
 
@@ -31,23 +29,6 @@ class SimulatedBuilding:
     theta: Floats  # (p,) stiffness factors
     zeta: float  # damping ratio
     observation: Observation  # of the chosen floors
-
-
-@dataclass(frozen=True)
-class DrawnLikelihoods:
-    """Log likelihoods of posterior draws and of the truth."""
-
-    draws: Floats  # (n,) equally weighted
-    truth: float  # at the parameters that made the data
-
-
-@dataclass(frozen=True)
-class Judged:
-    """Where the truth of one case lies in one posterior."""
-
-    density: float  # level of the highest-density region that just holds it
-    rank: Floats  # (p,) share of draws below it
-    tarp: float  # share of draws nearer to a random point
 
 
 @dataclass(frozen=True)
@@ -62,9 +43,9 @@ class Widths:
 class CalibrationCase:
     """One simulated building."""
 
-    # latent, exact: where its truth lies; `exact` is None where it was not asked for
-    latent: Judged
-    exact: Judged | None
+    # Levels of the highest-density regions that just hold the truth, see `level_of`.
+    latent: float
+    exact: float | None  # None where it was not asked for
     misfit: float  # of the best response, see `FoundLatent`
     responses: int  # of the building that the latent likelihood took
     effective_share: float  # of the bridge's importance draws; NaN without it
@@ -127,18 +108,16 @@ def calibration_case(
         chosen[rng.integers(len(chosen))] = True
         floors = tuple(np.array(model.building.floors)[chosen].tolist())
     building = simulate(model, floors, noise_sd, rng)
-    reference, seed = rng.random(model.prior.size), 1009 * seed + number
+    seed = 1009 * seed + number
     latent = LatentLikelihood(surrogate, model.system, building.observation, least_noise=noise_sd)
     start = TemperedSmc(model.prior, latent).run(plan.particles, seed)
     exact, widths, share = None, None, float("nan")
     if number < plan.compared:
-        draws, likelihoods, share = _exact(model, building, start, seed)
+        draws, exact, share = _exact(model, building, start, seed)
         theta = draws[:, : model.prior.size]
-        exact = _judged(model, building, reference, theta, likelihoods)
         widths = _widths(start.theta, theta)
-    likelihoods = _simulated(start, latent, building.theta)
     return CalibrationCase(
-        latent=_judged(model, building, reference, start.theta, likelihoods),
+        latent=level_of(start, latent, building.theta),
         exact=exact,
         misfit=latent.found.misfit,
         responses=latent.found.responses,
@@ -149,8 +128,8 @@ def calibration_case(
 
 def _exact(
     model: StudyModel, building: SimulatedBuilding, start: SamplerRun, seed: int
-) -> tuple[torch.Tensor, DrawnLikelihoods, float]:
-    """Draws from the data-space posterior, its likelihoods and effective share.
+) -> tuple[torch.Tensor, float, float]:
+    """Draws from the data-space posterior, the truth's level in it, and its effective share.
 
     The draws are of theta (n, p), with the damping ratio as one more column where it is unknown.
     """
@@ -163,7 +142,7 @@ def _exact(
     particles = torch.cat([start.theta, zeta], dim=1)
     weighted = draws_about_particles(prior, target, particles, 4 * len(particles), seed)
     found = weighted.resampled(len(particles), seed)
-    return found.theta, _simulated(found, target, truth), found.effective_share
+    return found.theta, level_of(found, target, truth), found.effective_share
 
 
 def stated_likelihood(model: StudyModel, observation: Observation) -> Likelihood:
@@ -173,32 +152,16 @@ def stated_likelihood(model: StudyModel, observation: Observation) -> Likelihood
     return likelihood_of((data,), model.system, model.parameters, cost)
 
 
-def _simulated(found: SamplerRun, log_likelihood: LogLikelihood, truth: Floats) -> DrawnLikelihoods:
-    """Log likelihoods of draws and of the true parameters (p,)."""
+def level_of(found: SamplerRun, log_likelihood: LogLikelihood, truth: Floats) -> float:
+    """Credibility level of the highest-density region that just holds true parameters (p,).
+
+    Of a uniform prior. Uniform over cases where posteriors are right.
+    """
     at_truth = float(log_likelihood(torch.from_numpy(truth)[None])[0])
-    return DrawnLikelihoods(found.log_likelihood.numpy(), at_truth)
+    return float((found.log_likelihood > at_truth).double().mean())
 
 
 def _widths(latent: torch.Tensor, exact: torch.Tensor) -> Widths:
     sd = exact.std(dim=0)
     ratio, shift = latent.std(dim=0) / sd, (latent.mean(dim=0) - exact.mean(dim=0)) / sd
     return Widths(ratio.numpy(), shift.numpy())
-
-
-def _judged(
-    model: StudyModel,
-    building: SimulatedBuilding,
-    reference: Floats,
-    theta: torch.Tensor,
-    likelihoods: DrawnLikelihoods,
-) -> Judged:
-    """Where the truth of a building lies in a posterior.
-
-    Args:
-        reference: (p,) point of the unit cube from which distances are measured.
-        theta: (n, p) draws.
-    """
-    unit = model.prior.to_unit(theta).numpy()
-    truth = model.prior.to_unit(torch.from_numpy(building.theta)).numpy()
-    level = density_level(likelihoods.draws, likelihoods.truth)
-    return Judged(level, ranks(unit, truth), tarp_level(unit, truth, reference))

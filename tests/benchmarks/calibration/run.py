@@ -1,4 +1,4 @@
-"""The benchmark `calibration`: coverage, ranks and TARP over simulated buildings."""
+"""The benchmark `calibration`: coverage over simulated buildings."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +14,7 @@ from ..log import ResumableLog
 from ..result import Job, Report
 from ..shipped import benchmark_model, shipped_surrogate, surrogate_mark
 from .cases import CalibrationCase, CalibrationPlan, calibration_case
-from .tables import calibration_text, scores
+from .tables import calibration_text, coverage
 
 NAME = "calibration"
 
@@ -34,29 +34,28 @@ def run_calibration(job: Job, plan: CalibrationPlan) -> Report:
     log = ResumableLog(job.folder / f"{name}_cases.jsonl", header)
     cases = _cases(model, surrogate, plan, job, log)
     exact_cases = [case.exact for case in cases if case.exact is not None]
-    latent = scores([case.latent for case in cases])
-    exact = scores(exact_cases) if exact_cases else None
+    latent = coverage([case.latent for case in cases])
+    exact = coverage(exact_cases) if exact_cases else None
     content = {
         "plan": plan,
         "latent": latent,
         "exact": exact,
         "misfits": [case.misfit for case in cases],
         "responses": [case.responses for case in cases],
-        "density_levels": [case.latent.density for case in cases],
-        "ranks": [case.latent.rank for case in cases],
+        "density_levels": [case.latent for case in cases],
         "widths": [case.widths for case in cases if case.widths is not None],
     }
-    coverage = {
-        "nominal": latent.density.nominal,
-        "latent": latent.density.found,
-        "exact": None if exact is None else exact.density.found,
-        "error": latent.density.error,
+    answer = {
+        "nominal": latent.nominal,
+        "latent": latent.found,
+        "exact": None if exact is None else exact.found,
+        "error": latent.error,
     }
     return job.write(
         name,
         content,
         f"{_intro(plan)}\n\n{calibration_text(model.prior.names, cases)}",
-        answer={"coverage": coverage},
+        answer={"coverage": answer},
     )
 
 

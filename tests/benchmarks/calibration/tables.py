@@ -1,44 +1,35 @@
 """Tables of the calibration benchmark."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from femupdate.arrays import Floats
 
 from ..result import markdown_table
-from .cases import CalibrationCase, Judged, Widths
-from .coverage import (
-    REGIONS,
-    Coverage,
-    central_level,
-    coverage,
-    rank_histogram_p_value,
-    uniformity_p_value,
-)
+from .cases import CalibrationCase, Widths
+
+REGIONS = (0.5, 0.68, 0.9, 0.95)
 
 
 @dataclass(frozen=True)
-class Scores:
-    """How one kind of posterior does over all cases."""
+class Coverage:
+    """How often highest-density regions of nominal probability held the truth."""
 
-    density: Coverage  # coverage of highest-density regions
-    central: Coverage  # coverage of the central intervals of all parameters together
-    rank_p: tuple[float, ...]  # (p,) chi-square p-values of the rank histograms
-    tarp_p: float  # Kolmogorov-Smirnov p-value of the TARP levels
+    nominal: Floats  # (k,) probabilities of the regions
+    found: Floats  # (k,) shares of the cases
+    error: Floats  # (k,) binomial standard deviation of a share that is as it should be
+    cases: int  # how many
 
 
-def scores(judged: Sequence[Judged]) -> Scores:
-    """Scores of some cases."""
-    rank = np.array([case.rank for case in judged])
-    central = coverage(central_level(rank.ravel()))
-    # The parameters of a case are not independent: count cases, not parameters.
-    error = np.sqrt(central.nominal * (1.0 - central.nominal) / len(judged))
-    return Scores(
-        coverage([case.density for case in judged]),
-        replace(central, error=error, cases=len(judged)),
-        tuple(rank_histogram_p_value(column) for column in rank.T),
-        uniformity_p_value([case.tarp for case in judged]),
-    )
+def coverage(level: ArrayLike) -> Coverage:
+    """Share of cases whose credibility level (n,) is at most each nominal probability."""
+    levels, regions = np.asarray(level, dtype=float), np.array(REGIONS)
+    found = (levels[:, None] <= regions).mean(axis=0)
+    error = np.sqrt(regions * (1.0 - regions) / len(levels))
+    return Coverage(regions, found, error, len(levels))
 
 
 def calibration_text(names: Sequence[str], cases: Sequence[CalibrationCase]) -> str:
@@ -47,7 +38,13 @@ def calibration_text(names: Sequence[str], cases: Sequence[CalibrationCase]) -> 
         "latent": [case.latent for case in cases],
         "data-space": [case.exact for case in cases if case.exact is not None],
     }
-    parts = [coverage_table(kinds)]
+    rows = []
+    for name, levels in kinds.items():
+        if levels:
+            found = coverage(levels)
+            pairs = zip(found.found, found.error, strict=True)
+            rows.append((name, *(f"{share:.3f} ± {sd:.3f}" for share, sd in pairs)))
+    parts = [markdown_table(("region", *(f"{region:.0%}" for region in REGIONS)), rows)]
     widths = [case.widths for case in cases if case.widths is not None]
     if widths:
         parts.append(markdown_table(_WIDTH_HEAD, width_rows(names, widths)))
@@ -56,19 +53,6 @@ def calibration_text(names: Sequence[str], cases: Sequence[CalibrationCase]) -> 
         f"{np.median([case.responses for case in cases]):.0f} (median)."
     )
     return "\n\n".join(parts)
-
-
-def coverage_table(kinds: Mapping[str, Sequence[Judged]]) -> str:
-    """Coverage of both kinds of regions, for every kind of posterior that there is."""
-    head = ("region", *(f"{region:.0%}" for region in REGIONS), "p, ranks (least)", "p, TARP")
-    rows = []
-    for name, judged in kinds.items():
-        if judged:
-            found = scores(judged)
-            last = (f"{min(found.rank_p):.3f}", f"{found.tarp_p:.3f}")
-            rows.append((f"{name}, highest density", *_cells(found.density), *last))
-            rows.append((f"{name}, central intervals", *_cells(found.central), "", ""))
-    return markdown_table(head, rows)
 
 
 _WIDTH_HEAD = (
@@ -95,7 +79,3 @@ def width_rows(names: Sequence[str], widths: Sequence[Widths]) -> list[tuple[str
         )
         for k, name in enumerate(names)
     ]
-
-
-def _cells(found: Coverage) -> list[str]:
-    return [f"{share:.3f} ± {sd:.3f}" for share, sd in zip(found.found, found.error, strict=True)]

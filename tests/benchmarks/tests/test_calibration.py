@@ -4,12 +4,16 @@ import copy
 
 import numpy as np
 import pytest
-from femupdate.benchmarks.calibration.cases import Judged, simulate
+import torch
+from femupdate.benchmarks.calibration.cases import level_of, simulate
 from femupdate.benchmarks.calibration.run import CalibrationPlan, run_calibration
-from femupdate.benchmarks.calibration.tables import scores
+from femupdate.benchmarks.calibration.tables import coverage
 from femupdate.benchmarks.result import Job
 from femupdate.benchmarks.shear4dof.case import roof_log_frf
 from femupdate.benchmarks.shipped import benchmark_model, shipped_surrogate, surrogate_mark
+from scipy.stats import chi2
+
+from femupdate.inference.importance import SamplerRun
 
 
 @pytest.fixture(scope="module")
@@ -37,19 +41,28 @@ def test_cases_of_other_weights_are_told_apart(model):
     assert surrogate_mark(again) == surrogate_mark(surrogate) != surrogate_mark(weights)
 
 
-def test_scores_of_uniform_and_of_narrow_levels():
-    rng = np.random.default_rng(1)
+@pytest.mark.parametrize("width", [0.6, 1.0, 1.7])
+def test_coverage_of_gaussians(width):
+    """A region of probability q in two dimensions holds chi2 at width^2 times its own quantile."""
+    rng = np.random.default_rng(0)
+    truth = rng.normal(size=(1500, 2))
+    draws = width * rng.normal(size=(1500, 400, 2))  # of posteriors whose sd is off by the width
 
-    def judged(power):
-        return [Judged(u**power, rng.random(3), rng.random()) for u in rng.random(400)]
+    def level(true, drawn):
+        def log_likelihood(theta):
+            return -0.5 * (theta / width).square().sum(1)
 
-    right, narrow = scores(judged(1.0)), scores(judged(0.3))
-    np.testing.assert_allclose(right.density.found, [0.5, 0.68, 0.9, 0.95], atol=0.06)
-    # P(u^.3 < .9) = .9^(1/.3)
-    assert narrow.density.found[2] == pytest.approx(0.9 ** (1 / 0.3), abs=0.06)
-    assert min(right.rank_p) > 1e-3
-    assert right.tarp_p > 1e-3
-    assert right.central.cases == 400
+        own = torch.from_numpy(drawn)
+        known = {"log_likelihood": log_likelihood(own), "log_evidence": 0.0, "evaluations": 400}
+        return level_of(SamplerRun(theta=own, **known), log_likelihood, true)
+
+    found = coverage([level(*pair) for pair in zip(truth, draws, strict=True)])
+    expected = chi2.cdf(width**2 * chi2.ppf(found.nominal, 2), 2)
+    sd = np.sqrt(expected * (1.0 - expected) / found.cases)
+    # 400 draws blur each level by up to .025.
+    np.testing.assert_allclose(found.found, expected, atol=3.5 * sd.max() + 0.005)
+    if width == 1.0:
+        np.testing.assert_allclose(found.error, sd, rtol=1e-9)
 
 
 def test_unknown_damping_is_integrated_over_and_a_run_goes_on(tmp_path):
