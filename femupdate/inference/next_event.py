@@ -74,8 +74,11 @@ class EventErrors:
 
     def applied(self, batches: Iterable[ResponseHistories]) -> Iterator[ResponseHistories]:
         """Histories of the draws, with their errors."""
-        first, at_once = 0, 8  # spectra are large
+        first, at_once, stays = 0, 8, None  # spectra are large
         for batch in batches:
+            if stays is None:
+                frequency = _frequencies(batch.floor_acceleration, batch.time_step)
+                stays = self._mean(batch.floors, frequency)
             for start in range(0, len(batch), at_once):
                 rows = slice(start, start + at_once)
                 some = replace(
@@ -84,10 +87,10 @@ class EventErrors:
                     story_shear=batch.story_shear[rows],
                     story_drift=batch.story_drift[rows],
                 )
-                yield self._erring(some, first + start)
+                yield self._erring(some, first + start, stays)
             first += len(batch)
 
-    def _erring(self, some: ResponseHistories, first: int) -> ResponseHistories:
+    def _erring(self, some: ResponseHistories, first: int, stays: Complexes) -> ResponseHistories:
         floors = some.floors
         # A story errs as the floor on top of it does.
         top = np.minimum(np.arange(some.story_drift.shape[1]), len(floors) - 1)
@@ -108,7 +111,7 @@ class EventErrors:
                     parts[1, sample] = drawn_error(errors.phase, row, left, *known, phase)
             parts[:, sample] += self._apart(floors, frequency, apart)
             parts[:, sample] += self._alone(floors, frequency, alone)
-        drawn = parts[0] + 1j * parts[1] + self._mean(floors, frequency)
+        drawn = parts[0] + 1j * parts[1] + stays
         factor = np.exp(self._fading(frequency) * drawn)
         return replace(
             some,

@@ -70,7 +70,8 @@ class Sampled:
 
     Attributes:
         parameters: that the columns of their draws are.
-        likelihood: of what was measured, with the errors of the model that the data show.
+        likelihood: of what was measured, with the errors of the model that the data show; on as
+            few shapes as do about the draws.
         latent: of the latent likelihood, where it was found by a search.
         warnings: what whoever uses the draws should know, in sentences.
     """

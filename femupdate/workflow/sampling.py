@@ -183,7 +183,7 @@ def sampled_about_maxima(
     )
     runs = [found.resampled(count, choosing)]
     how = drawn_by("exact", "importance sampling about the maxima", runs)
-    return Sampled(runs, prior, how, (note,), target.likelihood)
+    return Sampled(runs, prior, how, (note,), likelihood)
 
 
 def sampled_chains(
