@@ -68,6 +68,16 @@ NOISE_ALONE = ErrorTable(
     start=(0.0, 1.0, 8.0),
 )
 
+# Of identified modes, in ln of a frequency.
+MODES_OFF = ErrorTable(
+    sizes=(0.003, 0.01, 0.03, 0.1, 0.3, 1.0),
+    lengths=(1.0,),
+    noise=(1.0,),
+    harmonics=0,
+    none=0.2,
+    start=(0.03, 1.0, 1.0),
+)
+
 # Of figures that are taken at their word.
 STATED = ErrorTable(sizes=(), lengths=(1.0,), noise=(1.0,), harmonics=0, start=(0.0, 1.0, 1.0))
 
@@ -100,7 +110,7 @@ def error_levels(width_hz: float, table: ErrorTable = MODEL_ERROR) -> tuple[Erro
     kinds = [(0.0, 0.0, table.lengths[-1])]
     kinds += [
         (common, alone, share)
-        for common in sizes
+        for common in (sizes if table.harmonics else (0.0,))
         for alone in sizes
         if common + alone > 0.0
         for share in table.lengths
@@ -373,7 +383,7 @@ class LearnedError:
 
         About that of no error, this one with rows of a little more noise behind it.
         """
-        if not self._table.sizes:
+        if not self._table.harmonics:
             return self
         none = self.levels[0]
         if row == 0:
@@ -383,6 +393,14 @@ class LearnedError:
     def with_rows_of(self, other: "LearnedError") -> "LearnedError":
         """With the rows of the table of another of the same points."""
         return self._with(levels=other.levels)
+
+    def weighted(self, more: Tensor) -> "LearnedError":
+        """With so much more ln of the weight of every row (g,), over that of the first."""
+        more = more - more[0]
+        both = zip(self.levels, more.tolist(), strict=True)
+        return self._with(
+            levels=tuple(replace(row, log_weight=row.log_weight + each) for row, each in both)
+        )
 
     def _with(self, **changes: Any) -> "LearnedError":
         changed = copy.copy(self)

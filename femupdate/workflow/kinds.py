@@ -142,11 +142,10 @@ def _notes(
         )
     for table in modes:
         yield from (f"{table.source}: {note}" for note in table.notes)
-    if modes:
+    if errors.model_frequency:
         yield (
             f"The model's natural frequencies are taken to err by {errors.model_frequency:.2g}"
-            f" and its shapes by {errors.model_shape:.2g} of the largest component (standard"
-            " deviations); --mode-error changes the first."
+            " (standard deviation, --mode-error)."
         )
     for table in modes:
         ratios, shapes = ~np.isnan(table.damping), ~np.isnan(table.shape)

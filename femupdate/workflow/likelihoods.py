@@ -245,12 +245,18 @@ def without_foreign_modes(model: StudyModel, measured: Measured) -> Measured:
         MeasurementError: frequencies fit the model as circular ones, or as periods.
     """
 
-    def fitted(modes: IdentifiedModes) -> tuple[ModeData, float, Tensor]:
-        """Data, noise over the stated one, and residuals (1, n) at the likeliest parameters."""
+    def fitted(modes: IdentifiedModes) -> tuple[float, ModeData, Tensor]:
+        """What the model errs by, in ln of frequencies, and by which parameters (1, p)."""
         (data,) = data_of_modes(replace(measured, modes=(modes,)), model.system)
         found = settled(likelihood_of((data,), model.system, model.parameters), 0)
         best = model.parameters.from_normal(found.found.z[:1])
-        return data, found.likelihood.error.parts[0].levels[found.likelihood.row[0]].noise, best
+        return found.likelihood.error.parts[0].levels[found.likelihood.row[0]].own, data, best
+
+    def missed_by(data: ModeData, best: Tensor) -> Tensor:
+        """Residuals (n,) of parameters (1, p) of a model that errs by 1 %."""
+        values = model.parameters.split(best)
+        known = model.system, values.theta, values.zeta, values.sizes
+        return data.coarse(0.01).compared(data.predicted(*known))[0].abs()
 
     kept, said = [], []
     for modes in measured.modes:
@@ -258,27 +264,26 @@ def without_foreign_modes(model: StudyModel, measured: Measured) -> Measured:
         count = len(modes.names)
         if model.parameters.size > FEW:
             continue
-        data, noise, _ = fitted(modes)
-        if noise > 2.0:
+        error, data, _ = fitted(modes)
+        if error > 0.05:
             turned = {"rad/s": modes.frequency_hz / (2.0 * np.pi), "s": 1.0 / modes.frequency_hz}
             for unit, frequency in turned.items():
-                if fitted(replace(modes, frequency_hz=frequency))[1] == 1.0:
+                off, *at = fitted(replace(modes, frequency_hz=frequency))
+                if off <= 0.01 and bool((missed_by(*at) < WILD).all()):
                     name = "frequency (rad/s)" if unit == "rad/s" else "period (s)"
                     raise MeasurementError(
                         f"{modes.source}: the frequencies fit {model.building.name} in {unit}, but "
                         f"not in Hz; write {name} above their column, or correct them"
                     )
         foreign = []
-        for number in range(count) if noise > 2.0 and count > 2 else ():
+        for number in range(count) if error > 0.05 and count > 2 else ():
             rest = modes.some([k for k in range(count) if k != number])
-            others, stated, best = fitted(rest)
-            values = model.parameters.split(best)
-            known = model.system, values.theta, values.zeta, values.sizes
-            residual = data.compared(data.predicted(*known))[0]
+            off, others, best = fitted(rest)
+            residual = missed_by(data, best)
             shape = residual[2 * count :].view(count, -1)[number]
-            away = float(torch.cat([residual[number::count][:2], shape]).abs().max())
+            away = float(torch.cat([residual[number::count][:2], shape]).max())
             enough = others.effective - others.freedom[1] > model.prior.size
-            if enough and stated == 1.0 and away > WILD:
+            if enough and off <= 0.01 and away > WILD:
                 foreign.append((rest, number, away))
         if len(foreign) == 1:
             kept[-1], number, away = foreign[0]

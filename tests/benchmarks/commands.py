@@ -155,6 +155,15 @@ def records(job: Job, records: int) -> Report:
     return run_records(job, records)
 
 
+@benchmark("kinds")
+@count("--cases", 60, 1, "Towers, each seen in every way.")
+def kinds(job: Job, cases: int) -> Report:
+    """Errors over stated standard deviations by kinds of data, of right and of wrong models."""
+    from .kinds import run_kinds
+
+    return run_kinds(job, cases)
+
+
 @benchmark("missing-effects")
 @click.option("--only", default="*", show_default=True, help="Numbers of tasks, such as 0*.")
 @click.option(
