@@ -43,11 +43,10 @@ _GROUPS = ("frequencies", "damping ratios", "shapes")
 
 @dataclass(frozen=True)
 class ModalErrors:
-    """Errors beside those that a file states, and what is assumed where it states none.
+    """What is assumed where a file states no error, and errors of the model that nobody learns.
 
     Attributes:
-        model_frequency: sd of the model's own ln f, which idealisation leaves.
-        model_shape: sd of the model's shape, over its largest component.
+        model_frequency: sd of the model's ln f, where somebody states it.
         model_damping: sd of the damping ratio of one mode about the building's, over it.
         frequency: sd of an identified ln f where the file gives none.
         shape: sd of an identified shape over its largest component, likewise.
@@ -55,7 +54,6 @@ class ModalErrors:
     """
 
     model_frequency: float = 0.0
-    model_shape: float = 0.0
     model_damping: float = 0.2
     frequency: float = 0.005
     shape: float = 0.03
@@ -401,7 +399,7 @@ def mode_data(
     there &= there.sum(axis=1, keepdims=True) > 1
     largest = np.abs(shape).max(axis=1, keepdims=True, initial=0.0)
     stated = np.where(np.isnan(modes.shape_sd), errors.shape * largest, modes.shape_sd)
-    shape_sd = np.where(there, np.hypot(stated, errors.model_shape * largest), np.inf)
+    shape_sd = np.where(there, stated, np.inf)
     return ModeData(
         floors=system.floors,
         names=modes.names,

@@ -249,8 +249,8 @@ def without_foreign_modes(model: StudyModel, measured: Measured) -> Measured:
         """What the model errs by, in ln of frequencies, and by which parameters (1, p)."""
         (data,) = data_of_modes(replace(measured, modes=(modes,)), model.system)
         found = settled(likelihood_of((data,), model.system, model.parameters), 0)
-        best = model.parameters.from_normal(found.found.z[:1])
-        return found.likelihood.error.parts[0].levels[found.likelihood.row[0]].own, data, best
+        error = found.likelihood.error.parts[0].levels[found.likelihood.row[0]].own
+        return error, data, model.parameters.from_normal(found.found.z[:1])
 
     def missed_by(data: ModeData, best: Tensor) -> Tensor:
         """Residuals (n,) of parameters (1, p) of a model that errs by 1 %."""

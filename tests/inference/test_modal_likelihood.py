@@ -122,7 +122,7 @@ def test_residuals_are_those_written_by_hand(system, lumped, exact):
         damping=0.025,
         frequency_sd_hz=np.array([0.02, np.nan]),
     )
-    errors = ModalErrors(model_frequency=0.02, shape=0.04, model_shape=0.03)
+    errors = ModalErrors(model_frequency=0.02, shape=0.05)
     found = checked(likelihood_by(system, modes, errors=errors))
     relative = np.array([0.02 / modes.frequency_hz[0], errors.frequency])
     of_frequency = (np.log(1.03) ** 2 / (relative**2 + 0.02**2)).sum()
@@ -176,7 +176,7 @@ def test_posterior_is_that_by_brute_force(system, lumped, exact):
     weight = np.exp(value - value.max())
     weight /= weight.sum()
     assert 1.0 / (weight**2).sum() > 3000.0
-    errors = ModalErrors(model_frequency=SD, frequency=1e-9, model_shape=0.3, shape=1e-9)
+    errors = ModalErrors(model_frequency=SD, frequency=1e-9, shape=0.3)
     prior = FACTORS + zeta(0.02, 0.02)
     likelihood = likelihood_by(system, modes, errors=errors, prior=prior)
     starts, _ = best_of_prior(prior, likelihood, 1)
