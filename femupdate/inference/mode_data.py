@@ -7,7 +7,6 @@ identified shape y is taken out in closed form: with the weights W = 1 / sd^2 of
 best a = phi'Wy / phi'W phi leaves y'Wy (1 - MAC_W).
 """
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,12 +29,8 @@ from femupdate.measurement.modes import IdentifiedModes
 from femupdate.units import percent
 
 _TINY = 1e-30
-# Sticks of three and five stories with a mass off by a tenth, with all masses off by 5 %, tied over
-# two stories or with bending, fitted to their modes, miss ln of frequencies by .017 (rms), times or
-# over 2. They miss shapes by .5 to 2.4 times as much of the largest component.
-_TYPICAL = 0.017, 2.0
 # Errors of a shape, of its largest component, and of a damping ratio, of it, over those of ln of a
-# frequency.
+# frequency. Of shapes, wrong sticks fitted to their modes have .5 to 2.4.
 _SHAPE_OFF, _DAMPING_OFF = 2.0, 20.0
 _FREQUENCY, _DAMPING = "frequency", "damping ratio"
 _GROUPS = ("frequencies", "damping ratios", "shapes")
@@ -175,13 +170,10 @@ class ModeData:
         squares = (self.shape_root * self.shape).square()
         wider = self._learned[2 * len(self.names) :].view_as(squares)
         sizes = torch.tensor([level.own for level in error.levels], dtype=torch.float64)
-        likely = -0.5 * ((sizes / _TYPICAL[0]).log() / math.log(_TYPICAL[1])).square()
-        likely = likely - likely.logsumexp(0) + math.log(max(len(sizes) - 1, 1))
-        likely[0] = 0.0  # of no error the table says how likely it is
         # A scale is sought with the parameters: the error of one component less is seen.
         known = (squares / (1.0 + sizes[:, None, None].square() * wider)).sum(2)
         scales = torch.where(known > 0.0, known, 1.0).log().sum(1)
-        return error.weighted(likely - 0.5 * scales)
+        return error.weighted(-0.5 * scales)
 
     @property
     def _learned(self) -> Tensor:
@@ -234,7 +226,7 @@ class ModeData:
 
         shape = predicted[:, [row + 2 for row in self.rows]]
         away = self.log_frequency[:, None] - predicted[:, :1]
-        # As if the model erred by 1 %: of a trial that is far off, frequencies decide not alone.
+        # As if the model erred by 1 %: far from the data, shapes must count, too.
         squares = self._root.square() / (1.0 + 1e-4 * self._learned)
         count = len(self.names)
         frequency, damping, shapes = squares.split([count, count, len(squares) - 2 * count])
@@ -298,7 +290,7 @@ class ModeData:
 
     def remains(self, error: LearnedError, row: int, raw: Tensor) -> Remains:
         """What residuals (n,) hold beside noise, by a row of the table of errors."""
-        if error.levels[row].own == 0.0:
+        if not error.levels[row].own:
             return Remains()
         off = error.tame(raw[None], row)[0] * torch.where(self._root > 0.0, 1.0 / self._root, 0.0)
         frequency = off[: len(self.names)].abs().numpy()

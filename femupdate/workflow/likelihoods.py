@@ -268,8 +268,8 @@ def without_foreign_modes(model: StudyModel, measured: Measured) -> Measured:
         if error > 0.05:
             turned = {"rad/s": modes.frequency_hz / (2.0 * np.pi), "s": 1.0 / modes.frequency_hz}
             for unit, frequency in turned.items():
-                off, *at = fitted(replace(modes, frequency_hz=frequency))
-                if off <= 0.01 and bool((missed_by(*at) < WILD).all()):
+                off, same, best = fitted(replace(modes, frequency_hz=frequency))
+                if off <= 0.01 and bool((missed_by(same, best) < WILD).all()):
                     name = "frequency (rad/s)" if unit == "rad/s" else "period (s)"
                     raise MeasurementError(
                         f"{modes.source}: the frequencies fit {model.building.name} in {unit}, but "

@@ -202,7 +202,7 @@ def test_few_draws_hold_every_solution(system, lumped):
     """Four frequencies of a chain fit several chains; 500 draws know the evidence as 20,000 do."""
     frequency, _ = chain(np.array([[1.9, 1.15, 0.44, 1.07]]), lumped)
     one = identified(frequency[0], np.zeros((0, 4)), damping=0.02)
-    data = mode_data(one, system, ModalErrors(model_frequency=0.003, frequency=0.001))
+    data = at_its_word(mode_data(one, system, ModalErrors(model_frequency=0.003, frequency=0.001)))
     found = settled(likelihood_of((data,), system, FACTORS + zeta()), 0)
     prior, maxima = found.likelihood.prior, factors_of(found)
     assert len(maxima) > 2
