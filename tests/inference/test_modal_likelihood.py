@@ -225,3 +225,37 @@ def shares(draws, maxima):
     nearest = torch.cdist(draws.points[:, :4].log(), maxima.log()).argmin(1)
     weight = draws.log_weight.softmax(0)
     return [float(weight[nearest == k].sum()) for k in range(len(maxima))]
+
+
+def test_an_error_of_the_model_costs_every_figure_that_is_known(system, exact):
+    """Modes without a residual, whose scales are free: half of ln of variances, over the stated."""
+    frequency, shape = exact
+    frequency, sd = frequency[:2], 0.01 * frequency[:2]
+    modes = identified(frequency, shape[:3, :2], damping=0.02, frequency_sd_hz=sd)
+    data = mode_data(modes, system, ModalErrors())
+    (part,) = likelihood_of((data,), system, FACTORS + zeta()).error.parts
+    found = part.log_densities(torch.zeros(1, data.residuals, dtype=torch.float64))[0]
+    size = np.array([level.own for level in part.levels])
+    table = data.table
+    prior = np.array([table.none, *((1.0 - table.none) * np.array(table.likely))])
+    # Two frequencies, two damping ratios, and two components beyond the scale of each shape.
+    figures = ((1.0, 0.01, 2), (20.0, np.hypot(0.25, 0.2), 2), (2.0, 0.03, 4))
+    cost = sum(0.5 * count * np.log1p((over * size / sd) ** 2) for over, sd, count in figures)
+    np.testing.assert_allclose(found - found[0], np.log(prior / prior[0]) - cost, rtol=1e-6)
+
+
+def test_modes_of_a_right_model_are_taken_at_their_word_and_of_a_wrong_one_not(system, lumped):
+    """Frequencies to .1 %, shapes to 1 %; a floor has a fifth more mass than the model."""
+    rng, sizes = np.random.default_rng(7), []
+    for mass in (1.0, 1.2):
+        other = replace(lumped, mass=lumped.mass * np.array([1.0, mass, 1.0, 1.0]))
+        (frequency,), (shape,) = chain(TRUTH[:, :4].numpy(), other)
+        shape = shape / np.abs(shape).max(0) + 0.01 * rng.normal(size=(4, 4))
+        frequency, sd = frequency * np.exp(0.001 * rng.normal(size=4)), np.full((4, 4), 0.01)
+        modes = identified(frequency, shape, frequency_sd_hz=0.001 * frequency, shape_sd=sd)
+        found = settled(
+            likelihood_of((mode_data(modes, system, ModalErrors()),), system, FACTORS + zeta()), 0
+        )
+        sizes.append(found.likelihood.error.parts[0].levels[found.likelihood.row[0]].own)
+    assert sizes[0] == 0.0
+    assert 0.005 < sizes[1] < 0.05

@@ -15,6 +15,7 @@ from femupdate.workflow import (
     choose_building,
     measured_of,
     open_study,
+    settled_likelihood,
 )
 from tests.workflow.by_hand import GRID, tower_frf, tower_modes, write_table
 
@@ -68,6 +69,21 @@ def test_modes_and_frfs_agree_and_narrow_together(calibrate, modes_file, frf_fil
     assert both.check.names == ("2F", "RF", "frequencies", "damping ratios", "shapes")
     assert any(note.startswith("Mode 2 at ") and "MAC 1.000" in note for note in modes.notes)
     assert modes.misfit < 0.1
+
+
+def test_of_a_table_coarser_than_the_grid_its_own_points_count(tower_file, tmp_path):
+    """Its frequencies are odd multiples of half its spacing, which the building's grid has."""
+    grid = np.arange(0.6, 12.0, 0.4)
+    path = write_table(
+        tmp_path / "frf.csv", np.log(np.abs(tower_frf(TRUTH, ZETA, grid))), 0.05, grid=grid
+    )
+    model = open_study(Study(tmp_path / "study"), str(tower_file))
+    measured = measured_of(model.building, ObservationSource(path))
+    found = settled_likelihood(model, measured, SETTINGS)
+    np.testing.assert_allclose(found.likelihood.base.frequency_hz, grid)
+    mean = found.likelihood.prior.from_normal(found.found.z[:1])[0]
+    # Without noise, to the five digits at which the search ends.
+    np.testing.assert_allclose(mean[:2], TRUTH, rtol=1e-3)
 
 
 def test_sensors_and_band(modes_file, tower_file, tmp_path):
