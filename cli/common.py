@@ -253,7 +253,7 @@ def reading_options(function: F) -> F:
         columns_options,
         option(
             "--mode-error",
-            "Error of the model's own natural frequencies, as a ratio; default: learned.",
+            "Error of the model's own natural frequencies, as a ratio, beside the learned one.",
             click.FloatRange(0.0, 0.5, min_open=True),
         ),
         option("--force", "Floor that was hit or shaken, where column names do not say it."),

@@ -32,7 +32,7 @@ class ObservationSource:
         band_hz: lowest and highest frequency to use, or None for all.
         further: files of other runs, read in the same way, to be explained together.
         force: floor at which a force acts, for responses to it whose columns do not say it.
-        mode_error: standard deviation of the model's own ln f, for identified modes; default None.
+        mode_error: sd of the model's own ln f beside what is learned, for identified modes.
         files: hash and content of those that were read (see `opened`); others are read whenever
             they are needed.
     """
