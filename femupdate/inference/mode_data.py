@@ -177,7 +177,7 @@ class ModeData:
 
     @property
     def _learned(self) -> Tensor:
-        """(n,) variance of a model that errs by one in ln of frequencies, over the stated ones."""
+        """(n,) variance, over that stated, of a model that is e times off in frequency."""
         largest = self.shape.abs().amax(dim=1, keepdim=True) if self.rows else self.shape
         shapes = (_SHAPE_OFF * largest).expand_as(self.shape).flatten()
         sizes = torch.ones_like(self.damping), _DAMPING_OFF * self.damping, shapes
