@@ -82,28 +82,26 @@ def build_model(
 
 @click.command("train", cls=GroupedCommand)
 @building_option
-@flag("--thorough", "Twice the samples and three times the epochs: some six times as long.")
 @option(
     "--samples",
     "Simulated responses to learn from: more make the surrogate more precise.",
     click.IntRange(100),
-    show_default="50000; 100000 with --thorough",
+    50000,
 )
 @option(
     "--epochs",
     "Passes of the training over all samples (epochs).",
     click.IntRange(1),
-    show_default="16; 45 with --thorough",
+    16,
 )
 @option("--batch", "Samples in one step of the training.", click.IntRange(8), 512)
-@option("--learning-rate", "Largest learning rate.", click.FloatRange(1e-7), 3e-3)
 @flag("--fresh", "Train even where a fitting surrogate exists.")
 @device_option
 @study_options(draws=False, shares=True)
 def train(study: Study, bars: Bars, **asked: Any) -> Answer:
     """Train the surrogate of the study's building.
 
-    The usual training takes some minutes. A longer one, by --thorough, reduces the number of
+    It takes some minutes. A longer training, with more samples and epochs, reduces the number of
     responses that a calibration needs afterwards.
 
     After an interruption the same command resumes. It does nothing where a trained surrogate (the
@@ -112,10 +110,9 @@ def train(study: Study, bars: Bars, **asked: Any) -> Answer:
     \b
     Examples:
       femupdate train --study mine
-      femupdate train --building my_building.toml --study mine --thorough
+      femupdate train --building my_building.toml --study mine --samples 100000 --epochs 45
       femupdate train --study mine --dask tcp://10.0.0.1:8786
     """
     from femupdate import interface
 
-    given = {name: value for name, value in asked.items() if value is not None}
-    return Answer(interface.train(study, progress=bars, **given), {"study": study.folder})
+    return Answer(interface.train(study, progress=bars, **asked), {"study": study.folder})

@@ -24,7 +24,7 @@ _OPTION = re.compile(
     rf"--([a-z][a-z-]*)(?:[ =]({_PAIRS}|\"[^\"]*\"|[A-Z]{{4,}}|m/s2\S*|[\d.]*\d))?"
 )
 KEYWORDS = {"band": "band_hz", "rms": "rms_m_s2", "mode": "wanted", "member": "members"}
-_FLAGS = ("anyway", "exact", "fresh", "thorough")
+_FLAGS = ("anyway", "exact", "fresh")
 _CORRECTED = ", or write them to a file that you can correct, by --write-mapping"
 
 

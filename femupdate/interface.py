@@ -87,7 +87,6 @@ class Training(TypedDict, total=False):
 
     epochs: int
     batch: int
-    learning_rate: float
     seed: int
 
 
@@ -132,8 +131,7 @@ def train(
     study: Folder,
     building: File | None = None,
     *,
-    samples: int | None = None,
-    thorough: bool = False,
+    samples: int = 50_000,
     fresh: bool = False,
     device: str = "cpu",
     progress: Progress = SILENT,
@@ -143,7 +141,6 @@ def train(
 
     Args:
         samples: simulated responses to learn from.
-        thorough: twice the samples and three times the epochs.
         fresh: train even where a fitting surrogate exists.
         device: of torch, for the training.
 
@@ -152,23 +149,15 @@ def train(
         StudyError: the study has no building and none is named.
     """
     from femupdate.workflow.calibrate import check_device
-    from femupdate.workflow.train import (
-        THOROUGH,
-        USUAL,
-        check_training,
-        default_settings,
-        train_study,
-    )
+    from femupdate.workflow.train import check_training, default_settings, train_study
 
-    usual, epochs = THOROUGH if thorough else USUAL
-    count = samples or usual
     opened, name, (_, rest) = study_of(study), _name(building), _parted(settings, Training)
     check_device(device)
-    check_training(opened, count, rest.get("batch", 512), name)
+    check_training(opened, samples, rest.get("batch", 512), name)
     model = reduce(opened, name, progress=progress)
-    chosen = default_settings(model, **{"epochs": epochs, **rest})
+    chosen = default_settings(model, **rest)
     how: dict[str, Any] = {"fresh": fresh, "progress": progress, "device": device}
-    return train_study(opened, model, count, chosen, **how)
+    return train_study(opened, model, samples, chosen, **how)
 
 
 def calibrate(

@@ -227,7 +227,7 @@ class TrainingSettings:
             are refined later, and new noise and gaps make every row a new one.
     """
 
-    epochs: int = 45
+    epochs: int = 16
     batch: int = 512
     learning_rate: float = 3e-3
     patience: int = 20

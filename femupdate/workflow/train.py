@@ -3,7 +3,7 @@
 import shutil
 import time
 from collections.abc import Iterable
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +33,6 @@ from femupdate.workflow.model import StudyModel, choose_building
 
 _CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
-
-
-# Samples and epochs. Of six stories, on one core: some six minutes, and half an hour.
-USUAL, THOROUGH = (50_000, 16), (100_000, 45)
 
 
 class Trained(Told):
@@ -95,7 +91,7 @@ def check_training(study: Study, samples: int, batch: int, building: str | None 
 def train_study(
     study: Study,
     model: StudyModel,
-    samples: int = USUAL[0],
+    samples: int,
     settings: TrainingSettings | None = None,
     *,
     fresh: bool = False,
@@ -158,9 +154,7 @@ def train_study(
 
 def default_settings(model: StudyModel, **changes: Any) -> TrainingSettings:
     """Settings for a building: its own noise, everything else as shipped but for the changes."""
-    settings = TrainingSettings(noise_sd=model.building.observation.noise_sd, **changes)
-    # Samples seen with the roof alone leave fewer to be seen with all floors.
-    return replace(settings, full_share=min(settings.full_share, 1.0 - settings.roof_share))
+    return TrainingSettings(noise_sd=model.building.observation.noise_sd, **changes)
 
 
 def training_task(model: StudyModel, dataset: ModalDataset, device: str = "cpu") -> TrainingTask:
