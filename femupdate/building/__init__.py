@@ -7,7 +7,7 @@ __all__, __getattr__ = public(
     {
         "building_mesh": "self_mass",
         "common": "EffectEntry",
-        "document": "building_hash from_document mechanics_hash to_document",
+        "document": "from_document mechanics_hash to_document",
         "files": "load_building save_building",
         "kinds": "FrameBuilding shear_operators",
         "mesh": "mesh_building",

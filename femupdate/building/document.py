@@ -67,11 +67,6 @@ def from_document(
         raise as_building_error(error, document, where) from None
 
 
-def _digest(document: Mapping[str, Any]) -> str:
-    text = json.dumps(document, sort_keys=True, ensure_ascii=True, allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
 def _by_content(building: Building) -> dict[str, Any]:
     """Return the document with what is in the mesh file in place of where it is."""
     document = to_document(building)
@@ -90,13 +85,8 @@ def _by_content(building: Building) -> dict[str, Any]:
     return document
 
 
-def building_hash(building: Building) -> str:
-    """Return the SHA-256 (hexadecimal) of all that the building says, in any units."""
-    return _digest(_by_content(building))
-
-
 def mechanics_hash(building: Building) -> str:
-    """Return the SHA-256 of what a simulated data set depends on.
+    """Return the SHA-256 (hexadecimal) of what a simulated data set depends on.
 
     That is the mechanics, the sensors, the priors and the frequency grid; not names and texts, nor
     the noise of observations, the tolerance of the reduction, or the damping ratio of predictions
@@ -105,7 +95,8 @@ def mechanics_hash(building: Building) -> str:
     document = {k: v for k, v in _by_content(building).items() if k not in _NOT_MECHANICS}
     if building.damping.law == "constant" and building.prior.zeta is not None:
         document["damping"] = {"law": "constant"}
-    return _digest(document)
+    text = json.dumps(document, sort_keys=True, ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def without_effects(building: Building) -> Building:
