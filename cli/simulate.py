@@ -38,6 +38,7 @@ from .parameters import BAND, BUILDING_NAME, INPUT_FILE, NUMBERS, SIZED_EFFECT
     "Rms rotation of the base, rad/s2, which two vertical sensors record.",
     float,
 )
+@option("--across across_rms", "Rms acceleration of the base across, m/s2.", float)
 @option("--vertical-at", "Places of these sensors along the motion, m.", NUMBERS, "-2,2")
 @option("--record", "Ground motion to use instead of noise.", INPUT_FILE)
 @channel_option

@@ -137,7 +137,7 @@ class Finding:
         theta, _, sizes = fitted.steps.split(fitted.z + torch.cat([0.0 * moved[:1], moved]))
         others = replace(fitted.system, placed=fitted.placed[:-1], terms=fitted.system.terms[:-1])
         shapes = torch.from_numpy(np.vstack([model.floor_shapes[-1:], model.story_drift]))
-        modes = others.modes(theta, sizes[:, :-count], Rows(shapes, shapes.new_zeros(1, 2)))
+        modes = others.modes(theta, sizes[:, :-count], Rows(shapes, shapes.new_zeros(1, 3)))
         roof = modes.rows[:, 0] * modes.participation[:, 0]
         first = int(roof[0].abs().argmax())  # the mode that the base drives most
         omega = modes.omega[:, first]

@@ -25,11 +25,9 @@ from femupdate.discrepancy.fit import Fit, Remains, about, extended, fit, settle
 from femupdate.discrepancy.search import FinderModel, problem_of, refined, with_rest_about
 from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.dynamics.history import transformed_sensors
-from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Data, Likelihood, ModelError, joint_error
-from femupdate.measurement.names import BASE
-from femupdate.measurement.observation import Histories, rotation_of
+from femupdate.measurement.observation import Histories
 from femupdate.progress import SILENT, Progress
 
 Elsewhere = Callable[[Likelihood, Fit, Fit], float]
@@ -366,18 +364,9 @@ def hold(kept: KeptOut, problem: Likelihood, done: Repair) -> Held:
     if data is None:
         return held
 
-    def mean(floor: str) -> Floats:
-        rows = data.rows(floor, kept.direction)
-        if not rows:
-            raise MeasurementError(
-                f"{data.source}: there is no channel {floor} along {kept.direction}"
-            )
-        return np.asarray(data.acceleration[rows].mean(axis=0))
-
-    # Of the base (1, n), or (2, n) where it turns, and of the floors (f, n).
-    rotation = rotation_of(data.channels, data.acceleration)
-    base = np.stack([mean(BASE), *(() if rotation is None else (rotation,))])
-    seen = np.stack([mean(floor) for floor in kept.floors])
+    _, measured, names = data.means(kept.direction)
+    seen = measured[[names.index(floor) for floor in kept.floors]]
+    base = data.inputs(kept.direction)
     rows = [problem.reduced.model.floors.index(floor) for floor in kept.floors]
     fits = [done.before, done.after]
     fits += [kept.fitted(problem, fitted) for fitted in fits]

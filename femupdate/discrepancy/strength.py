@@ -134,9 +134,9 @@ def _thirds(floors: Floats, step: float) -> tuple[Flags, Flags]:
 def _of_measured(
     histories: Histories, direction: str, floors: Sequence[str]
 ) -> tuple[list[int], Floats, Floats, float]:
-    """Numbers and motions (f, n) of measured floors, motions (1 or 2, n) of the base, the step."""
-    base, seen, names = histories.means(direction)
-    inputs = np.stack([base] if histories.rotation is None else [base, histories.rotation])
+    """Numbers and motions (f, n) of measured floors, motions (c, n) of the base, the step."""
+    _, seen, names = histories.means(direction)
+    inputs = histories.inputs(direction)
     return [floors.index(name) for name in names], seen, inputs, histories.time_step
 
 

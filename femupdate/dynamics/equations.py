@@ -18,7 +18,7 @@ from femupdate.dynamics.damping import DampingLaw
 from femupdate.dynamics.reduced import BaseRotation, ReducedModel, dashpots_on, reduce_terms
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import UNSCALED, Placed, SpringTerms, Terms
-from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
+from femupdate.effects.structure import ACROSS, ROTATION, TRANSLATION, Structure
 from femupdate.fe.driven import Factored, driven_shapes
 from femupdate.fe.factorization import factorize
 from femupdate.fe.mechanism import factorize_held
@@ -26,14 +26,14 @@ from femupdate.fe.mechanism import factorize_held
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """M u'' + K u = -force y'', y = (translation, rotation) of the base."""
+    """M u'' + K u = -force y'', y = (translation, rotation, motion across) of the base."""
 
     stiffness: csc_matrix  # (n, n); the stiffness without the springs
     springs: SpringTerms  # between sums over many degrees of freedom
     mass: csc_matrix
-    force: Floats  # (n, 2)
-    rigid_mass: Floats  # (2, 2)
-    story_inertia: Floats  # (s, n) and story_rigid (s, 2), as those of a `Structure`
+    force: Floats  # (n, 3)
+    rigid_mass: Floats  # (3, 3)
+    story_inertia: Floats  # (s, n) and story_rigid (s, 3), as those of a `Structure`
     story_rigid: Floats
 
 
@@ -135,7 +135,7 @@ def driven_system(
     top_hz: float,
     law: DampingLaw,
     sensors: SensorRows | None = None,
-    turns: bool = False,
+    columns: int = 1,
 ) -> DrivenSystem:
     """Solve the full model at one sample.
 
@@ -144,7 +144,7 @@ def driven_system(
         sizes: (q,) parameters of the effects.
         top_hz: up to where the response to every force must be right.
         sensors: what is observed; the floors where None.
-        turns: whether the base turns of itself.
+        columns: of the base's motion that are driven (see `Excitation`).
 
     Raises:
         StructureError: the structure is a mechanism, or too many shapes would be needed.
@@ -153,10 +153,10 @@ def driven_system(
     whole = equations_at(
         structure, theta, list(zip(terms, first_sizes(placed, sizes), strict=True))
     )
-    turns = turns or any(terms_of.pitch or terms_of.flexibility[ROTATION] for terms_of in terms)
+    if any(terms_of.pitch or terms_of.flexibility[ROTATION] for terms_of in terms):
+        columns = max(columns, 2)
     ports = [terms_of.port.row for terms_of in terms if terms_of.port is not None]
-    translated = whole.force if turns else whole.force[:, [TRANSLATION]]
-    forces = np.column_stack([translated, *ports, *structure.dashpots])
+    forces = np.column_stack([whole.force[:, :columns], *ports, *structure.dashpots])
     held = structure.operators
     factors = factorize(whole.stiffness) if held is None else factorize_held(held, whole.stiffness)
     sprung = WithSprings(factors, whole.springs)
@@ -175,9 +175,10 @@ def driven_system(
         story_inertia=whole.story_inertia @ shapes,
         story_mass=whole.story_rigid[:, TRANSLATION],
         story_drift=structure.drift_rows @ shapes,
+        across=force[:, ACROSS] if columns > 2 else None,
         rotation=BaseRotation(
             force=force[:, ROTATION],
-            mass=whole.rigid_mass,
+            mass=whole.rigid_mass[:2, :2],
             story_moment=whole.story_rigid[:, ROTATION],
             levels=seen.levels,
             story_height=structure.building.over_foot(structure.levels),

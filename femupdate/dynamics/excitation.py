@@ -8,8 +8,9 @@ class Excitation:
     """What drives a building; by default motion of its base."""
 
     force: str = ""  # floor at which a force acts; empty where the base moves
-    # whether the base's own rotation is known, a second column beside its translation
-    turns: bool = False
+    # of the base's motion that are known: its translation, then its rotation, then its motion
+    # across
+    columns: int = 1
 
     @property
     def name(self) -> str:

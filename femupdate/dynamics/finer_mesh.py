@@ -18,7 +18,7 @@ from femupdate.arrays import Floats, Singles
 from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, reduced_on
 from femupdate.dynamics.reduction import Space
 from femupdate.dynamics.snapshots import STATIC_WEIGHT, FeltModes, ReductionTarget, compressed
-from femupdate.effects.structure import TRANSLATION, Structure
+from femupdate.effects.structure import ACROSS, TRANSLATION, Structure
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.fe.products import combined
 from femupdate.progress import SILENT, Progress
@@ -50,7 +50,9 @@ def on_finer_mesh(
     """
     progress.start("Carrying the model over to a finer mesh", len(thetas))
     assert reduced.node_shapes is not None
-    static = STATIC_WEIGHT * fine.rigid_force[:, [TRANSLATION]]
+    beside = [] if reduced.across is None else [fine.rigid_force[:, ACROSS]]
+    driving = np.column_stack([fine.rigid_force[:, TRANSLATION], *beside])
+    static = STATIC_WEIGHT * driving * [weight for weight, _ in reduced.driving]
     held = STATIC_WEIGHT * fine.dashpot_forces.T  # which lag behind what floors do
     loads = _loads(coarse, reduced.node_shapes, fine)
     # Inside of the parts half of the shapes, those that count most, do: with all of 230 ln|H| of
@@ -60,7 +62,8 @@ def on_finer_mesh(
     task = partial(_moved, space, reduced, forces, target)
     shapes = everywhere(task, list(thetas), progress)
     size = round(_SHAPES * reduced.size)
-    return reduced_on(fine, space.expanded(compressed(space.mass, shapes, size)))
+    basis = space.expanded(compressed(space.mass, shapes, size))
+    return reduced_on(fine, basis, crosses=reduced.across is not None)
 
 
 def on_nodes_of(coarse: Structure, reduced: ReducedStructure) -> ReducedModel:
@@ -137,13 +140,13 @@ def _moved(
         forces: (q, r + s) of the coarse shapes' inertia, then those whose own shapes are wanted.
     """
     squared, vectors = np.linalg.eigh(reduced.stiffness(theta))
-    felt = FeltModes(
-        np.sqrt(np.maximum(squared, 0.0)),
-        reduced.excitation @ vectors,
-        reduced.floor_shapes @ vectors,
-        None if reduced.dashpots is None else reduced.dashpots @ vectors,
-    )
+    omega, floors = np.sqrt(np.maximum(squared, 0.0)), reduced.floor_shapes @ vectors
+    dashpots = None if reduced.dashpots is None else reduced.dashpots @ vectors
     # Responses of less energy, of the largest, are left out.
+    weights = [
+        FeltModes(omega, scale * force @ vectors, floors, dashpots).combinations(target, 1e-5)
+        for scale, force in reduced.driving
+    ]
     inertia, others = np.hsplit(forces, [reduced.size])
-    moving = combined(inertia, (vectors * squared) @ felt.combinations(target, 1e-5))
+    moving = combined(inertia, (vectors * squared) @ np.column_stack(weights))
     return space.at(theta).apply(np.column_stack([moving, others])).astype(np.float32)

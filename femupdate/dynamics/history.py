@@ -80,7 +80,8 @@ def floor_histories(
         system: the structure with its effects, f floors and s stories.
         parameters: (S, p + q) stiffness factors, then sizes of the effects.
         zeta: damping ratio, (S,) or one for all.
-        acceleration: (n,) base acceleration, m/s2, or (2, n) with its rotation, rad/s2, below.
+        acceleration: (n,) base acceleration, m/s2, or (2, n) with its rotation, rad/s2, below, or
+            (3, n) with its acceleration across, m/s2, below that.
         oversampling: points a step of the record.
         tolerance: share of the base acceleration up to which modes are static; 0 integrates all.
 
@@ -246,6 +247,7 @@ def story_rows(system: System, sizes: Tensor) -> Rows:
             np.column_stack([np.zeros(stories), turned]),
         ]
     )
+    rigid = np.column_stack([rigid, np.zeros(len(rigid))])  # what moves across is not seen along
     wide = [torch.from_numpy(part).expand(count, -1, -1).clone() for part in (shapes, rigid)]
     columns = slice(len(levels), len(levels) + stories)
     for terms, values in zip(system.terms, split_sizes(system.placed, sizes), strict=True):
@@ -268,7 +270,7 @@ def transformed_outputs(
     Args:
         system: the structure with effects; what only its instruments do is left out.
         sample: theta (1, p), zeta (1,) and sizes (1, q).
-        record: (n,) base acceleration, m/s2, or (2, n) with its rotation, rad/s2, below.
+        record: (n,), (2, n) or (3, n), see `floor_histories`.
         number: of the sample, for messages.
 
     Drifts are those against the base as it turns: its tilt strains no story.
@@ -310,7 +312,7 @@ def transformed_sensors(
     omega = system.modes(theta, sizes).omega
 
     def sensors(omega: Tensor) -> Tensor:
-        base, frequency_hz = Excitation(turns=len(motion) > 1), omega / (2.0 * torch.pi)
+        base, frequency_hz = Excitation(columns=len(motion)), omega / (2.0 * torch.pi)
         return system.respond(base, theta, zeta, sizes, frequency_hz)[0]
 
     rest = _rest(omega, system.ratio(omega, zeta, sizes), share)

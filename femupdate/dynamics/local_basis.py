@@ -94,11 +94,12 @@ def model_about(model: ReducedModel, thetas: Floats, target: ReductionTarget) ->
     shapes = []
     for theta in thetas:
         omega, modes = diagonal(model.stiffness(theta))
-        driven = model.excitation @ modes
         dashpots = None if model.dashpots is None else model.dashpots @ modes
-        felt = FeltModes(omega, driven, model.floor_shapes @ modes, dashpots)
-        weights = [felt.combinations(target), STATIC_WEIGHT * (driven / omega**2)[:, None]]
-        shapes.append(modes @ np.column_stack(weights))
+        for scale, force in model.driving:
+            driven = scale * force @ modes
+            felt = FeltModes(omega, driven, model.floor_shapes @ modes, dashpots)
+            weights = [felt.combinations(target), STATIC_WEIGHT * (driven / omega**2)[:, None]]
+            shapes.append(modes @ np.column_stack(weights))
     return model.on(np.linalg.svd(np.column_stack(shapes), full_matrices=False)[0])
 
 
@@ -190,13 +191,17 @@ def _answer(
     structure: Structure, known: KnownModes, target: ReductionTarget, question: Question
 ) -> Singles:
     """See `nearby_shapes`."""
-    equations = equations_at(structure, question[1], question[0])
-    found = nearby_shapes(equations, structure.floor_rows, known, target, structure.dashpots)
-    return found.astype(np.float32)
+    equations, lines = equations_at(structure, question[1], question[0]), structure.dashpots
+    found = [
+        scale * nearby_shapes(equations, motion, structure.floor_rows, known, target, lines)
+        for scale, motion in structure.driving
+    ]
+    return np.column_stack(found).astype(np.float32)
 
 
 def nearby_shapes(
     equations: Equations,
+    motion: Floats,
     rows: Floats,
     known: KnownModes,
     target: ReductionTarget,
@@ -212,6 +217,7 @@ def nearby_shapes(
 
     Args:
         equations: of the changed model.
+        motion: (3,) of the base, in the columns of `Structure.rigid_force`.
         rows: (f, n) where its floors are observed.
         known: of the model that it differs little from.
         dashpots: (j, n) as those of a `Structure`.
@@ -220,7 +226,7 @@ def nearby_shapes(
     # What is solved is without the changes, what is multiplied with them.
     solved = replace(known.factors, matrix=equations.stiffness)
     factors = WithSprings(solved, equations.springs)
-    force, modes = equations.force[:, TRANSLATION], known.shapes
+    force, modes = equations.force @ motion, known.shapes
     started = factors.apply(force[:, None])
     static = (2.0 * started - factors.apply(factors.times(started)))[:, 0]
     stiffness, mass, stiffer, heavier = known.of_changed(equations)

@@ -315,7 +315,7 @@ def _at_draw(
     found = driven_system(structure, chosen.added, theta, sizes, top_hz, law, seen)
     shapes = torch.from_numpy(np.concatenate(groups) @ found.shapes)
     # A rigid motion of the base strains no member.
-    rows = Rows(shapes, shapes.new_zeros(len(shapes), 2))
+    rows = Rows(shapes, shapes.new_zeros(len(shapes), 3))
     sample = torch.from_numpy(sizes[None]), torch.tensor([draw[1]], dtype=torch.float64)
     return np.asarray(displacement_histories(found.system, sample, rows, *record)[0])
 

@@ -33,8 +33,7 @@ class Modes:
     # stiffness
     inverse: Tensor
     rows: Tensor  # (N, o, m) displacement of what is observed and, after that, of the ports
-    # (N, e, m) modal force per unit acceleration of the base, in each column: its translation, and
-    # its rotation
+    # (N, e, m) modal force per unit acceleration of the base, in each column of its motion
     participation: Tensor
     direct: Tensor  # (N, o, e) rigid motion of the rows with the base
 
@@ -98,7 +97,7 @@ def response(
         modes: of the structure without what acts in its ports, which are its last rows.
         ratio: (N, m) damping ratios.
         port_stiffness: (N, k) complex dynamic stiffness in each port, N/m.
-        columns: of the base's acceleration: its translation, and its rotation.
+        columns: of the base's motion that are wanted (see `Excitation`).
         forced: the row on which a force acts in place of that.
     """
     rows = modes.rows.shape[1] - len(port_stiffness)

@@ -22,7 +22,7 @@ from femupdate.effects.effect import (
     Stiffness,
     Terms,
 )
-from femupdate.effects.structure import ROTATION, TRANSLATION, Structure
+from femupdate.effects.structure import ACROSS, ROTATION, TRANSLATION, Structure
 from femupdate.errors import brief
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.storage import check_shapes
@@ -89,6 +89,9 @@ class ReducedModel:
     node_shapes: NDArray[np.float32] | None = None
     # of the base; None where the model knows of its translation alone
     rotation: BaseRotation | None = None
+    # (r,) force on each coordinate per unit acceleration of the base across; None where that moves
+    # no floor along
+    across: Floats | None = None
     released: ReleasedBase | None = None  # the base under forces; None where they do not move it
     # (j, r) stretch of dashpots to the ground, of one N s/m each; None where there are none
     dashpots: Floats | None = None
@@ -104,18 +107,33 @@ class ReducedModel:
         return self.stiffness_terms.shape[0]
 
     @cached_property
-    def tensors(self) -> tuple[Tensor, ...]:
-        """Stiffness terms (p, r r) and constant (r, r), forces (r, 2), mass at the base (2, 2).
+    def driving(self) -> tuple[tuple[float, Floats], ...]:
+        """Forces (r,) of the motions whose responses shapes must give, each with its weight.
 
-        Then of the floors the shapes (f, r) and the rigid motion (f, 2) with the base.
+        See `Structure.driving`.
         """
-        turned, at_base = np.zeros_like(self.excitation), np.zeros((2, 2))
+        if self.across is None:
+            return ((1.0, self.excitation),)
+        forces = np.column_stack([self.excitation, self.across])
+        at_rest = np.linalg.solve(self.stiffness(np.ones(self.parameters)), forces)
+        along, beside = np.abs(self.floor_shapes @ at_rest).max(axis=0)
+        return (1.0, self.excitation), (min(beside / along, 1.0), self.excitation + self.across)
+
+    @cached_property
+    def tensors(self) -> tuple[Tensor, ...]:
+        """Stiffness terms (p, r r) and constant (r, r), forces (r, 3), mass at the base (3, 3).
+
+        Then of the floors the shapes (f, r) and the rigid motion (f, 3) with the base.
+        """
+        turned, at_base = np.zeros_like(self.excitation), np.zeros((3, 3))
         levels = np.zeros(len(self.floors))
         if self.rotation is not None:  # a base without one has no mass here
-            turned, at_base, levels = self.rotation.force, self.rotation.mass, self.rotation.levels
+            turned, levels = self.rotation.force, self.rotation.levels
+            at_base[:2, :2] = self.rotation.mass
         terms = self.stiffness_terms.reshape(self.parameters, self.size**2)
-        forces = np.column_stack([self.excitation, turned])
-        rigid = np.column_stack([np.ones_like(levels), levels])
+        across = np.zeros_like(turned) if self.across is None else self.across
+        forces = np.column_stack([self.excitation, turned, across])
+        rigid = np.column_stack([np.ones_like(levels), levels, np.zeros_like(levels)])
         parts = terms, self.stiffness_constant, forces, at_base, self.floor_shapes, rigid
         return tuple(torch.from_numpy(part) for part in parts)
 
@@ -140,12 +158,15 @@ class ReducedModel:
             story_drift=self.story_drift @ shapes,
             node_shapes=None,
             rotation=None if rotation is None else replace(rotation, force=rotation.force @ shapes),
+            across=None if self.across is None else self.across @ shapes,
             dashpots=None if self.dashpots is None else self.dashpots @ shapes,
         )
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All of it but the names of its floors, for a file."""
-        every = {name: getattr(self, name) for name in (*_ARRAYS, "node_shapes", "dashpots")}
+        every = {
+            name: getattr(self, name) for name in (*_ARRAYS, "node_shapes", "dashpots", "across")
+        }
         arrays = {name: array for name, array in every.items() if array is not None}
         if self.rotation is not None:
             arrays |= {f"rotation_{name}": getattr(self.rotation, name) for name in _ROTATION}
@@ -170,6 +191,7 @@ class ReducedModel:
             floors=tuple(floors),
             node_shapes=data.get("node_shapes"),
             dashpots=data.get("dashpots"),
+            across=data.get("across"),
             # Files of before have no heights of stories; each stood on the one below.
             rotation=BaseRotation(
                 **{"story_height": np.diff(turned["levels"], prepend=0.0)} | turned
@@ -311,7 +333,7 @@ def released_base(structure: Structure) -> ReleasedBase | None:
         return None
     mass = np.zeros((2, 2))
     mass[TRANSLATION, TRANSLATION] = supports.mass or 0.0
-    inertia = (structure.rigid_mass + mass).diagonal()
+    inertia = (structure.rigid_mass[:2, :2] + mass).diagonal()
     # The springs hold it at a thousandth of the building's first frequency.
     flexibility = 1.0 / (inertia * (1e-3 * structure.fundamental[0]) ** 2)
     if supports.base == "slides":
@@ -321,11 +343,19 @@ def released_base(structure: Structure) -> ReleasedBase | None:
 
 def lumped(structure: Structure) -> ReducedStructure:
     """A stick as it is, in coordinates of unit mass."""
-    return reduced_on(structure, np.diag(structure.mass.diagonal() ** -0.5))
+    return reduced_on(structure, np.diag(structure.mass.diagonal() ** -0.5), crosses=False)
 
 
-def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
-    """A structure seen through a mass-orthonormal basis (n, r)."""
+def reduced_on(
+    structure: Structure, basis: Floats, crosses: bool | None = None
+) -> ReducedStructure:
+    """A structure seen through a mass-orthonormal basis (n, r).
+
+    Args:
+        crosses: whether floors follow the base's motion across; None to find out.
+    """
+    if crosses is None:
+        crosses = structure.crossing > 0.0
     force = basis.T @ structure.rigid_force
     rigid, nodes = structure.story_rigid, None
     if structure.operators is not None:
@@ -343,12 +373,13 @@ def reduced_on(structure: Structure, basis: Floats) -> ReducedStructure:
         node_shapes=nodes,
         rotation=BaseRotation(
             force=force[:, ROTATION],
-            mass=structure.rigid_mass,
+            mass=structure.rigid_mass[:2, :2],
             story_moment=rigid[:, ROTATION],
             levels=structure.levels,
             story_height=structure.building.over_foot(structure.levels),
         ),
         released=released_base(structure),
+        across=force[:, ACROSS] if crosses else None,
         dashpots=dashpots_on(structure, basis),
     )
     return ReducedStructure(structure, model, basis)

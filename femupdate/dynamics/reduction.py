@@ -24,6 +24,7 @@ from scipy.sparse import csc_matrix
 from femupdate.arrays import Floats, Integers, Singles
 from femupdate.dynamics.damping import ConstantDamping
 from femupdate.dynamics.equations import DrivenSystem, driven_system
+from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, lumped, reduced_on
 from femupdate.dynamics.snapshots import (
     STATIC_WEIGHT,
@@ -34,7 +35,7 @@ from femupdate.dynamics.snapshots import (
 )
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed, Terms
-from femupdate.effects.structure import TRANSLATION, Structure
+from femupdate.effects.structure import ACROSS, ROTATION, TRANSLATION, Structure
 from femupdate.errors import StructureError
 from femupdate.fe.assembly import AffineOperators, with_terms
 from femupdate.fe.driven import Factored, driven_shapes
@@ -158,8 +159,8 @@ class Substructures:
             the parts, and the shapes in their coordinates. K^-1 M of the whole structure leads from
             the shapes to no other displacements than these have, at all factors.
         """
-        base = self.structure.rigid_force[:, [TRANSLATION]]
-        forces = np.column_stack([self.structure.mass @ self.expanded(shapes), base])
+        inertia = self.structure.mass @ self.expanded(shapes)
+        forces = np.column_stack([inertia, self.structure.forces])
         return self.with_forces(forces, shapes)
 
     def with_forces(self, forces: Floats, shapes: Floats) -> tuple["Substructures", Floats]:
@@ -423,7 +424,8 @@ def _full(asked: _Question, target: ReductionTarget, sample: Floats) -> DrivenSy
     """The full model at one sample (p + q,)."""
     theta, sizes = np.split(sample, [len(asked.structure.stiffness_terms)])
     added = list(zip(asked.placed, asked.terms, strict=True))
-    return driven_system(asked.structure, added, theta, sizes, target.top_hz, ConstantDamping())
+    given = asked.structure, added, theta, sizes, target.top_hz, ConstantDamping()
+    return driven_system(*given, columns=3 if asked.structure.crossing else 1)
 
 
 def _full_log_frf(asked: _Question, target: ReductionTarget, sample: Floats) -> Floats:
@@ -437,11 +439,12 @@ def _snapshots(asked: _Question, target: ReductionTarget, sample: Floats) -> Sin
     structure, found = asked.structure, _full(asked, target, sample)
     omega, shapes = 2.0 * np.pi * found.frequency_hz, found.shapes
     floors, driven = structure.floor_rows @ shapes, shapes.T @ found.equations.force
-    dashpots = found.system.model.dashpots
-    turns = any(any(terms.flexibility) or terms.pitch for terms in asked.terms)
-    parts = []
-    # A base that turns moves the roof as one that translates does.
-    for scale, force in zip((1.0, 1.0 / structure.levels[-1])[: 1 + turns], driven.T, strict=False):
+    dashpots, parts, motions = found.system.model.dashpots, [], [*structure.driving]
+    if any(any(terms.flexibility) or terms.pitch for terms in asked.terms):
+        # A base that turns moves the roof as one that translates does.
+        motions.append((1.0 / structure.levels[-1], np.eye(3)[ROTATION]))
+    for scale, motion in motions:
+        force = driven @ motion
         felt = FeltModes(omega, scale * force, floors, dashpots)
         static = shapes @ (scale * force / omega**2)
         parts += [shapes @ felt.combinations(target), STATIC_WEIGHT * static[:, None]]
@@ -449,11 +452,18 @@ def _snapshots(asked: _Question, target: ReductionTarget, sample: Floats) -> Sin
 
 
 def _log_frf(system: System, samples: Floats, target: ReductionTarget) -> Floats:
-    """ln|H| (N, f, k) at samples (N, p + q) of a system's parameters, at the lowest damping."""
+    """ln|H| (N, e f, k) at samples (N, p + q) of a system's parameters, at the lowest damping.
+
+    Of the motions that drive it (see `Structure.driving`), one after the other.
+    """
     theta, sizes = system.split(torch.from_numpy(samples))
     zeta = torch.full((len(samples),), target.zeta, dtype=torch.float64)
-    frf = system.frf(theta, zeta, sizes, torch.from_numpy(target.frequency_hz))
-    return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
+    inputs = Excitation(columns=3 if system.crosses else 1)
+    frf = system.respond(inputs, theta, zeta, sizes, torch.from_numpy(target.frequency_hz))
+    parts = [frf[:, :, 0]]
+    if system.crosses:
+        parts.append(frf[:, :, TRANSLATION] + frf[:, :, ACROSS])
+    return np.asarray(torch.cat(parts, dim=1).abs().clamp_min(1e-12).log().numpy())
 
 
 @dataclass(frozen=True, eq=False)
@@ -465,8 +475,8 @@ class Space:
 
     @cached_property
     def force(self) -> Floats:
-        """(q, 1) by which the base drives it."""
-        return self.condensed(self.structure.rigid_force[:, [TRANSLATION]])
+        """(q, e) by which the base drives it, see `Structure.driving`."""
+        return self.condensed(self.structure.forces)
 
     @cached_property
     def rows(self) -> Floats:
@@ -523,16 +533,19 @@ def _driven(space: Space, target: ReductionTarget, theta: Floats) -> Floats:
     """Weighted shapes (q, c) of the response at a theta (p,), to take a basis from."""
     force, rows = space.force, space.rows
     found = driven_shapes(space.at(theta), space.mass, force, rows, target.top_hz)
-    omega, driven = 2.0 * np.pi * found.frequency_hz, force[:, 0] @ found.shapes
-    felt = FeltModes(omega, driven, rows @ found.shapes)
-    weights = np.column_stack([felt.combinations(target), STATIC_WEIGHT * driven / omega**2])
-    return combined(found.shapes, weights)
+    omega, floors = 2.0 * np.pi * found.frequency_hz, rows @ found.shapes
+    weights = []
+    for (scale, _), driven in zip(space.structure.driving, force.T @ found.shapes, strict=True):
+        felt = FeltModes(omega, scale * driven, floors)
+        static = scale * STATIC_WEIGHT * (driven / omega**2)[:, None]
+        weights += [felt.combinations(target), static]
+    return combined(found.shapes, np.column_stack(weights))
 
 
 def _beyond(
     space: Space, basis: Floats, model: ReducedModel, target: ReductionTarget, theta: Floats
 ) -> Floats:
-    """ln|H| (f, k) of the full model at a theta (p,), at the lowest damping.
+    """ln|H| (e f, k) of the full model at a theta (p,), at the lowest damping.
 
     Args:
         space: where one step of inverse iteration from a basis (q, r) leads.
@@ -541,10 +554,11 @@ def _beyond(
     # From the responses of the reduced model and a step from them: in the six-story frame it leaves
     # a tenth of what 230 shapes err by.
     omega, vectors = diagonal(model.stiffness(theta))
-    driven, floors = model.excitation, model.floor_shapes
-    felt = FeltModes(omega, driven @ vectors, floors @ vectors)
+    floors = model.floor_shapes
+    felt = [FeltModes(omega, force @ vectors, floors @ vectors) for _, force in model.driving]
     # Responses of less energy, of the largest, are left out.
-    moved = combined(basis, vectors @ felt.combinations(target, 1e-5))
+    weights = np.column_stack([each.combinations(target, 1e-5) for each in felt])
+    moved = combined(basis, vectors @ weights)
     factors = space.at(theta)
     loads = np.column_stack([symmetric_times(space.mass, moved), space.force])
     fresh, _ = orthonormal(factors.apply(loads), basis, partial(symmetric_times, space.mass))
@@ -552,6 +566,9 @@ def _beyond(
     between = along(basis, held)
     both = np.block([[model.stiffness(theta), between], [between.T, fresh.T @ held]])
     omega, vectors = diagonal(both)
-    driven = np.append(driven, space.force[:, 0] @ fresh) @ vectors
     floors = np.column_stack([floors, space.rows @ fresh]) @ vectors
-    return FeltModes(omega, driven, floors).log_frf(target)
+    driven = (
+        np.append(old, new) @ vectors
+        for (_, old), new in zip(model.driving, space.force.T @ fresh, strict=True)
+    )
+    return np.concatenate([FeltModes(omega, each, floors).log_frf(target) for each in driven])

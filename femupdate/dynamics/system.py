@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
 
 from femupdate.dynamics.damping import ConstantDamping, DampingLaw
 from femupdate.dynamics.excitation import BASE_MOTION, Excitation
@@ -37,17 +38,14 @@ _BATCH = 16  # responses of a hundred shapes at a few hundred frequencies stay i
 
 
 class Estimate(Protocol):
-    """What an estimate makes of complex FRFs (N, f, e).
-
-    Where the base was measured to turn, responses to unit rotation of it come second.
-    """
+    """What an estimate makes of complex FRFs (N, f, e)."""
 
     @property
-    def turns(self) -> bool:
-        """Whether it asks for these."""
+    def inputs(self) -> int:
+        """Columns of the base's motion that were measured (see `Excitation`)."""
 
-    def __call__(self, frf: Tensor, turned: Tensor | None = None) -> Tensor:
-        """(N, f, k) as measured."""
+    def __call__(self, *frf: Tensor) -> Tensor:
+        """(N, f, k) as measured, from the FRFs to each of these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +53,7 @@ class Rows:
     """What is observed of a motion."""
 
     shapes: Tensor  # (o, r) or (N, o, r) per unit coordinate
-    rigid: Tensor  # (o, 2) or (N, o, 2) per unit base translation and rotation
+    rigid: Tensor  # (o, 3) or (N, o, 3) per unit of each column of the base's motion
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,6 +112,11 @@ class System:
         return self.model.floors
 
     @property
+    def crosses(self) -> bool:
+        """Whether floors follow the base's motion across."""
+        return self.model.across is not None
+
+    @property
     def complex_modes(self) -> bool:
         """Whether something acts along lines, so that modes are complex."""
         ports = any(terms.port is not None for terms in self.terms)
@@ -135,9 +138,9 @@ class System:
         """Complex accelerations (N, f, e, k) of all floors as their sensors give them.
 
         Args:
-            excitation: a force, N; or the acceleration of the base along the motion, m/s2, and
-                where it turns, a second column, rad/s2, that leans the building forward. Each
-                column has unit size.
+            excitation: a force, N; or the acceleration of the base along the motion, m/s2, in a
+                second column its rotation, rad/s2, that leans the building forward, and in a third
+                its acceleration across. Each column has unit size.
             theta: (N, p) stiffness factors.
             zeta: (N,) damping ratio.
             sizes: (N, q) the parameters of the effects, one after the other.
@@ -163,10 +166,28 @@ class System:
         seen: Estimate | None,
     ) -> Tensor:
         """The same as an estimate shows them, (N, f, k); without one as they are."""
-        turns = seen is not None and seen.turns
-        columns = self.respond(Excitation(turns=turns), theta, zeta, sizes, frequency_hz)
-        frf = columns[:, :, 0]
-        return frf if seen is None else seen(frf, columns[:, :, 1] if turns else None)
+        inputs = Excitation(columns=1 if seen is None else seen.inputs)
+        frf = self.respond(inputs, theta, zeta, sizes, frequency_hz).unbind(dim=2)
+        return frf[0] if seen is None else seen(*frf)
+
+    def frf_beside(
+        self,
+        theta: Tensor,
+        zeta: Tensor,
+        sizes: Tensor,
+        frequency_hz: Tensor,
+        beside: Tensor | None,
+    ) -> Tensor:
+        """FRFs (N, f, k) over the base's translation, with what goes with it.
+
+        Args:
+            beside: (c - 1, k) of the further columns of the base's motion; None for none.
+        """
+        if beside is None:
+            return self.frf(theta, zeta, sizes, frequency_hz)
+        inputs = Excitation(columns=1 + len(beside))
+        frf = self.respond(inputs, theta, zeta, sizes, frequency_hz)
+        return frf[:, :, 0] + (frf[:, :, 1:] * beside).sum(dim=2)
 
     def log_frf(
         self,
@@ -281,15 +302,16 @@ class System:
         if released and free is not None:
             soft = torch.from_numpy(free.flexibility).to(theta).expand(len(theta), -1)
             flexibility = soft if flexibility is None else soft + flexibility
-            rigid_mass = rigid_mass + torch.from_numpy(free.mass).to(theta)
+            rigid_mass = rigid_mass + pad(torch.from_numpy(free.mass).to(theta), (0, 1, 0, 1))
         if flexibility is not None:
-            root = flexibility.sqrt()  # (N, 2)
-            stiffness, mass = _on_flexible_base(stiffness, mass, force, rigid_mass, root)
-            on_base = root[:, None] * torch.einsum("nab,nbe->nea", rigid_mass, base)
+            root, flexes = flexibility.sqrt(), slice(2)  # (N, 2); across it is held
+            at_base = rigid_mass[:, flexes, flexes]
+            stiffness, mass = _on_flexible_base(stiffness, mass, force[..., flexes], at_base, root)
+            on_base = root[:, None] * torch.einsum("nab,nbe->nea", rigid_mass[:, flexes], base)
             load = torch.cat([load, on_base], dim=2)
-            shapes = torch.cat([shapes, rigid * root[:, None, :]], dim=2)
+            shapes = torch.cat([shapes, rigid[..., flexes] * root[:, None, :]], dim=2)
         seen, inverse = normal_modes(stiffness, mass, torch.cat([shapes, load], dim=1))
-        return Modes(inverse, seen[:, :-2], seen[:, -2:], rigid @ base)
+        return Modes(inverse, seen[:, :-3], seen[:, -3:], rigid @ base)
 
     def first_hz(self, theta: Tensor, sizes: Tensor) -> float:
         """The lowest frequency of all these parameters."""
@@ -386,7 +408,7 @@ class System:
             return moved - omega**2 * (1.0 / theta @ terms)[:, :, None, None]
         modes = self.modes(theta[rows], sizes[rows])[same]
         ratio = self.ratio(modes.omega, zeta, sizes)
-        return response(modes, ratio, omega, ports, columns=1 + excitation.turns)
+        return response(modes, ratio, omega, ports, columns=excitation.columns)
 
     def _log_frf(
         self,
@@ -395,8 +417,7 @@ class System:
         frequency_hz: Tensor,
         how: "Responses",
     ) -> Tensor:
-        turns = how.seen is not None and how.seen.turns
-        if self.complex_modes or turns:
+        if self.complex_modes or (how.seen is not None and how.seen.inputs > 1):
             theta, sizes = self.split(parameters)
             whole = self.seen_frf(theta, zeta, sizes, frequency_hz, how.seen)
             frf = whole if how.floors is None else whole[:, list(how.floors)]
@@ -422,7 +443,7 @@ class System:
     def _matrices(
         self, theta: Tensor, by_effect: Sequence[Tensor]
     ) -> tuple[Tensor, Tensor | None, Tensor, Tensor]:
-        """K (N, r, r), M (N, r, r) or None for the identity, forces (N, r, 2), mass (N, 2, 2)."""
+        """K (N, r, r), M (N, r, r) or None for the identity, forces (N, r, 3), mass (N, 3, 3)."""
         count, size, mass = len(theta), self.model.size, None
         terms, constant, *forces = (part.to(theta) for part in self.model.tensors[:4])
         stiffness = constant + (theta @ terms).reshape(count, size, size)
@@ -444,8 +465,8 @@ class System:
         return stiffness, mass, force, rigid
 
     def _base_motion(self, theta: Tensor, by_effect: Sequence[Tensor]) -> Tensor:
-        """(N, 2, 2) translation and rotation of the base, by the columns of its acceleration."""
-        base = torch.eye(2).to(theta).repeat(len(theta), 1, 1)
+        """(N, 3, 3) motion of the base, by the columns of its acceleration."""
+        base = torch.eye(3).to(theta).repeat(len(theta), 1, 1)
         for terms, size in zip(self.terms, by_effect, strict=True):
             if terms.pitch:
                 base[:, 1, 0] += terms.pitch * size[:, 0]
@@ -461,12 +482,13 @@ class System:
         return total
 
     def _with_ports(self, rows: Rows, count: int) -> tuple[Tensor, Tensor]:
-        """Rows (N, o, r) and their rigid motion (N, o, 2), those of the ports last."""
+        """Rows (N, o, r) and their rigid motion (N, o, 3), those of the ports last."""
         shapes, rigid = (part.expand(count, -1, -1) for part in (rows.shapes, rows.rigid))
         ports = [terms.port for terms in self.terms if terms.port is not None]
-        parts = [(port.row[None], port.rigid[None]) for port in ports]
+        # What acts along the motion does not feel a base that moves across as a rigid body.
+        parts = [(port.row[None], pad(torch.as_tensor(port.rigid), (0, 1))[None]) for port in ports]
         if self.model.dashpots is not None:  # which stand on the base, and move with it
-            parts.append((self.model.dashpots, np.zeros((len(self.model.dashpots), 2))))
+            parts.append((self.model.dashpots, torch.zeros(len(self.model.dashpots), 3)))
         for pair in parts:
             lines, with_base = (
                 torch.as_tensor(part).to(shapes).expand(count, -1, -1) for part in pair

@@ -240,12 +240,12 @@ class MassTerms:
     """Mass of an effect."""
 
     matrix: Matrix  # (n, n)
-    force: Array  # (n, 2) it times the rigid motions of the base
-    rigid: Array  # (2, 2) it by the rigid motions on both sides
+    force: Array  # (n, 3) it times the rigid motions of the base
+    rigid: Array  # (3, 3) it by the rigid motions on both sides
     # (s, n) force of inertia of what lies above the middle of each story, per unit acceleration of
     # each degree of freedom
     above: Array
-    above_rigid: Array  # (s, 2) the same per unit acceleration of the base
+    above_rigid: Array  # (s, 3) the same per unit acceleration of the base
 
 
 class Stiffness(NamedTuple):

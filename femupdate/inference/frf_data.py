@@ -46,15 +46,15 @@ class Block:
         independent: share of them that err independently.
         estimator: what the estimate makes of FRFs; None for those read from a table.
         level: doublings of the amplitude above that of the first record.
-        rotation: of the base that goes with its unit translation, 1/m, for pictures; None where
-            none was measured.
+        beside: (c - 1, points) further columns of the base's motion that go with its unit
+            translation, for pictures; None where none was measured.
     """
 
     points: int
     independent: float
     estimator: Estimator | None = None
     level: float = 0.0
-    rotation: Tensor | None = None
+    beside: Tensor | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -232,7 +232,7 @@ class FrfData:
                 parts.append(self._frf(system, *moved, sizes, frequency))
                 continue
             known = *moved, sizes, torch.from_numpy(block.estimator.frequency_hz)
-            if block.estimator.turns:
+            if block.estimator.inputs > 1:
                 parts.append(system.seen_frf(*known, block.estimator))
                 continue
             parts.append(block.estimator(self._frf(system, *known)))
@@ -264,11 +264,9 @@ class FrfData:
         """Complex FRFs (f, k) of the observed floors at the first record's points, as they are."""
         block = self.blocks[0]
         known = theta, zeta, sizes, self.frequency_hz[: block.points]
-        frf = self._frf(system, *known)
-        if block.rotation is not None:
-            frf, turned = system.respond(Excitation(turns=True), *known).unbind(dim=2)
-            frf = frf + block.rotation * turned
-        return frf[0, list(self.rows)]
+        if self.forced:
+            return self._frf(system, *known)[0, list(self.rows)]
+        return system.frf_beside(*known, block.beside)[0, list(self.rows)]
 
     def read_with(self, predicted: Tensor, placed: Placed) -> Tensor:
         """FRFs (N, f, k) with channels exchanged or reversed."""
@@ -469,14 +467,14 @@ def frf_data(
     """
     valid = torch.from_numpy(observation.valid)
     noise = torch.from_numpy(np.nan_to_num(observation.noise_sd, nan=1.0))
-    turn, phase = observation.rotation, observation.phase if use_phase else None
+    beside, phase = observation.beside, observation.phase if use_phase else None
     leaking = observation.leaking_sd
     block = Block(
         observation.frequency_hz.size,
         independent_share(observation),
         observation.estimator,
         observation.level,
-        rotation=None if turn is None else torch.from_numpy(np.nan_to_num(turn)),
+        beside=None if beside is None else torch.from_numpy(np.nan_to_num(beside)),
     )
     return FrfData(
         floors=floors,

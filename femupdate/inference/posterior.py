@@ -170,9 +170,9 @@ def save_posterior(posterior: Posterior, path: Path) -> None:
     for name in ("log_frf", "noise_sd", "phase", "coherence", "between", "leaking_sd"):
         if (values := getattr(observation, name)) is not None:
             measured[name] = (each, values)
-    if observation.rotation is not None:
-        parts = np.stack([observation.rotation.real, observation.rotation.imag])
-        measured["rotation"] = (("part", "frequency_hz"), parts)
+    if observation.beside is not None:
+        parts = np.stack([observation.beside.real, observation.beside.imag])
+        measured["beside"] = (("part", "column", "frequency_hz"), parts)
     draws: dict[str, Any] = {"theta": ((*chain_draw, "parameter"), posterior.theta)}
     if posterior.zeta_samples is not None:
         draws["zeta"] = (chain_draw, posterior.zeta)
@@ -275,9 +275,9 @@ def _posterior(tree: Any) -> Posterior:
         for name in ("phase", "coherence", "between", "leaking_sd")
         if name in measured
     }
-    if "rotation" in measured:
-        real, imaginary = measured["rotation"].values
-        optional["rotation"] = np.asarray(real + 1j * imaginary)
+    if "beside" in measured:
+        real, imaginary = measured["beside"].values
+        optional["beside"] = np.asarray(real + 1j * imaginary)
     return Posterior(
         parameters=known,
         values=values,

@@ -6,8 +6,8 @@ mean of the FRF over neighbouring frequencies, with weights that the base motion
 stationary white noise these are the squared spectrum of the window (Bendat and Piersol 2010,
 section 8.5); in an earthquake, which ends before the building does, they are not, and peaks come
 out higher or lower by several percent. A model's FRF goes through the same means before it is
-compared. What the base's own rotation adds to the floors' motion goes through means of its own,
-which translation and rotation fix together.
+compared. What the base's rotation and its motion across add to the floors' goes through means of
+their own, which all of these motions fix together.
 """
 
 from collections.abc import Sequence
@@ -183,7 +183,7 @@ class Estimator:
     Attributes:
         frequency_hz: (e,) at which the FRF is asked for, evenly spaced.
         columns: (k, e) complex means that give the estimate on a grid, of FRFs to every column of
-            the excitation: translation of the base or a force, and rotation where it was measured.
+            the excitation: a force, or of the base translation, rotation, motion across.
         shared: (k,) standard deviation of ln|H| that all floors have in common; none where it is
             not known.
     """
@@ -193,18 +193,22 @@ class Estimator:
     shared: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
+    def inputs(self) -> int:
+        """Columns of the excitation."""
+        return len(self.columns)
+
+    @property
     def turns(self) -> bool:
         """Whether the base's own rotation was measured."""
-        return len(self.columns) > 1
+        return len(self.columns) > 1 and self.columns[1].nnz > 0
 
-    def __call__(self, frf: Tensor, turned: Tensor | None = None) -> Tensor:
-        """Estimates (N, f, k) of FRFs (N, f, e), and of those to rotation where it was measured."""
-        columns = [frf, *([] if turned is None else [turned])]
+    def __call__(self, *frf: Tensor) -> Tensor:
+        """Estimates (N, f, k) of FRFs (N, f, e) to every column."""
         estimates = [
             torch.cat([column[..., seen] @ means.to(column) for seen, means in blocks], dim=-1)
-            for column, blocks in zip(columns, self._blocks, strict=False)
+            for column, blocks in zip(frf, self._blocks, strict=False)
         ]
-        return estimates[0] if len(estimates) == 1 else estimates[0] + estimates[1]
+        return torch.stack(estimates).sum(dim=0) if len(estimates) > 1 else estimates[0]
 
     def at(self, used: Flags) -> "Estimator":
         """The estimate at some frequencies (k,) of its grid."""
@@ -248,7 +252,8 @@ def noise_of_lines(
     Returns:
         Frequencies (l,), Hz, and one-sided cross densities (f, f, l).
     """
-    half, degree = 7 if len(inputs) == 1 else 9, 2
+    inputs = inputs[inputs.any(axis=1)]
+    half, degree = (7, 9, 11)[len(inputs) - 1], 2
     spectra = np.fft.rfft(inputs - inputs.mean(axis=1, keepdims=True))
     fine = np.asarray(np.fft.rfftfreq(inputs.shape[1], time_step), dtype=np.float64)
     last = min(int(top_hz / fine[1]), fine.size - 1) - half
@@ -283,8 +288,8 @@ def estimator_of(
     """The means that Welch's estimate takes of a building at rest before the record.
 
     Args:
-        inputs: (1, n) acceleration of the base or force, or (2, n) with the base's angular
-            acceleration below.
+        inputs: (c, n) force, or motion of the base, a row a column (see `Excitation`); zero where
+            it was not measured.
         grid: (k,) frequencies of the estimate, evenly spaced, Hz.
         bins: (k, b) that brings estimates at the bins of the spectra to the grid.
         noise: (b,) share of the first input's power that is noise, which the building does not
@@ -339,7 +344,9 @@ def estimator_of(
         columns.append(near.ravel())
     shape = (len(bin_hz), len(fine))
     at, cubics = (np.concatenate(rows), np.concatenate(columns)), _cubics(fine, dense)
-    columns_of_all = (csr_array((np.concatenate(part), at), shape=shape) for part in values)
+    columns_of_all = [csr_array((np.concatenate(part), at), shape=shape) for part in values]
+    for part in columns_of_all:
+        part.eliminate_zeros()  # of motions that were not measured
     return Estimator(dense, tuple(csr_array(bins @ part @ cubics) for part in columns_of_all))
 
 

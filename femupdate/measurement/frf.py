@@ -12,9 +12,9 @@ segments sd(ln|H|) = sqrt((1 - g2) / (2 g2 n)), g2 the coherence (Bendat and Pie
 Noise of the base's own sensor is left at every floor, for none of them follows it. H1 is low by its
 share of the base's power, and all floors err alike by it.
 
-Where vertical sensors measure the base's rotation, H1 is still taken over the translation alone.
-What the rotation adds to it is for the model (`femupdate.measurement.estimated`), and the noise is
-what neither of both explains (the multiple coherence of Bendat and Piersol 2010, section 7.3).
+Where the base's rotation or its motion across was measured, H1 is still taken over the translation
+alone. What they add to it is for the model (`femupdate.measurement.estimated`), and the noise is
+what none of them explains (the multiple coherence of Bendat and Piersol 2010, section 7.3).
 """
 
 from collections.abc import Callable, Sequence
@@ -26,6 +26,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from femupdate.arrays import Complexes, Flags, Floats
+from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.level import strongest_hz
 from femupdate.errors import MeasurementError
 from femupdate.measurement.estimated import (
@@ -39,11 +40,12 @@ from femupdate.measurement.estimated import (
     welch_spectra,
     window_of,
 )
-from femupdate.measurement.names import BASE
+from femupdate.measurement.names import BASE, channel_name
 from femupdate.measurement.observation import (
     HANN_BANDWIDTH,
     Histories,
     Observation,
+    other_horizontal,
     require_floors_of_building,
     said_of_rotation,
     select_floors,
@@ -82,14 +84,15 @@ def estimate_frf(
         MeasurementError: no base or floor in the direction, too short, or no point can be used.
     """
     grid, step = np.asarray(frequency_hz, dtype=np.float64), histories.time_step
-    (base, floors, names), rotation = histories.means(direction), histories.rotation
+    (base, floors, names), inputs = histories.means(direction), histories.inputs(direction)
     # Long enough to resolve the grid, s.
     wanted = 1.0 / float(np.median(np.diff(grid))) if grid.size > 1 else 8.0 / float(grid[0])
     if segments is None:
         segments = choose_segments(base.size, step, wanted, histories.source)
     spectra = welch_spectra(base, floors, step, segments)
-    coherence, explained, turned = _explained(spectra, base, floors, rotation, step, segments)
-    incoherent = _incoherent(spectra, explained, segments.effective, 1 if turned is None else 2)
+    coherence, explained, beside = _explained(spectra, inputs, floors, step, segments)
+    driving = int(inputs.any(axis=1).sum())
+    incoherent = _incoherent(spectra, explained, segments.effective, driving)
     noise = _noise(spectra, coherence, incoherent, segments.effective)
     trusted = _trusted(spectra, incoherent, noise, segments.effective)
     if half is not None:
@@ -105,7 +108,7 @@ def estimate_frf(
     frf = at_grid(spectra.cross / np.maximum(spectra.base, _TINY))
     valid = (at_grid(trusted.astype(np.float64)) > 0.999) & (np.abs(frf) > 0)
     _require_points(valid, histories.source)
-    inputs, leaking = np.stack([base] if rotation is None else [base, rotation]), at_grid(noise)
+    leaking = at_grid(noise)
     across = _left(inputs, floors, step, segments.seconds, grid)
     early = np.mean(floors[:, : segments.length // 4] ** 2) / np.mean(floors**2)
     known = leaking, segments.effective, min(float(early), 1.0)
@@ -127,44 +130,39 @@ def estimate_frf(
         resolution_hz=HANN_BANDWIDTH / segments.seconds,
         source=histories.source,
         estimator=estimator,
-        rotation=None if turned is None else at_grid(turned),
+        beside=at_grid(beside) if len(beside) else None,
         notes=(
             segments.note,
-            *_of_sensors(histories, direction, base, sensors),
+            *_of_sensors(histories, direction, inputs, sensors),
             *_gaps(names, valid, inside, sensors),
             *histories.notes,
         ),
-        excitation=histories.excitation,
+        excitation=Excitation(histories.force, len(inputs)),
         histories=histories,
     )
 
 
 def _explained(
-    spectra: Spectra,
-    base: Floats,
-    floors: Floats,
-    rotation: Floats | None,
-    step: float,
-    segments: Segments,
-) -> tuple[Floats, Floats, Complexes | None]:
-    """Share of each floor's power (f, b) that follows the translation, and with the rotation.
+    spectra: Spectra, inputs: Floats, floors: Floats, step: float, segments: Segments
+) -> tuple[Floats, Floats, Complexes]:
+    """Share of each floor's power (f, b) that follows the translation, and all inputs (c, n).
 
-    And rotation (b,) that goes with a unit translation; None where none was measured.
+    And what of the further inputs (c - 1, b) goes with a unit translation.
     """
     coherence = np.abs(spectra.cross) ** 2 / np.maximum(spectra.base * spectra.floors, _TINY)
-    if rotation is None:
-        return coherence, coherence, None
-    beside = welch_spectra(base, rotation[None], step, segments)
-    share = beside.cross[0] / np.maximum(spectra.base, _TINY)
-    of_rotation = welch_spectra(rotation, floors, step, segments)
-    alone = beside.floors[0] - np.abs(share) ** 2 * spectra.base
-    cross = of_rotation.cross - share.conj() * spectra.cross
-    # What goes with the translation alone leaves rounding.
-    # Sums of spectra in double precision leave 1e-9 of the power.
-    there = alone > 1e-9 * beside.floors[0]
-    power = np.abs(cross) ** 2 / np.where(there, alone, 1.0)
-    more = np.where(there, power, 0.0) / np.maximum(spectra.floors, _TINY)
-    return coherence, coherence + more, share
+    if len(inputs) == 1:
+        return coherence, coherence, np.zeros((0, coherence.shape[1]), dtype=np.complex128)
+    parts = [welch_spectra(row, np.vstack([inputs, floors]), step, segments) for row in inputs]
+    between, cross = np.split(np.array([part.cross for part in parts]), [len(inputs)], axis=1)
+    size = np.sqrt(np.maximum([part.base for part in parts], _TINY))
+    # What goes with the others leaves rounding, in double precision 1e-9 of the power.
+    unit = (between / (size[:, None] * size)).transpose(2, 0, 1)
+    apart = np.linalg.pinv(unit, rcond=1e-9, hermitian=True)
+    seen = cross / size[:, None]
+    power = np.einsum("ifb,bij,jfb->fb", seen.conj(), apart, seen, optimize=True).real
+    explained = np.maximum(coherence, power / np.maximum(spectra.floors, _TINY))
+    beside = np.asarray(between[0, 1:] / np.maximum(spectra.base, _TINY), dtype=np.complex128)
+    return coherence, np.asarray(explained), beside
 
 
 def on_grid(table: Observation, frequency_hz: Floats, sensors: Sequence[str] = ()) -> Observation:
@@ -422,15 +420,25 @@ def _require_points(valid: Flags, source: str) -> None:
 
 
 def _of_sensors(
-    histories: Histories, direction: str, base: Floats, sensors: Sequence[str]
+    histories: Histories, direction: str, inputs: Floats, sensors: Sequence[str]
 ) -> tuple[str, ...]:
-    """Sentences on sensors that are averaged, and on those from which a rotation is taken."""
+    """Sentences on sensors that are averaged, and on further motions of the base."""
     told = (BASE, *(sensors or histories.floors))
     places = dict.fromkeys(to.floor for to in histories.channels if to.floor in told)
     counts = {floor: len(histories.rows(floor, direction)) for floor in places}
     several = [f"{floor} ({count})" for floor, count in counts.items() if count > 1]
     averaged = [f"Sensors averaged in time: {', '.join(several)}."] if several else []
-    return (*averaged, *said_of_rotation(histories.channels, histories.acceleration, base))
+    turns = said_of_rotation(histories.channels, histories.acceleration, inputs[0])
+    across: tuple[str, ...] = ()
+    if histories.crosses and not histories.force:
+        name = channel_name(BASE, direction=other_horizontal(direction))
+        follow = "Floors follow the base's motion across, too"
+        across = (
+            f"{follow}: {name} is an input."
+            if len(inputs) > 2
+            else f"{follow}; without a column {name} it counts as noise.",
+        )
+    return (*averaged, *turns, *across)
 
 
 def _gaps(

@@ -64,6 +64,8 @@ class Histories:
     source: str = "histories"
     force: str = ""
     notes: tuple[str, ...] = ()
+    # whether floors follow the base's motion across, which is an input where it was measured
+    crosses: bool = False
 
     @property
     def floors(self) -> tuple[str, ...]:
@@ -72,14 +74,22 @@ class Histories:
         return tuple(sorted(names, key=floor_height))
 
     @property
-    def rotation(self) -> Floats | None:
-        """Angular acceleration (n,) of the base, see `rotation_of`."""
-        return rotation_of(self.channels, self.acceleration)
-
-    @property
     def excitation(self) -> Excitation:
-        """What drives the building."""
-        return Excitation(self.force, self.rotation is not None)
+        """Of what kind what drives the building is."""
+        return Excitation(self.force)
+
+    def inputs(self, direction: str) -> Floats:
+        """What drives the building (c, n), a row a column of the `Excitation`; zero if unknown."""
+        motion = [self.means(direction)[0]]
+        rotation = rotation_of(self.channels, self.acceleration)
+        across = (
+            self.rows(BASE, other_horizontal(direction)) if self.crosses and not self.force else []
+        )
+        if rotation is not None or across:
+            motion.append(np.zeros_like(motion[0]) if rotation is None else rotation)
+        if across:
+            motion.append(self.acceleration[across].mean(axis=0))
+        return np.stack(motion)
 
     def rows(self, floor: str, direction: str) -> list[int]:
         """Rows of the sensors of a floor, or of the base, in one direction."""
@@ -217,6 +227,11 @@ def _acceleration(
     return values
 
 
+def other_horizontal(direction: str) -> str:
+    """The horizontal direction across another, x or y."""
+    return "y" if direction == "x" else "x"
+
+
 def rotation_of(channels: Sequence[FloorChannel], acceleration: Floats) -> Floats | None:
     """Angular acceleration (n,) of the base, rad/s2, forward positive, without its mean.
 
@@ -335,9 +350,9 @@ class Observation:
         leaking_sd: (f, m) like `noise_sd`, with what leaks: where the model errs, it errs in that
             as well; None where it is not known.
         estimator: what the estimate makes of an FRF; None for a table.
-        rotation: (m,) complex rotation of the base that goes with its unit translation, 1/m, for
-            pictures; None where none was measured. Fits go through the estimator, which has all
-            of the rotation.
+        beside: (c - 1, m) complex further columns of the base's motion that go with its unit
+            translation, for pictures; None where none was measured. Fits go through the
+            estimator, which has all of these motions.
         quantity: of responses to a force what the file holds: receptance, mobility, accelerance.
         level: doublings of the amplitude of motion above that of the first record.
         halves: the data in two parts that err independently; none where they were not parted.
@@ -360,7 +375,7 @@ class Observation:
     between: Floats | None = None
     leaking_sd: Floats | None = None
     estimator: "Estimator | None" = None
-    rotation: Complexes | None = None
+    beside: Complexes | None = None
     excitation: Excitation = BASE_MOTION
     quantity: str = "accelerance"
     level: float = 0.0
@@ -501,7 +516,7 @@ def at_frequencies(observation: Observation, used: Flags) -> Observation:
         **{**arrays, "scatter": None},
         resolution_hz=observation.resolution_hz or spacing,
         estimator=None if estimator is None else estimator.at(used),
-        rotation=None if observation.rotation is None else observation.rotation[used],
+        beside=None if observation.beside is None else observation.beside[:, used],
         halves=tuple(at_frequencies(half, used) for half in observation.halves),
     )
 

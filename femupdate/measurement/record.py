@@ -19,6 +19,7 @@ from femupdate.measurement.observation import (
     SMALLEST_G,
     SMALLEST_PEAK,
     fault_of,
+    other_horizontal,
     rotation_of,
 )
 from femupdate.measurement.reader import read_measured
@@ -52,6 +53,7 @@ class GroundMotion:
         rotation: (n,) of the base, rad/s2, that leans a building forward; None where it was not
             measured.
         scale: by which the values of the file were multiplied.
+        across: (n,) of the base across, m/s2; None where it was not measured.
     """
 
     __repr__ = brief
@@ -62,6 +64,7 @@ class GroundMotion:
     channel: str = ""
     rotation: Floats | None = None
     scale: float = 1.0
+    across: Floats | None = None
 
     @classmethod
     def from_arrays(
@@ -95,15 +98,22 @@ class GroundMotion:
 
     @property
     def inputs(self) -> Floats:
-        """(1, n) translation, m/s2, or (2, n) with rotation, rad/s2, below."""
-        rows = [self.acceleration] if self.rotation is None else [self.acceleration, self.rotation]
-        return np.stack(rows)
+        """(c, n) translation, m/s2, rotation, rad/s2, and motion across, m/s2, zero if unknown.
+
+        As many rows as the last that is known.
+        """
+        rows = [self.acceleration, self.rotation, self.across]
+        count = 1 + max(number for number, row in enumerate(rows) if row is not None)
+        still = np.zeros_like(self.acceleration)
+        return np.stack([still if row is None else row for row in rows[:count]])
 
     def _changed(self, change: Callable[[Floats], Floats], **others: Any) -> "GroundMotion":
         """The same with all of its rows changed alike."""
-        rows = [change(row) for row in self.inputs]
-        turned = rows[1] if len(rows) > 1 else None
-        return replace(self, acceleration=rows[0], rotation=turned, **others)
+        rotation, across = (
+            None if row is None else change(row) for row in (self.rotation, self.across)
+        )
+        moved = change(self.acceleration)
+        return replace(self, acceleration=moved, rotation=rotation, across=across, **others)
 
     @property
     def title(self) -> str:
@@ -173,17 +183,19 @@ def read_record(
     unit: str | None = None,
     channel: str | int | None = None,
     columns: Mapping[str, str] | None = None,
+    direction: str = "",
 ) -> GroundMotion:
     """Read one channel of a ground-motion record.
 
     With the base's own channel come its vertical ones at places along the motion, which measure
-    how it turns.
+    how it turns, and that of its motion across.
 
     Args:
         unit: of the accelerations, where the file does not say it.
         channel: its name in the file or in `columns`, or its number from 1; needed where there
             are several and none, or more than one, is called base.
         columns: our name, such as base or base@2.5.z, to the file's name or number of a channel.
+        direction: x or y, of the base's own channel, where it has both.
 
     Raises:
         MeasurementError: the file cannot be read as a record, the channel is not in it, or its
@@ -203,7 +215,7 @@ def read_record(
         if isinstance(ours, FloorChannel) and ours.floor == BASE
     }
     mapped = given.get(parse_channel(asked)) if asked in told else None
-    chosen = mapped or _choose(file, channels, channel, unit, base)
+    chosen = mapped or _choose(file, channels, channel, unit, base, direction)
     require_horizontal(file, chosen)
     for words in chosen.done:
         logger.warning("%s: %s", file.path, words)
@@ -213,6 +225,7 @@ def read_record(
         name=file.path.stem,
         channel=chosen.name,
         rotation=_rotation(file, chosen, base, unit),
+        across=_across(file, chosen, base, unit),
     )
     where = repr(motion.channel)
     check_step(file, motion.time_step, where)
@@ -270,12 +283,32 @@ def _rotation(
     return rotation_of(tuple(vertical), rows)
 
 
+def _across(
+    file: TextFile,
+    chosen: RecordedChannel,
+    base: Mapping[FloorChannel, RecordedChannel],
+    unit: str | None,
+) -> Floats | None:
+    """How the base moves across (n,), m/s2, where its own channel was chosen."""
+    along = [ours.direction for ours, channel in base.items() if channel is chosen]
+    across = [
+        channel
+        for ours, channel in base.items()
+        if along and ours.direction == other_horizontal(along[0])
+    ]
+    times = {(channel.time_step, channel.values.size) for channel in (chosen, *across)}
+    if not across or len(times) > 1:
+        return None
+    return np.asarray(np.mean([in_m_s2(file, channel, unit) for channel in across], axis=0))
+
+
 def _choose(
     file: TextFile,
     channels: Sequence[RecordedChannel],
     asked: str | int | None,
     unit: str | None,
     base: Mapping[FloorChannel, RecordedChannel],
+    direction: str,
 ) -> RecordedChannel:
     if asked is not None:
         names, listing = [c.name for c in channels], channel_listing(file, channels, unit)
@@ -284,9 +317,10 @@ def _choose(
         return next((known for known in base.values() if known.name == chosen.name), chosen)
     if len(channels) == 1:
         return channels[0]
-    along = [known for ours, known in base.items() if ours.direction != "z"]
-    if len(along) == 1:
-        return along[0]
+    for wanted in ((direction,), ("x", "y")):
+        along = [known for ours, known in base.items() if ours.direction in wanted]
+        if len(along) == 1:
+            return along[0]
     raise file.error(
         f"the record has {len(channels)} channels; choose one by name or number:"
         f" {channel_listing(file, channels, unit)}"

@@ -78,12 +78,15 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
     shares = np.where(of_all > 0.0, of_run / np.where(of_all > 0.0, of_all, 1.0), 1.0 / len(runs))
     seen = [k for k, run in enumerate(wide) if run.coherence is not None]
     coherence = np.array([wide[k].coherence for k in seen])
-    rotation = None
-    if any(run.rotation is not None for run in runs):
-        # A run that measured none did not turn.
-        none = np.zeros(grid.size, dtype=np.complex128)
-        turns = np.stack([none if run.rotation is None else run.rotation for run in runs])
-        rotation = np.asarray((shares * np.nan_to_num(turns)).sum(axis=0))
+    beside = None
+    further = max(run.excitation.columns for run in runs) - 1
+    if further:
+        # Of what a run did not measure its base did not move.
+        total_beside = np.zeros((further, grid.size), dtype=np.complex128)
+        for share, run in zip(shares, runs, strict=True):
+            if run.beside is not None:
+                total_beside[: len(run.beside)] += share * np.nan_to_num(run.beside)
+        beside = total_beside
     return Observation(
         frequency_hz=wide[0].frequency_hz,
         floors=tuple(names),
@@ -98,8 +101,8 @@ def pooled(runs: Sequence[Observation], floors: Sequence[str]) -> Observation:
         between=_between(precision, scatter),
         leaking_sd=_leaking(wide, precision) if estimated else None,
         estimator=mean_estimator([run.estimator for run in runs], shares, grid),
-        rotation=rotation,
-        excitation=max((run.excitation for run in runs), key=lambda excitation: excitation.turns),
+        beside=beside,
+        excitation=max((run.excitation for run in runs), key=lambda driven: driven.columns),
     )
 
 

@@ -252,7 +252,7 @@ def _short(values: Floats) -> Floats:
     return np.array([float(f"{value:.6g}") for value in np.ravel(values)])
 
 
-_BASE = ("base_acceleration", "base_rotation")  # m/s2, rad/s2
+_BASE = ("base_acceleration", "base_rotation", "base_across")  # m/s2, rad/s2, m/s2
 _SPECTRA = ("mean", "sd", "q05", "q95")
 
 
@@ -341,6 +341,7 @@ def read_prediction(path: Path, building: Building, mass: float) -> Prediction:
             str(tree.attrs["channel"]),
             known[_BASE[1]].values if _BASE[1] in known else None,
             float(tree.attrs["scale"]),
+            known[_BASE[2]].values if _BASE[2] in known else None,
         )
         none, stories = np.zeros((0, len(floors), count)), kept.sizes["story"]
         examples = ResponseHistories(

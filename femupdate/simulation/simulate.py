@@ -24,7 +24,7 @@ from femupdate.effects.registry import effect_named
 from femupdate.effects.structure import structure_of
 from femupdate.errors import BuildingError, MeasurementError, StructureError
 from femupdate.measurement.names import BASE, FloorChannel, channel_name, vertical_channel
-from femupdate.measurement.observation import Histories, fault_of
+from femupdate.measurement.observation import Histories, fault_of, other_horizontal
 from femupdate.measurement.record import GroundMotion
 from femupdate.measurement.write import write_observation_histories
 from femupdate.progress import SILENT, Progress
@@ -52,6 +52,8 @@ class SimulationSettings:
     # of the base's rotation, rad/s2, half of whose power follows the translation; None for a base
     # that does not turn
     rotation_rms: float | None = None
+    # of the base's motion across, m/s2, white as that along; None for a base that has none
+    across_rms: float | None = None
     # places along the motion of the vertical sensors of a base that turns, m
     vertical_at: tuple[float, ...] = (-2.0, 2.0)
     sensor_noise_m_s2: float = 0.003  # rms of the white noise of every channel, the base's included
@@ -99,6 +101,7 @@ _LIMITS: Mapping[str, tuple[float, float, str]] = {
         "above zero and at most 100: no shaking table reaches more",
     ),
     "rotation_rms": _ABOVE_ZERO,
+    "across_rms": _ABOVE_ZERO,
     "sensor_noise_m_s2": (0.0, np.inf, "a number, zero or more"),
     "quantisation_m_s2": _ABOVE_ZERO,
 }
@@ -116,7 +119,7 @@ def simulate_observation(
     """
     chosen = settings or SimulationSettings()
     _check_settings(chosen)
-    streams = np.random.default_rng(chosen.seed).spawn(4)
+    streams = np.random.default_rng(chosen.seed).spawn(5)
     theta = _theta(building, chosen.theta, streams[0])
     zeta, fixed = chosen.zeta, building.damping.is_rayleigh
     if zeta is None and not fixed:
@@ -142,28 +145,35 @@ def simulate_observation(
         motion = replace(motion, rotation=rotation)
     if motion.rotation is not None:
         require_heights(building)
+    if chosen.across_rms is not None:
+        noise = chosen.duration_s, chosen.sampling_hz, chosen.across_rms, chosen.band_hz
+        motion = replace(motion, across=white_noise(*noise, streams[4]).acceleration)
     effects = tuple(parse_effect(building, name, sizes) for name, sizes in chosen.effects)
     progress.start("Solving the full model", 1)
     fine, law = fine_model(building, chosen.mesh_size, chosen.sensors), damping_law(building)
     top = 0.5 * chosen.sampling_hz  # modes are kept up to there, well above the motion's band
     if chosen.base_motion is None:
         top = max(top, 1.5 * chosen.band_hz[1])
-    truth = truth_of(fine, theta, law, top, effects, motion.rotation is not None)
+    truth = truth_of(fine, theta, law, top, effects, len(motion.inputs))
     progress.advance()
     progress.start("Integrating the motion", 1)
     exact = truth.respond(0.0 if zeta is None else zeta, motion)
     progress.advance()
     base = FloorChannel(channel_name(BASE, direction=fine.direction), BASE, "", fine.direction)
-    vertical = {}
+    others = {}
     if motion.rotation is not None:
-        vertical = {vertical_channel(x): -x * motion.rotation for x in chosen.vertical_at}
-    exact = np.vstack([motion.acceleration, exact, *vertical.values()])
+        others = {vertical_channel(x): -x * motion.rotation for x in chosen.vertical_at}
+    if motion.across is not None:
+        across = other_horizontal(fine.direction)
+        name = channel_name(BASE, direction=across)
+        others[FloorChannel(name, BASE, "", across)] = motion.across
+    exact = np.vstack([motion.acceleration, exact, *others.values()])
     recorded = exact + chosen.sensor_noise_m_s2 * streams[2].standard_normal(exact.shape)
     if (step := chosen.quantisation_m_s2) is not None:
         recorded = step * np.round(recorded / step)
     histories = Histories(
         motion.time_step,
-        (base, *fine.channels, *vertical),
+        (base, *fine.channels, *others),
         recorded,
         f"synthetic observation of {building.name}",
     )
@@ -288,6 +298,7 @@ def _told(
             "rms_m_s2": settings.rms_m_s2 if noise else None,
             "band_hz": list(settings.band_hz) if noise else None,
             "rotation_rms_rad_s2": settings.rotation_rms,
+            "across_rms_m_s2": settings.across_rms,
             "vertical_sensors_m": list(settings.vertical_at) if turns else [],
         },
         "noise": {

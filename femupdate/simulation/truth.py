@@ -45,8 +45,8 @@ def sensor_places(
     Args:
         mesh_size: m; two fifths of the building's own where None.
         sensors: intersections of grid lines on every floor, or those of single floors by the
-            floor's name. By default the building's own points and two opposite corners of the
-            grid, which leave the middle of the floor where it is. For frames only.
+            floor's name. By default the building's own points, and where these are about the middle
+            of the grid two opposite corners of it. For frames only.
 
     Raises:
         BuildingError: there is nothing at a point, no such floor, or a mesh that is read is given
@@ -97,10 +97,15 @@ def _sensed(building: FrameBuilding, sensors: SensorPoints | None) -> FrameBuild
     if sensors is None:
         x, y = (sorted(axis, key=axis.__getitem__) for axis in (grid.x, grid.y))
         corners = f"{y[0]}-{x[0]}", f"{y[-1]}-{x[-1]}"
+        middle = 0.5 * np.array([grid.x[x[0]] + grid.x[x[-1]], grid.y[y[0]] + grid.y[y[-1]]])
         more = {}
         for floor, points in wanted.items():
             known = [lines(point) for point in points]
-            more[floor] = (*points, *(corner for corner in corners if lines(corner) not in known))
+            places = [(grid.x[a], grid.y[b]) for a in x for b in y if {a, b} in known]
+            # Where a floor turns, corners do not see what points elsewhere see in their mean.
+            amid = bool(places) and np.allclose(np.mean(places, axis=0), middle)
+            added = (corner for corner in corners if amid and lines(corner) not in known)
+            more[floor] = (*points, *added)
         sensed = _with_points(building, more)
         try:
             mesh_building(sensed)
@@ -202,14 +207,14 @@ def truth_of(
     law: DampingLaw,
     top_hz: float,
     effects: tuple[tuple[Placed, tuple[float, ...]], ...] = (),
-    turns: bool = False,
+    columns: int = 1,
 ) -> Truth:
     """The full model of a building at one theta.
 
     Args:
         top_hz: up to where the response to every force must be right.
         effects: put into the model, each at its place, with all its parameters.
-        turns: whether the base turns of itself.
+        columns: of the base's motion that are driven (see `Excitation`).
 
     Raises:
         StructureError: the structure is a mechanism, or theta does not fit.
@@ -239,7 +244,7 @@ def truth_of(
         top_hz,
         law,
         SensorRows(floors, operators.gather(rows.T).T, heights),
-        turns,
+        columns,
     )
     below = found.frequency_hz < top_hz
     participation = (found.shapes[:, below].T @ structure.rigid_force[:, 0]) ** 2

@@ -14,7 +14,6 @@ from numpy.random import default_rng
 from femupdate.arrays import Floats
 from femupdate.building.document import Building
 from femupdate.building.parameters import factor_ranges, factor_titles
-from femupdate.dynamics.excitation import Excitation
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import EffectParameter, Placed
 from femupdate.effects.registry import CATALOGUE
@@ -392,15 +391,13 @@ def predictive_log_frf(
 ) -> Floats:
     """ln|H| (n, f, k) of all floors at n posterior draws, measured or not.
 
-    Of a base that was measured to turn, with what goes with its translation.
+    With what else of the base's motion was measured to go with its translation.
     """
     drawn = posterior.parameters.split(posterior.thinned(count, seed))
     known = drawn.theta, drawn.zeta, drawn.sizes, model.frequency_hz
-    frf = system.frf(*known)
-    rotation = posterior.observation.rotation
-    if rotation is not None:
-        frf, turned = system.respond(Excitation(turns=True), *known).unbind(dim=2)
-        frf = frf + torch.from_numpy(np.nan_to_num(rotation)) * turned
+    beside = posterior.observation.beside
+    given = None if beside is None else torch.from_numpy(np.nan_to_num(beside))
+    frf = system.frf_beside(*known, given)
     return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
 
 

@@ -88,7 +88,7 @@ class Measured:
     @property
     def beyond_surrogates(self) -> bool:
         """Whether there is anything that no surrogate knows."""
-        return self.others or self.base.rotation is not None
+        return self.others or self.base.beside is not None
 
     @property
     def levels(self) -> tuple[float, ...]:
@@ -176,7 +176,7 @@ def read_measured_of(
         MeasurementError: a file cannot be used, belongs to another building, or is in another
             unit or quantity than it says.
     """
-    measured = measured_of(model.building, source, apart)
+    measured = measured_of(model.building, source, apart, model.reduced.across is not None)
     check_base_level(model, measured.base)
     return with_rest(study, model, measured, progress)
 
@@ -215,10 +215,13 @@ def _wrong_channels(
     yield from pair_findings(heard, places, beside=not chain)
 
 
-def measured_of(building: Building, source: ObservationSource, apart: bool = False) -> Measured:
+def measured_of(
+    building: Building, source: ObservationSource, apart: bool = False, crosses: bool = False
+) -> Measured:
     """Like `read_measured_of`, for a building that has no model yet.
 
     Args:
+        crosses: whether floors follow the base's motion across.
         apart: for the finder, FRFs under base motion have halves that err independently, and
             records their own levels, which else count where effects of the building ask for them.
     """
@@ -241,7 +244,7 @@ def measured_of(building: Building, source: ObservationSource, apart: bool = Fal
             continue
         if by_level and isinstance(read, Histories):
             strengths[path] = floor_levels(read, direction)
-        found = (read,) if isinstance(read, Histories) else read
+        found = (replace(read, crosses=crosses),) if isinstance(read, Histories) else read
         if found[0].excitation.force:
             for given in found:
                 # On the floors and in the band that are asked for.

@@ -156,7 +156,7 @@ def runs_of(
     runs: Sequence[Observation] = [
         observation_for(building.floors, held, grid, direction, source.sensors) for _, held in read
     ]
-    if any(run.rotation is not None for run in runs):
+    if any(run.estimator is not None and run.estimator.turns for run in runs):
         require_heights(building)
     if halves:
         runs = [with_halves(run, direction) for run in runs]

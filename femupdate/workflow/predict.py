@@ -64,9 +64,9 @@ class RecordSource:
     channel: str | int | None = None
     scale: float = 1.0
 
-    def motion(self, columns: Mapping[str, str] | None = None) -> GroundMotion:
-        """The motion of the base, without an offset; `columns` are our names to the file's."""
-        found = read_record(self.path, self.unit, self.channel, columns=columns)
+    def motion(self, columns: Mapping[str, str] | None = None, direction: str = "") -> GroundMotion:
+        """The motion of the base, without an offset; see `read_record`."""
+        found = read_record(self.path, self.unit, self.channel, columns, direction)
         moving = replace(found, acceleration=without_offset(found.acceleration))
         return moving.scaled(self.scale)
 
@@ -127,7 +127,10 @@ def predict_study(
     settings = settings or PredictionSettings()
     started = time.monotonic()
     model = on_kept_finer(study, model)
-    motion = record.motion(columns if measured in (None, record.path) else None)
+    mapped = columns if measured in (None, record.path) else None
+    motion = record.motion(mapped, direction_of(model.building))
+    if model.reduced.across is None:
+        motion = replace(motion, across=None)
     if motion.rotation is not None:
         require_heights(model.building)
     chosen = choose_members(model.building, settings.members) if settings.members else None
@@ -351,8 +354,14 @@ def _notes(
             f"The base turns as two vertical sensors or more measured it, by {size:.3g} rad/s2 rms;"
             " drifts are those against the base as it turns."
         )
-        if settings.members:
-            notes.append("Forces of members are those of the base's translation alone.")
+    if motion.across is not None:
+        notes.append("Floors follow the base's motion across, too, which the record has.")
+    elif model.reduced.across is not None:
+        notes.append(
+            "Floors follow the base's motion across, too, which the record lacks: it is zero here."
+        )
+    if settings.members and len(motion.inputs) > 1:
+        notes.append("Forces of members are those of the base's translation alone.")
     if 0.5 / motion.time_step > 1.05 * top:
         notes.append(
             f"The reduced model is checked up to {top:.4g} Hz; what the record holds above that is "

@@ -49,7 +49,7 @@ def displacements(found, rows, zeta, record, time_step, oversampling=8):
     """Histories (o, n) along rows (o, n_free)."""
     shapes = torch.from_numpy(rows @ found.shapes)
     sample = torch.zeros(1, 0, dtype=torch.float64), torch.tensor([zeta], dtype=torch.float64)
-    wanted = Rows(shapes, torch.zeros(len(rows), 2, dtype=torch.float64))
+    wanted = Rows(shapes, torch.zeros(len(rows), 3, dtype=torch.float64))
     motion = record, time_step, oversampling
     return displacement_histories(found.system, sample, wanted, *motion)[0]
 

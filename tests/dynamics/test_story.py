@@ -44,7 +44,7 @@ def test_rows_of_floors_inertia_and_drift():
     shapes = [model.floor_shapes, model.story_inertia, model.story_drift]
     np.testing.assert_array_equal(rows.shapes[0], np.concatenate(shapes))
     rigid = [[1.0, 3.0], [1.0, 7.5], [30.0, 90.0], [20.0, 70.0], [0.0, 3.0], [0.0, 4.5]]
-    np.testing.assert_array_equal(rows.rigid[0], rigid)
+    np.testing.assert_array_equal(rows.rigid[0], [[*row, 0.0] for row in rigid])
 
 
 def test_statistics_of_known_numbers():

@@ -41,7 +41,7 @@ def known(theta=(1.0,), sizes=(), zeta=ZETA):
 
 def turned(system, theta, zeta, sizes, frequency):
     """FRFs (N, f, k) to a unit rotation of the base."""
-    return system.respond(Excitation(turns=True), theta, zeta, sizes, frequency)[:, :, 1]
+    return system.respond(Excitation(columns=2), theta, zeta, sizes, frequency)[:, :, 1]
 
 
 def test_the_top_of_a_rigid_rod_moves_by_its_height_times_the_rotation():

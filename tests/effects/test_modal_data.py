@@ -74,7 +74,7 @@ def test_beyond_a_limit_the_response_goes_on_smoothly(stick):
 
 
 class PlusOne:
-    turns = False
+    inputs = 1
 
     def __call__(self, frf, turned=None):
         return frf + 1.0

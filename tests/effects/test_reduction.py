@@ -106,7 +106,7 @@ def test_shapes_of_a_changed_model_come_from_the_modes_of_another(structure, exa
     before, theta = equations_at(structure, HERE), HERE * np.array([0.8, 1.25])
     known = KnownModes.of(before, modes, factorize(before.stiffness))
     changed = equations_at(structure, theta)
-    shapes = nearby_shapes(changed, structure.floor_rows, known, target)
+    shapes = nearby_shapes(changed, np.eye(3)[0], structure.floor_rows, known, target)
     assert shapes.shape[1] < modes.shapes.shape[1]
     placed, none = Placed(CATALOGUE["added_mass"], "RF"), np.zeros(1)
 

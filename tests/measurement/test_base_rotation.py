@@ -69,7 +69,7 @@ def test_a_file_of_both_motions(tmp_path):
     path = written(tmp_path / "both.csv", ("base", "RF", "base@-2.z", "base@3.z"))
     observation = estimate_frf(read_observation_file(path), GRID)
     # What is not its own goes with the translation, all over the band.
-    assert np.nanmean(observation.rotation.real) == pytest.approx(0.03, abs=0.002)
+    assert np.nanmean(observation.beside[0].real) == pytest.approx(0.03, abs=0.002)
     assert any(
         "by vertical sensors at -2, 3 m and is an input" in note for note in observation.notes
     )
@@ -83,7 +83,7 @@ def test_runs_together_keep_the_rotation_of_each(tmp_path):
     other = estimate_frf(read_observation_file(written(tmp_path / "2.csv", names[:2])), GRID)
     both = pooled([one, other], ("RF",))
     share = one.noise_sd[0] ** -2 / (one.noise_sd[0] ** -2 + other.noise_sd[0] ** -2)
-    np.testing.assert_allclose(both.rotation, share * one.rotation, rtol=1e-6)
+    np.testing.assert_allclose(both.beside, share * one.beside, rtol=1e-6)
     assert both.estimator.turns
     np.testing.assert_allclose(
         both.estimator.columns[1].sum(axis=1),
@@ -120,7 +120,7 @@ def test_what_cannot_be_a_rotation_is_refused(tmp_path, names, change, unit, mes
 def test_vertical_columns_that_tell_no_rotation_are_said_to(tmp_path, names):
     path = written(tmp_path / "few.csv", ("base", "RF", *names))
     observation = estimate_frf(read_observation_file(path), GRID)
-    assert observation.rotation is None
+    assert observation.beside is None
     assert not observation.estimator.turns
     assert any("not tell the base's rotation" in note for note in observation.notes)
 

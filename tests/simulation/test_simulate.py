@@ -207,6 +207,7 @@ def test_what_is_written_says_what_it_is_and_reads_back(tmp_path):
         "rms_m_s2": 0.3,
         "band_hz": [0.5, 50.0],
         "rotation_rms_rad_s2": None,
+        "across_rms_m_s2": None,
         "vertical_sensors_m": [],
     }
     assert told["noise"] == {"sensor_rms_m_s2": 0.003, "quantisation_m_s2": None}
