@@ -64,10 +64,20 @@ class RecordSource:
     channel: str | int | None = None
     scale: float = 1.0
 
-    def motion(self, columns: Mapping[str, str] | None = None, direction: str = "") -> GroundMotion:
-        """The motion of the base, without an offset; see `read_record`."""
+    def motion(
+        self,
+        columns: Mapping[str, str] | None = None,
+        direction: str = "",
+        crosses: bool = True,
+    ) -> GroundMotion:
+        """The motion of the base, without an offset; see `read_record`.
+
+        Args:
+            crosses: whether what comes across counts.
+        """
         found = read_record(self.path, self.unit, self.channel, columns, direction)
-        moving = replace(found, acceleration=without_offset(found.acceleration))
+        across = found.across if crosses else None
+        moving = replace(found, acceleration=without_offset(found.acceleration), across=across)
         return moving.scaled(self.scale)
 
 
@@ -128,9 +138,7 @@ def predict_study(
     started = time.monotonic()
     model = on_kept_finer(study, model)
     mapped = columns if measured in (None, record.path) else None
-    motion = record.motion(mapped, direction_of(model.building))
-    if model.reduced.across is None:
-        motion = replace(motion, across=None)
+    motion = record.motion(mapped, direction_of(model.building), model.system.crosses)
     if motion.rotation is not None:
         require_heights(model.building)
     chosen = choose_members(model.building, settings.members) if settings.members else None
@@ -144,7 +152,6 @@ def predict_study(
     values, damping = _damped(model, posterior, settings)
     lowest = system.first_hz(values.theta[:1], values.sizes[:1])
     motion.require_frequency(lowest)
-
     progress.start("Integrating the response", len(rows))
     # Of the parameters alone, as they were when they were measured.
     alone, at_level = _summary(system, posterior, motion, values, settings, None, progress)
@@ -356,7 +363,7 @@ def _notes(
         )
     if motion.across is not None:
         notes.append("Floors follow the base's motion across, too, which the record has.")
-    elif model.reduced.across is not None:
+    elif model.system.crosses:
         notes.append(
             "Floors follow the base's motion across, too, which the record lacks: it is zero here."
         )

@@ -212,7 +212,8 @@ def test_what_is_written_says_what_it_is_and_reads_back(tmp_path):
     }
     assert told["noise"] == {"sensor_rms_m_s2": 0.003, "quantisation_m_s2": None}
     assert told["sensors"]["2F:1"] == "P-B"
-    assert [told["sensors"][f"RF:{n}"] for n in (1, 2, 3, 4)] == ["P-B", "Q-B", "P-A", "Q-C"]
+    # Corners would see the floor turn otherwise than these points, which are aside.
+    assert [told["sensors"][f"RF:{n}"] for n in (1, 2)] == ["P-B", "Q-B"]
     assert told["building_hash"] == mechanics_hash(building)
     assert told["observation_sha256"] == file_hash(written)
 

@@ -95,7 +95,7 @@ def test_factors_lie_in_their_intervals_where_the_rotation_is_given(report):
 def test_the_kept_observation_is_drawn_with_the_rotation(report, model):
     """What pictures show of a stored posterior lies on what was measured."""
     kept = load_posterior(report.path)
-    np.testing.assert_array_equal(kept.observation.rotation, report.posterior.observation.rotation)
+    np.testing.assert_array_equal(kept.observation.beside, report.posterior.observation.beside)
     predicted = predictive_log_frf(model.system, model, kept, count=5).mean(axis=0)
     away = (predicted - kept.observation.log_frf)[kept.observation.valid]
     assert np.median(np.abs(away)) < 0.02
