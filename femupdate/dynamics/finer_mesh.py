@@ -50,9 +50,9 @@ def on_finer_mesh(
     """
     progress.start("Carrying the model over to a finer mesh", len(thetas))
     assert reduced.node_shapes is not None
-    beside = [] if reduced.across is None else [fine.rigid_force[:, ACROSS]]
-    driving = np.column_stack([fine.rigid_force[:, TRANSLATION], *beside])
-    static = STATIC_WEIGHT * driving * [weight for weight, _ in reduced.driving]
+    columns = [TRANSLATION] if reduced.across is None else [TRANSLATION, ACROSS]
+    weights = [weight for weight, _ in reduced.driving]
+    static = STATIC_WEIGHT * fine.rigid_force[:, columns] * weights
     held = STATIC_WEIGHT * fine.dashpot_forces.T  # which lag behind what floors do
     loads = _loads(coarse, reduced.node_shapes, fine)
     # Inside of the parts half of the shapes, those that count most, do: with all of 230 ln|H| of

@@ -170,23 +170,15 @@ class System:
         frf = self.respond(inputs, theta, zeta, sizes, frequency_hz).unbind(dim=2)
         return frf[0] if seen is None else seen(*frf)
 
-    def frf_beside(
-        self,
-        theta: Tensor,
-        zeta: Tensor,
-        sizes: Tensor,
-        frequency_hz: Tensor,
-        beside: Tensor | None,
-    ) -> Tensor:
+    def frf_beside(self, sample: Sample, frequency_hz: Tensor, beside: Tensor | None) -> Tensor:
         """FRFs (N, f, k) over the base's translation, with what goes with it.
 
         Args:
             beside: (c - 1, k) of the further columns of the base's motion; None for none.
         """
         if beside is None:
-            return self.frf(theta, zeta, sizes, frequency_hz)
-        inputs = Excitation(columns=1 + len(beside))
-        frf = self.respond(inputs, theta, zeta, sizes, frequency_hz)
+            return self.frf(*sample, frequency_hz)
+        frf = self.respond(Excitation(columns=1 + len(beside)), *sample, frequency_hz)
         return frf[:, :, 0] + (frf[:, :, 1:] * beside).sum(dim=2)
 
     def log_frf(

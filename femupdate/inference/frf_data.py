@@ -262,11 +262,11 @@ class FrfData:
 
     def drawn(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Complex FRFs (f, k) of the observed floors at the first record's points, as they are."""
-        block = self.blocks[0]
-        known = theta, zeta, sizes, self.frequency_hz[: block.points]
+        block, sample = self.blocks[0], (theta, zeta, sizes)
+        frequency = self.frequency_hz[: block.points]
         if self.forced:
-            return self._frf(system, *known)[0, list(self.rows)]
-        return system.frf_beside(*known, block.beside)[0, list(self.rows)]
+            return self._frf(system, *sample, frequency)[0, list(self.rows)]
+        return system.frf_beside(sample, frequency, block.beside)[0, list(self.rows)]
 
     def read_with(self, predicted: Tensor, placed: Placed) -> Tensor:
         """FRFs (N, f, k) with channels exchanged or reversed."""

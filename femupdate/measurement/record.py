@@ -219,13 +219,14 @@ def read_record(
     require_horizontal(file, chosen)
     for words in chosen.done:
         logger.warning("%s: %s", file.path, words)
+    rotation, across = _beside(file, chosen, base, unit)
     motion = GroundMotion(
         acceleration=in_m_s2(file, chosen, unit),
         time_step=chosen.time_step,
         name=file.path.stem,
         channel=chosen.name,
-        rotation=_rotation(file, chosen, base, unit),
-        across=_across(file, chosen, base, unit),
+        rotation=rotation,
+        across=across,
     )
     where = repr(motion.channel)
     check_step(file, motion.time_step, where)
@@ -260,46 +261,36 @@ def without_offset(values: Floats) -> Floats:
     return values - mean if abs(mean) > 0.05 * np.abs(values - mean).max() else values
 
 
-def _rotation(
+def _beside(
     file: TextFile,
     chosen: RecordedChannel,
     base: Mapping[FloorChannel, RecordedChannel],
     unit: str | None,
-) -> Floats | None:
-    """How the base turns (n,), rad/s2, where its own channel was chosen and vertical ones tell."""
-    vertical = {ours: channel for ours, channel in base.items() if ours.place is not None}
-    if len(vertical) < 2 or not any(channel is chosen for channel in base.values()):
-        return None
-    for channel in vertical.values():
+) -> tuple[Floats | None, Floats | None]:
+    """How the base turns (n,), rad/s2, and moves across (n,), m/s2.
+
+    None where its own channel was not chosen, or no others tell.
+    """
+    along = [ours.direction for ours, channel in base.items() if channel is chosen]
+    aside = other_horizontal(along[0]) if along else ""
+    used = {
+        to: row
+        for to, row in base.items()
+        if along and (to.place is not None or to.direction == aside)
+    }
+    for channel in used.values():
         if (channel.time_step, channel.values.size) != (chosen.time_step, chosen.values.size):
             raise file.error(
                 "it has other times than the base's own channel; cut both to the same times",
                 column=repr(channel.name),
             )
-    fault = fault_of(tuple(vertical))
+    fault = fault_of(tuple(used))
     if fault is not None:
         raise file.error(fault)
-    rows = np.array([in_m_s2(file, channel, unit) for channel in vertical.values()])
-    return rotation_of(tuple(vertical), rows)
-
-
-def _across(
-    file: TextFile,
-    chosen: RecordedChannel,
-    base: Mapping[FloorChannel, RecordedChannel],
-    unit: str | None,
-) -> Floats | None:
-    """How the base moves across (n,), m/s2, where its own channel was chosen."""
-    along = [ours.direction for ours, channel in base.items() if channel is chosen]
-    across = [
-        channel
-        for ours, channel in base.items()
-        if along and ours.direction == other_horizontal(along[0])
-    ]
-    times = {(channel.time_step, channel.values.size) for channel in (chosen, *across)}
-    if not across or len(times) > 1:
-        return None
-    return np.asarray(np.mean([in_m_s2(file, channel, unit) for channel in across], axis=0))
+    rows = np.array([in_m_s2(file, channel, unit) for channel in used.values()])
+    across = [row for to, row in zip(used, rows, strict=True) if to.direction == aside]
+    moved = np.mean(across, axis=0) if across else None
+    return rotation_of(tuple(used), rows), moved
 
 
 def _choose(

@@ -394,10 +394,10 @@ def predictive_log_frf(
     With what else of the base's motion was measured to go with its translation.
     """
     drawn = posterior.parameters.split(posterior.thinned(count, seed))
-    known = drawn.theta, drawn.zeta, drawn.sizes, model.frequency_hz
+    sample = drawn.theta, drawn.zeta, drawn.sizes
     beside = posterior.observation.beside
     given = None if beside is None else torch.from_numpy(np.nan_to_num(beside))
-    frf = system.frf_beside(*known, given)
+    frf = system.frf_beside(sample, model.frequency_hz, given)
     return np.asarray(frf.abs().clamp_min(1e-12).log().numpy())
 
 

@@ -64,20 +64,10 @@ class RecordSource:
     channel: str | int | None = None
     scale: float = 1.0
 
-    def motion(
-        self,
-        columns: Mapping[str, str] | None = None,
-        direction: str = "",
-        crosses: bool = True,
-    ) -> GroundMotion:
-        """The motion of the base, without an offset; see `read_record`.
-
-        Args:
-            crosses: whether what comes across counts.
-        """
+    def motion(self, columns: Mapping[str, str] | None = None, direction: str = "") -> GroundMotion:
+        """The motion of the base, without an offset; see `read_record`."""
         found = read_record(self.path, self.unit, self.channel, columns, direction)
-        across = found.across if crosses else None
-        moving = replace(found, acceleration=without_offset(found.acceleration), across=across)
+        moving = replace(found, acceleration=without_offset(found.acceleration))
         return moving.scaled(self.scale)
 
 
@@ -138,7 +128,8 @@ def predict_study(
     started = time.monotonic()
     model = on_kept_finer(study, model)
     mapped = columns if measured in (None, record.path) else None
-    motion = record.motion(mapped, direction_of(model.building), model.system.crosses)
+    motion = record.motion(mapped, direction_of(model.building))
+    motion = motion if model.system.crosses else replace(motion, across=None)
     if motion.rotation is not None:
         require_heights(model.building)
     chosen = choose_members(model.building, settings.members) if settings.members else None
