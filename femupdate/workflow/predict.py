@@ -124,18 +124,17 @@ def predict_study(
         MeasurementError: record or measurement cannot be used, or the record is too coarse.
         StudyError: there is no posterior, or it is of another building.
     """
-    settings = settings or PredictionSettings()
-    started = time.monotonic()
+    settings, started = settings or PredictionSettings(), time.monotonic()
     model = on_kept_finer(study, model)
     mapped = columns if measured in (None, record.path) else None
     motion = record.motion(mapped, direction_of(model.building))
-    motion = motion if model.system.crosses else replace(motion, across=None)
+    if not model.system.crosses:
+        motion = replace(motion, across=None)
     if motion.rotation is not None:
         require_heights(model.building)
     chosen = choose_members(model.building, settings.members) if settings.members else None
-    reference = None
-    if measured is not None:
-        reference = _measured_floors(model, measured, columns, record, motion)
+    known = columns, record, motion
+    reference = None if measured is None else _measured_floors(model, measured, *known)
     study.check_fresh("posterior", model.made_from(), "calibrate")
     posterior = kept_posterior(study, model.building)
     system = open_system(study, model)
@@ -156,7 +155,7 @@ def predict_study(
     theta, zeta = scatter.next_event(values.theta, values.zeta, (box.lower, box.upper), moving)
     progress.start("Integrating the response of another event", len(rows))
     moved = replace(values, theta=theta, zeta=zeta)
-    summary, _ = _summary(system, posterior, motion, moved, settings, errors, progress)
+    summary = _summary(system, posterior, motion, moved, settings, errors, progress)[0]
     # A stiffness is the building's own: errors of shear and drift are none of it.
     summary = replace(summary, story_stiffness=alone.story_stiffness)
     best = errors.corrected(alone.floors, alone.acceleration_mean, motion.time_step)
