@@ -28,6 +28,7 @@ from femupdate.discrepancy.findings import (
     rivals,
     sentence_of,
     share_in_words,
+    strained,
     unseen,
     within_tolerances,
 )
@@ -153,6 +154,8 @@ def _diagnosed(
     sentence = sentence_of(verdict, findings, others, left, removed(base, best))
     if allowed is not None:
         sentence = within_tolerances(verdict, findings, allowed.remains())
+    if verdict == NONE:
+        sentence += strained(allowed or base)
     problem.error.forget()
     if verdict == NONE and too_few(base):
         verdict = UNKNOWN
@@ -193,7 +196,10 @@ def _beyond_tolerances(
         known = np.split(alone.known, [len(base.known)])
         values = np.concatenate([known[0], np.zeros(len(varying)), known[1]])
         both = settle(problem, fit(problem, placed, extended(problem, alone, placed, values)))
-        if laplace(problem, both) - without >= finding.needed(settings):
+        gain = laplace(problem, both) - without
+        # What is left to it must be of consequence itself.
+        beside = replace(as_finding(allowed, both, finding.score, gain), tested=finding.tested)
+        if beside.carried(settings) and beside.matters(settings):
             return (finding, *(other for other in findings if other is not finding)), None
     return findings, allowed
 
@@ -522,7 +528,7 @@ def with_pair(
     first = found.leading
     if first is None or found.verdict not in (PARTLY, AMBIGUOUS, INDISTINGUISHABLE):
         return found
-    alone = removed(found.base, first.fitted)
+    alone = first.removes(found.base)
     if alone >= VERDICT.most:
         return found
     little = alone < VERDICT.least and first.fitted.remains().size >= settings.least_response

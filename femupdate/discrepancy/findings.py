@@ -1,6 +1,6 @@
 """Candidates after fitting: what leads them, what is said of them, and the verdict."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from femupdate.discrepancy.thresholds import VERDICT, DiagnosisSettings
 from femupdate.dynamics.system import Rows
 from femupdate.effects.effect import Effect, Placed, Sway
 from femupdate.effects.structure import Structure
-from femupdate.effects.tolerances import USUAL
+from femupdate.effects.tolerances import TOLERANCES, USUAL, tolerance_of
 from femupdate.errors import brief
 from femupdate.inference.likelihood import summed
 from femupdate.units import percent
@@ -74,12 +74,21 @@ class Finding:
             for limit in (first.lower, first.upper)
         )
 
+    @property
+    def beyond_tolerance(self) -> bool:
+        """Whether the model lets the same vary within a tolerance."""
+        return tolerance_of(self.placed, self.fitted.placed[:-1]) is not None
+
     def needed(self, settings: DiagnosisSettings) -> float:
         """Log evidence that a name needs.
 
         An instrument's effect that the halves of the data certify needs little more: where the
-        model itself errs, its error may take the place of a delay or a gain.
+        model itself errs, its error may take the place of a delay or a gain. Where the model lets
+        the same vary within a tolerance, that it is off is certain, and the tolerance is the one
+        rival.
         """
+        if self.beyond_tolerance:
+            return settings.over_next
         certified = self.tested is not None and self.tested.certified
         easier = self.placed.effect.instrument and certified
         return VERDICT.positive if easier else settings.over_none
@@ -87,12 +96,16 @@ class Finding:
     def carried(self, settings: DiagnosisSettings) -> bool:
         """Whether the evidence carries it, on data to which it was not fitted too."""
         enough = self.log_evidence >= self.needed(settings)
-        return enough and (self.tested is None or self.tested.certified)
+        return enough and (self.tested is None or self.tested.certified or self.beyond_tolerance)
 
     def names(self, base: Fit, settings: DiagnosisSettings) -> bool:
         """Whether evidence and consequence carry a name, and it removes more than noise."""
         sure = self.carried(settings) and self.matters(settings)
-        return sure and removed(base, self.fitted) >= LITTLE
+        return sure and self.removes(base) >= LITTLE
+
+    def removes(self, base: Fit) -> float:
+        """Share of the misfit that it removes; all, where a tolerance had removed it before."""
+        return 1.0 if self.beyond_tolerance else removed(base, self.fitted)
 
     def contains(self, other: "Finding") -> bool:
         """Whether it is another effect with a parameter more."""
@@ -383,6 +396,30 @@ def within_tolerances(verdict: str, findings: Sequence[Finding], left: Remains) 
         f"as much as the likeliest effect ({findings[0].placed.in_words}). Where they are known "
         f"better, state [tolerances]. {left.sentence}"
     ).rstrip()
+
+
+def taken(fitted: Fit, least: float = 0.0) -> Iterator[tuple[str, str]]:
+    """What a model takes of each kind of tolerance: "masses", "2F -.3 %, RF +2 %".
+
+    Args:
+        least: standard deviations from which a place is told.
+    """
+    for key, what in TOLERANCES.items():
+        factor, unit = (1e3, "ms") if key == "delay" else (100.0, "%")
+        used = [
+            f"{placed.place} {factor * fitted.known_of(number)[0]:+.2g} {unit}"
+            for number, placed in enumerate(fitted.placed)
+            if placed.effect.name == f"{key}_tolerance"
+            and abs(fitted.known_of(number)[0]) > least * placed.effect.parameters[0].scale
+        ]
+        if used:
+            yield what, ", ".join(used)
+
+
+def strained(fitted: Fit) -> str:
+    """What a model takes of tolerances beyond twice what they are, in a sentence or none."""
+    far = " and ".join(f"{what} ({used})" for what, used in taken(fitted, 2.0))
+    return f" This takes more than twice the tolerance of {far}: look there." if far else ""
 
 
 def share_in_words(share: float) -> str:

@@ -19,6 +19,7 @@ from torch import Tensor
 from femupdate.arrays import Floats
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import Placed
+from femupdate.effects.tolerances import tolerance_of
 from femupdate.inference.likelihood import Likelihood, Row, summed
 from femupdate.inference.maxima import COARSE_NOISE
 from femupdate.inference.model_error import Cell, Remains
@@ -288,6 +289,11 @@ def glance(without: Fit, placed: Placed, starts: Sequence[Floats], steps: int) -
     """
     of, together = without.likelihood, (*without.placed, placed)
     known = [np.concatenate([without.known, start]) for start in starts]
+    tolerance = tolerance_of(placed, without.placed)
+    if tolerance is not None:  # passes on what it is lessened by: no other way leaves the valley
+        at = sum(len(other.effect.parameters) for other in without.placed[:tolerance])
+        for values, start in zip(known, starts, strict=True):
+            values[at] -= start[0] - placed.effect.parameters[0].neutral
     z = torch.stack([extended(of, without, together, values) for values in known])
     how = replace(_SEARCH, iterations=steps, renewed=False, fresh=len(without.z))
     fits = _searched(of, together, z, how, near=without.jacobian)

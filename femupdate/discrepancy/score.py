@@ -16,9 +16,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from femupdate.discrepancy.fit import Fit, extended
+from femupdate.discrepancy.fit import DIFFERENCE, Fit, extended
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import CATALOGUE
+from femupdate.effects.tolerances import tolerance_of
 from femupdate.inference.likelihood import Likelihood
 from femupdate.linear import least_squares
 from femupdate.workers import in_threads
@@ -88,6 +89,10 @@ def _at_a_sensor(problem: Likelihood, placed: Placed) -> bool:
 def score(problem: Likelihood, base: Fit, placed: Placed) -> Score:
     """Test one effect on top of a fitted model; the best of its starting points counts."""
     together, begun = (*base.placed, placed), starts(problem, placed)
+    if tolerance_of(placed, base.placed) is not None:
+        # What only it does is that it costs nothing, which bends of a large step would hide.
+        neutral = placed.effect.parameters[0].neutral
+        begun = [(neutral + DIFFERENCE * (size - neutral), *rest) for size, *rest in begun]
     known = (np.concatenate([base.known, start]) for start in begun)
     z = torch.stack([extended(problem, base, together, values) for values in known])
     of = problem.with_effects(together)

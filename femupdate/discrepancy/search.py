@@ -13,7 +13,7 @@ from femupdate.building.document import Building, without_effects
 from femupdate.building.kinds import FrameBuilding, MeshBuilding
 from femupdate.building.split_mesh import is_large
 from femupdate.discrepancy.diagnose import diagnose, too_few
-from femupdate.discrepancy.findings import AMBIGUOUS, NAMED, PARTLY, UNKNOWN, Diagnosis, removed
+from femupdate.discrepancy.findings import AMBIGUOUS, NAMED, PARTLY, UNKNOWN, Diagnosis
 from femupdate.discrepancy.fit import (
     FAR_STEPS,
     RIGHT,
@@ -217,7 +217,7 @@ def doubted(found: Diagnosis) -> bool:
     """Whether more than a little of the misfit is left, whatever the verdict."""
     left = found.verdict in (UNKNOWN, PARTLY)
     first = found.leading if found.verdict == NAMED else None
-    return left or (first is not None and removed(found.base, first.fitted) < VERDICT.most)
+    return left or (first is not None and first.removes(found.base) < VERDICT.most)
 
 
 def sought(

@@ -1,5 +1,6 @@
 """What is known to a tolerance alone: effects on every floor with priors as narrow as it is."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -56,6 +57,15 @@ def tolerances_of(building: Building, unstated: Tolerances | None = None) -> tup
         for place in places
         if sd
     )
+
+
+def tolerance_of(placed: Placed, present: Sequence[Placed]) -> int | None:
+    """Which of the effects that are present lets the same vary within a tolerance, by number."""
+    for number, other in enumerate(present):
+        same = isinstance(other.effect, type(placed.effect)) and other.place == placed.place
+        if same and key_of(f"{other.effect.name}@"):
+            return number
+    return None
 
 
 def key_of(name: str) -> str:

@@ -20,6 +20,7 @@ from femupdate.discrepancy.findings import (
     Finding,
     grouped,
     mass_in_words,
+    taken,
 )
 from femupdate.discrepancy.mesh_error import judged_by_mesh
 from femupdate.discrepancy.search import (
@@ -33,7 +34,6 @@ from femupdate.discrepancy.strength import judged_by_strength, peaks_with
 from femupdate.discrepancy.thresholds import DiagnosisSettings
 from femupdate.effects.effect import EffectParameter
 from femupdate.effects.registry import CATALOGUE
-from femupdate.effects.tolerances import TOLERANCES
 from femupdate.inference.frf_data import FrfData
 from femupdate.inference.likelihood import Data, Likelihood
 from femupdate.measurement.observation import Observation
@@ -326,15 +326,8 @@ def _notes(given: Measured, data: Sequence[Data], found: Diagnosis) -> Iterator[
             f"{percent(abs(others), 1)} {'lighter' if others < 0.0 else 'heavier'} than in the "
             "file, and their stiffness likewise, would look the same."
         )
-    for key, what in TOLERANCES.items():
-        factor, unit = (1e3, "ms") if key == "delay" else (100.0, "%")
-        used = [
-            f"{placed.place} {factor * base.known_of(number)[0]:+.2g} {unit}"
-            for number, placed in enumerate(base.placed)
-            if placed.effect.name == f"{key}_tolerance"
-        ]
-        if used:
-            yield f"Within the stated tolerance of {what} the model takes {', '.join(used)}."
+    for what, used in taken(base):
+        yield f"Of the stated tolerance of {what} the model takes {used}."
     # What P-Delta takes from a stick its factors make up for wholly.
     structure, effect = base.likelihood.reduced.structure, CATALOGUE["p_delta"]
     listed = any(placed.effect is effect for placed in base.placed)

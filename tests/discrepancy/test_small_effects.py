@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from femupdate.discrepancy.diagnose import diagnose
+from femupdate.discrepancy.fit import fit_baseline
+from femupdate.effects import building_effects
 from tests.chains import Chain
 from tests.discrepancy.posed import building_of, observe, pose
 
@@ -57,6 +59,24 @@ def test_a_name_goes_beyond_the_usual_tolerances():
     found = diagnose(pose(building_of(MASSES, SPRINGS, tolerances=None), seen), among=among)
     assert found.verdict == "none"
     assert "masses that are known to 1.5 %" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("heavier", "verdict", "far"),
+    [(0.03, "none", False), (0.05, "none", True), (0.1, "named", False)],
+)
+def test_a_mass_beyond_its_stated_tolerance_is_named(heavier, verdict, far):
+    """Masses known to 1.5 %, of which ratios show: 1.7, 2.9 and 5.6 standard deviations."""
+    masses = MASSES * np.array([1.0, 1.0, 1.0, 1.0 + heavier])
+    seen = observe(FLOORS, GRID, Chain(masses, SPRINGS, zeta=0.01).frf(GRID), 0.005, 3)
+    problem = pose(building_of(MASSES, SPRINGS, tolerances={"mass": 0.015}), seen)
+    known = building_effects(problem.building)
+    found = diagnose(problem, base=fit_baseline(problem, known.placed, known.values)[0])
+    told = "twice the tolerance of masses (RF" in found.sentence
+    assert (found.verdict, told) == (verdict, far)
+    if verdict == "named":
+        assert found.leading.placed.label == "added_mass@RF"
+        assert found.leading.size == pytest.approx(heavier, abs=2.0 * found.leading.size_sd)
 
 
 def test_one_cause_on_several_floors_is_one_name():
