@@ -223,7 +223,7 @@ class FrfData:
             seen, both = self.blocks[0].estimator, torch.cat([theta, sizes], dim=1).double()
             asked = self.frequency_hz if seen is None else torch.from_numpy(seen.frequency_hz)
             return system.log_frf(both, zeta.double(), asked, self.logs)
-        parts, first = [], 0
+        parts, first, last = [], 0, tuple[Tensor, ...]()
         for block in self.blocks:
             frequency = self.frequency_hz[first : first + block.points]
             first += block.points
@@ -235,7 +235,10 @@ class FrfData:
             if block.estimator.inputs > 1:
                 parts.append(system.seen_frf(*known, block.estimator))
                 continue
-            parts.append(block.estimator(self._frf(system, *known)))
+            # Parts of a run at levels that change nothing show one response.
+            if not last or any(not torch.equal(*both) for both in zip(known, last, strict=True)):
+                frf, last = self._frf(system, *known), known
+            parts.append(block.estimator(frf))
         return torch.cat(parts, dim=2)
 
     def _frf(
