@@ -75,9 +75,11 @@ class Finding:
         )
 
     @property
-    def beyond_tolerance(self) -> bool:
-        """Whether the model lets the same vary within a tolerance."""
-        return tolerance_of(self.placed, self.fitted.placed[:-1]) is not None
+    def tolerated(self) -> int:
+        """At how many places the model lets the same vary within a tolerance; 0, if not here."""
+        present = self.fitted.placed[:-1]
+        number = tolerance_of(self.placed, present)
+        return 0 if number is None else sum(p.effect is present[number].effect for p in present)
 
     def needed(self, settings: DiagnosisSettings) -> float:
         """Log evidence that a name needs.
@@ -85,10 +87,10 @@ class Finding:
         An instrument's effect that the halves of the data certify needs little more: where the
         model itself errs, its error may take the place of a delay or a gain. Where the model lets
         the same vary within a tolerance, that it is off is certain, and the tolerance is the one
-        rival.
+        rival; by chance one of many floors is off further than another.
         """
-        if self.beyond_tolerance:
-            return settings.over_next
+        if self.tolerated:
+            return settings.over_next + float(np.log(self.tolerated))
         certified = self.tested is not None and self.tested.certified
         easier = self.placed.effect.instrument and certified
         return VERDICT.positive if easier else settings.over_none
@@ -96,7 +98,7 @@ class Finding:
     def carried(self, settings: DiagnosisSettings) -> bool:
         """Whether the evidence carries it, on data to which it was not fitted too."""
         enough = self.log_evidence >= self.needed(settings)
-        return enough and (self.tested is None or self.tested.certified or self.beyond_tolerance)
+        return enough and (self.tested is None or self.tested.certified or bool(self.tolerated))
 
     def names(self, base: Fit, settings: DiagnosisSettings) -> bool:
         """Whether evidence and consequence carry a name, and it removes more than noise."""
@@ -105,7 +107,7 @@ class Finding:
 
     def removes(self, base: Fit) -> float:
         """Share of the misfit that it removes; all, where a tolerance had removed it before."""
-        return 1.0 if self.beyond_tolerance else removed(base, self.fitted)
+        return 1.0 if self.tolerated else removed(base, self.fitted)
 
     def contains(self, other: "Finding") -> bool:
         """Whether it is another effect with a parameter more."""

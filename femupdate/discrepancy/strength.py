@@ -93,7 +93,8 @@ def judged_by_strength(
         "structure may change while it shakes, or something else is missing."
     )
     if not named:
-        return replace(found, sentence=f"{found.sentence} Yet it misses {doubt}")
+        start = "Yet it" if found.verdict == NONE else "It"
+        return replace(found, sentence=f"{found.sentence} {start} misses {doubt}")
     text = f"{found.findings[0].in_words}, or so the response functions say; but with it the model"
     return replace(found, verdict=UNKNOWN, sentence=f"{text} misses {doubt}")
 
@@ -187,7 +188,8 @@ def peaks_with(base: Fit, fitted: Fit, run: Observation, direction: str) -> str:
     row, column = np.unravel_index(spectra.argmax(), spectra.shape)
     names = base.system.floors
     return (
-        f"In this run it changes peaks by up to {percent(floors.max())} ({names[floors.argmax()]}),"
+        f"In this run that changes peaks by up to {percent(floors.max())} "
+        f"({names[floors.argmax()]}),"
         f" drifts by up to {percent(drifts.max())} ({stories[drifts.argmax()]}) and floor spectra"
         f" (5 %) by up to {percent(spectra.max())} ({names[row]}, {frequency[column]:.3g} Hz)."
     )
