@@ -201,6 +201,8 @@ class _Half:
     @staticmethod
     def of(problem: Likelihood, base: Fit, number: int, there: Fit) -> "_Half":
         half = about(problem.half(number), there)
+        # With 10 and 20 steps log e-values of 24 effects in six fresh sticks move by .1, two of
+        # them more (1.3 by .6, 262 by 5), and no certificate changes.
         return _Half(half, fit(half, base.placed, base.z, FIRST_STEPS))
 
     def values(self, fitted: Fit) -> Tensor:
