@@ -317,12 +317,8 @@ def _notes(given: Measured, data: Sequence[Data], found: Diagnosis) -> Iterator[
         yield from given.doubts
         leading, run = found.leading, given.run
         if leading is not None and found.verdict in (NAMED, PARTLY) and run and run.histories:
-            yield peaks_with(
-                base,
-                (found.pair or (leading,))[-1].fitted,
-                run,
-                direction_of(base.likelihood.building),
-            )
+            fitted = (found.pair or (leading,))[-1].fitted
+            yield peaks_with(base, fitted, run, direction_of(base.likelihood.building))
     first = found.leading if found.verdict not in (NONE, UNKNOWN) else None
     if first is not None and first.placed.effect.name == "added_mass" and not given.forced:
         others = 1.0 / (1.0 + first.size) - 1.0
