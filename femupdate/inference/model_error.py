@@ -426,8 +426,18 @@ class LearnedError:
         squares = [(at.common**2 + at.own**2) * weight + at.noise**2 for at in self.levels]
         return [number for number, square in enumerate(squares) if square <= squares[row]]
 
+    def apart_from(self, row: int) -> list[int]:
+        """All rows but one of a table of errors that have no axis; none of another."""
+        few = self._table.sizes and not self._table.harmonics
+        return [k for k in range(len(self.levels)) if k != row] if few else []
+
     def counting(self, densities: Tensor) -> list[int]:
-        """Rows that count at one at least of some points, from their log densities (n, g)."""
+        """Rows that count at one at least of some points, from their log densities (n, g).
+
+        All of a table without an axis, see `apart_from`.
+        """
+        if self.apart_from(0):
+            return list(range(len(self.levels)))
         most = (densities - densities.max()).max(0).values
         return (most > math.log(self._table.counts)).nonzero()[:, 0].tolist()
 
