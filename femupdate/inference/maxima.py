@@ -223,36 +223,25 @@ def settle(likelihood: Likelihood, starts: Tensor, row: Row) -> Settled:
     places = [likelihood.prior.from_normal(found.z) for found in maxima.values()]
     apart = zip(*(_log_posterior(likelihood, place) for place in places), strict=True)
     rows = likelihood.error.counting_beside(row, [torch.cat(parts) for parts in apart])
-    found = _beside(likelihood, maxima, row, points)
-    return Settled(likelihood.at_row(row).kept(rows), found)
-
-
-def _beside(
-    likelihood: Likelihood, maxima: dict[Row, Descent], row: Row, points: Tensor
-) -> Descent:
-    """The maxima by a row, and by all other rows of tables without an axis.
-
-    Few frequencies are met by any error: its rows are as likely as wide, and no height tells that.
-    """
+    # Few figures are met by any error: of tables without an axis wide rows weigh as much as narrow
+    # ones, which no height tells, and have maxima of their own.
     prior, found = likelihood.prior, [(maxima[row], row, 0)]
     for k, part in enumerate(likelihood.error.parts):
         for other in part.apart_from(row[k]):
             at = (*row[:k], other, *row[k + 1 :])
-            more = maxima.get(at)
-            if more is None:
-                more = found_from(prior, likelihood.at_row(at).residuals, points)
-            found.append((more, at, k))
+            found.append((found_from(prior, likelihood.at_row(at).residuals, points), at, k))
+    settled_at = likelihood.at_row(row).kept(rows)
     if len(found) == 1:
-        return maxima[row]
-    nats = [
-        -_log_posterior(likelihood, prior.from_normal(more.z))[k][:, at[k]] for more, at, k in found
+        return Settled(settled_at, maxima[row])
+    heights = [
+        _log_posterior(likelihood, prior.from_normal(more.z))[k][:, at[k]] for more, at, k in found
     ]
     parts = zip(*((more.z, more.information, more.pull) for more, _, _ in found), strict=True)
     z, information, pull = (torch.cat(part) for part in parts)
-    whole = Descent(z, torch.cat(nats), information, pull)
-    light = whole.log_mass < whole.log_mass.max() - 7.0
-    light[: len(maxima[row].z)] = False
-    return whole[(~light).nonzero()[:, 0].tolist()]
+    whole = Descent(z, -torch.cat(heights), information, pull)
+    heavy = whole.log_mass > whole.log_mass.max() - 7.0
+    heavy[: len(maxima[row].z)] = True
+    return Settled(settled_at, whole[heavy.nonzero()[:, 0].tolist()])
 
 
 def _fitted(likelihood: Likelihood, starts: Tensor, row: Row) -> dict[Row, Descent]:
