@@ -146,7 +146,8 @@ def simulate_observation(
     if motion.rotation is not None:
         require_heights(building)
     if chosen.across_rms is not None:
-        noise = chosen.duration_s, chosen.sampling_hz, chosen.across_rms, chosen.band_hz
+        length = motion.acceleration.size / chosen.sampling_hz
+        noise = length, chosen.sampling_hz, chosen.across_rms, chosen.band_hz
         motion = replace(motion, across=white_noise(*noise, streams[4]).acceleration)
     effects = tuple(parse_effect(building, name, sizes) for name, sizes in chosen.effects)
     progress.start("Solving the full model", 1)
