@@ -239,7 +239,7 @@ def settle(likelihood: Likelihood, starts: Tensor, row: Row) -> Settled:
     parts = zip(*((more.z, more.information, more.pull) for more, _, _ in found), strict=True)
     z, information, pull = (torch.cat(part) for part in parts)
     whole = Descent(z, -torch.cat(heights), information, pull)
-    heavy = whole.log_mass > whole.log_mass.max() - 7.0
+    heavy = whole.log_mass > whole.log_mass.max() - 7.0  # a thousandth
     heavy[: len(maxima[row].z)] = True
     return Settled(settled_at, whole[heavy.nonzero()[:, 0].tolist()])
 

@@ -27,8 +27,8 @@ from tests import documents
 THETA, ZETA = (0.8, 1.2), 0.02
 
 
-def document(thickness=0.2):
-    """A frame of two stories along y, with a wall at one side; in its middle none is nearer."""
+def document():
+    """A frame of two stories that moves along y, with a wall across that at one side."""
     made = documents.frame(
         {"A": 0.0, "B": 6.0},
         {"1": 0.0, "2": 5.0},
@@ -38,7 +38,7 @@ def document(thickness=0.2):
         direction="y",
         slabs=[{"x": ["A", "B"], "y": ["1", "2"], "thickness": 0.2}],
     )
-    made["walls"] = [{"along": "1", "from": "A", "to": "B", "thickness": thickness}]
+    made["walls"] = [{"along": "1", "from": "A", "to": "B", "thickness": 0.2}]
     made["sensors"]["points"] = ["B-2"]
     return made
 
