@@ -220,17 +220,14 @@ def test_wide_errors_of_the_model_weigh_as_much_as_narrow_ones():
     """One frequency meets one factor by any error; the evidence is a sum over a fine grid."""
     frequency, count = np.array([1.7]), 200_001
     system = System(reduced_stick([1e5], [1e7]), ConstantDamping())
-    modes = identified(
-        frequency, np.zeros((0, 1)), floors=(), damping=0.02, frequency_sd_hz=5e-4 * frequency
-    )
+    modes = identified(frequency, np.zeros((0, 1)), damping=0.02, frequency_sd_hz=5e-4 * frequency)
     prior = Parameters.uniform(("a",), [0.5], [3.0]) + zeta(0.02, 0.02)
     whole = likelihood_of((mode_data(modes, system, ModalErrors()),), system, prior)
     grid = torch.full((count, 2), 0.02, dtype=torch.float64)
     grid[:, 0] = torch.linspace(0.5, 3.0, count, dtype=torch.float64)
     value = torch.cat([whole(some) for some in grid.split(5000)])
     exact, shares = float(value.logsumexp(0)) - np.log(count), value.softmax(0)
-    mean = float(shares @ grid[:, 0])
-    sd = float(shares @ (grid[:, 0] - mean) ** 2) ** 0.5
+    sd = float(shares @ (grid[:, 0] - shares @ grid[:, 0]) ** 2) ** 0.5
     found = settled(whole, 0)
     drawn = draws_about(found.likelihood.prior, found.likelihood, found.found, 4000, 1)
     assert drawn.log_evidence == pytest.approx(exact, abs=4.0 * drawn.log_evidence_error + 0.01)

@@ -76,10 +76,8 @@ def test_floors_follow_as_a_direct_solution_says():
 
 def simulated(seed):
     asked = {"duration_s": 60.0, "sampling_hz": 60.0, "band_hz": (0.3, 20.0), "mesh_size": 2.5}
-    settings = SimulationSettings(
-        theta=THETA, zeta=ZETA, across_rms=0.3, sensors=("B-2",), seed=seed, **asked
-    )
-    return simulate_observation(from_document(document()), settings).histories
+    asked |= {"theta": THETA, "zeta": ZETA, "across_rms": 0.3, "sensors": ("B-2",), "seed": seed}
+    return simulate_observation(from_document(document()), SimulationSettings(**asked)).histories
 
 
 @pytest.fixture(scope="module")
