@@ -41,7 +41,7 @@ from .parameters import BUILDING_NAME
     click.Choice(["opensees", "nastran"]),
 )
 @overwrite_option
-@study_options(shares=True)
+@study_options()
 def build_model(
     building: str | None,
     units: str | None,
@@ -97,7 +97,7 @@ def build_model(
 @option("--batch", "Samples in one step of the training.", click.IntRange(8), 512)
 @flag("--fresh", "Train even where a fitting surrogate exists.")
 @device_option
-@study_options(draws=False, shares=True)
+@study_options(draws=False)
 def train(study: Study, bars: Bars, **asked: Any) -> Answer:
     """Train the surrogate of the study's building.
 
@@ -111,7 +111,6 @@ def train(study: Study, bars: Bars, **asked: Any) -> Answer:
     Examples:
       femupdate train --study mine
       femupdate train --building my_building.toml --study mine --samples 100000 --epochs 45
-      femupdate train --study mine --dask tcp://10.0.0.1:8786
     """
     from femupdate import interface
 

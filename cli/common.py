@@ -5,8 +5,8 @@ import functools
 import json
 import logging
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -115,11 +115,6 @@ _POSTERIOR = option(
     default=MAIN_POSTERIOR,
     metavar="NAME",
 )
-_DASK = option(
-    "--dask",
-    "Share the work out by Dask: address of a scheduler, or local for processes.",
-    metavar="ADDRESS",
-)
 
 
 def study_options(
@@ -128,7 +123,6 @@ def study_options(
     posterior: bool = False,
     writes: bool = True,
     draws: bool = True,
-    shares: bool = False,
     seeded: bool = True,
 ) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
     """Add --study, --seed, --json and -v, print the answer, turn errors into exit code 1.
@@ -140,13 +134,8 @@ def study_options(
         needs: artefact that the study must hold, made by `femupdate calibrate`; of a posterior,
             whose name is asked for as well.
         posterior: ask for the name of a posterior, which the study may lack.
-        shares: add --dask, which says where the work is done.
     """
-    asked = {
-        _POSTERIOR: posterior or bool(needs),
-        no_pictures_option: draws,
-        _DASK: shares,
-    }
+    asked = {_POSTERIOR: posterior or bool(needs), no_pictures_option: draws}
 
     def decorate(function: Callable[..., Answer]) -> Callable[..., None]:
         @_STUDY
@@ -162,7 +151,6 @@ def study_options(
                     study.check_writable()
                     what = click.get_current_context().info_name or "command"
                     stack.enter_context(locked(study.folder, what))
-                stack.enter_context(shared_out(kwargs.pop("dask", None)))
                 bars = SILENT if asked_for("quiet") else stack.enter_context(Bars())
                 answer = function(*args, study=study, bars=bars, **kwargs)
                 study = Study(study.folder, kwargs.get("name", study.posterior))
@@ -180,22 +168,6 @@ def study_options(
         return together(*[add for add, wanted in asked.items() if wanted][::-1])(wrapper)
 
     return decorate
-
-
-@contextmanager
-def shared_out(address: str | None) -> Iterator[None]:
-    """Have the work inside done by a Dask scheduler's workers; by this process where None.
-
-    Raises:
-        WorkersError: there is no such scheduler.
-    """
-    if address is None:
-        yield
-        return
-    from femupdate.workers import dask_executor, working_on
-
-    with dask_executor(address) as executor, working_on(executor):
-        yield
 
 
 def asked_for(name: str) -> bool:

@@ -41,7 +41,7 @@ from .parameters import INPUT_FILE
 @device_option
 @flag("--anyway", "Keep a posterior even where the file is unlike the building.")
 @reading_options
-@study_options(shares=True)
+@study_options()
 def calibrate(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Draw the posterior of the stiffness factors from the measured files OBSERVATIONS.
 
@@ -76,7 +76,7 @@ def finder_options(function: F) -> F:
 @observations_argument
 @building_option
 @finder_options
-@study_options(shares=True)
+@study_options()
 def diagnose(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Find where the model and the measured files OBSERVATIONS disagree, and what is missing.
 
@@ -102,7 +102,7 @@ def diagnose(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: 
 @building_option
 @option("--holdout", "Data that are only predicted, before and after.", INPUT_FILE)
 @finder_options
-@study_options(shares=True)
+@study_options()
 def repair(observations: tuple[Path, ...], study: Study, bars: Bars, **asked: Any) -> Answer:
     """Add to the model what the measured files OBSERVATIONS show to be missing.
 

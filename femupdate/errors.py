@@ -148,6 +148,3 @@ class StudyError(FemupdateError):
 class ReportError(FemupdateError):
     """A figure or a picture cannot be made from what was given, or cannot be written."""
 
-
-class WorkersError(FemupdateError):
-    """The machines that work is shared with cannot be reached, or are lost."""

@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import signal
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -45,22 +44,6 @@ def pytest_collection_modifyitems(items):
 
     if "PYTEST_XDIST_WORKER" in os.environ:
         items.sort(key=rank)
-
-
-@pytest.fixture
-def killer():
-    """Progress for work on processes of Dask; a test that then waits two minutes for them fails."""
-
-    def late(number, frame):
-        raise TimeoutError("the work has not ended within two minutes")
-
-    before = signal.signal(signal.SIGALRM, late)
-    signal.alarm(120)
-    from tests.helpers import Killer
-
-    yield Killer()
-    signal.alarm(0)
-    signal.signal(signal.SIGALRM, before)
 
 
 @pytest.fixture(scope="session")

@@ -1,10 +1,7 @@
 """What tests of several rooms take at hand."""
 
 import hashlib
-import multiprocessing
-import os
 import re
-import signal
 from pathlib import Path
 
 import numpy as np
@@ -26,20 +23,6 @@ class Recorded:
 
     def say(self, text):
         self.said.append(text)
-
-
-class Killer(Recorded):
-    """Kills a worker process of Dask when the first piece is done."""
-
-    def __init__(self):
-        super().__init__()
-        self.killed = []
-
-    def advance(self, count=1, note=""):
-        super().advance(count, note)
-        if not self.killed:
-            self.killed.append(multiprocessing.active_children()[0].pid)
-            os.kill(self.killed[0], signal.SIGKILL)
 
 
 def write_record(path, motion):

@@ -60,9 +60,3 @@ def test_numpy_archives_are_read_in_one_place():
     """With their headers checked first; np.load elsewhere would not."""
     users = [path.name for path in SOURCES if "np.load(" in path.read_text(encoding="utf-8")]
     assert users == ["storage.py"]
-
-
-def test_pickles_of_dask_are_read_in_one_place():
-    """From machines that are trusted, as its docstring says; never from a file."""
-    users = [path.name for path in SOURCES if "distributed.protocol" in path.read_text("utf-8")]
-    assert users == ["workers.py"]

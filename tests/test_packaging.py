@@ -77,11 +77,11 @@ def test_the_packages_listed_are_the_folders_that_hold_python_files():
 def test_everything_imported_is_declared():
     declared = {re.split(r"[<>=\[;]", one)[0] for one in project()["project"]["dependencies"]}
     optional = project()["project"]["optional-dependencies"]
-    used = ("ambient", "arviz", "benchmark", "distributed", "formats", "opensees")
+    used = ("ambient", "arviz", "benchmark", "formats", "opensees")
     extras = [one for name in used for one in optional[name]]
     # VTK is PyVista's, pydantic_core pydantic's; the others go by other names.
     brought = {"femupdate", "vtkmodules", "pydantic_core", "sklearn", "pyoma2", "nptdms"}
-    brought |= {"PIL", "dask"}
+    brought |= {"PIL"}
     allowed = declared | brought | {re.split(r"[<>=]", one)[0] for one in extras}
     wrong = set()
     paths = [path for folder in (*FOLDERS, BENCHMARKS) for path in (ROOT / folder).rglob("*.py")]

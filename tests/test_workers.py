@@ -5,11 +5,10 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from femupdate.workers import everywhere, in_threads, processor_count, working_on
+from femupdate.workers import in_threads, processor_count
 
 
 def test_processors_that_this_process_may_use():
@@ -17,8 +16,8 @@ def test_processors_that_this_process_may_use():
 
 
 def test_work_comes_back_in_order():
-    assert list(everywhere(abs, [-3, 1, -4, 1, -5, 9, -2])) == [3, 1, 4, 1, 5, 9, 2]
-    assert list(everywhere(abs, [])) == []
+    assert list(in_threads(abs, [-3, 1, -4, 1, -5, 9, -2])) == [3, 1, 4, 1, 5, 9, 2]
+    assert list(in_threads(abs, [])) == []
 
 
 def test_work_inside_of_a_piece_stays_in_its_thread():
@@ -27,27 +26,11 @@ def test_work_inside_of_a_piece_stays_in_its_thread():
     def outer(number):
         inside = [lambda k=k: (number + k, threading.get_ident()) for k in range(4)]
         found = in_threads(lambda task: task(), inside)
-        found += list(everywhere(lambda task: task(), inside))
         assert {thread for _, thread in found} == {threading.get_ident()}
         return [value for value, _ in found]
 
     for number, values in enumerate(in_threads(outer, range(6))):
-        assert values == 2 * [number + k for k in range(4)]
-
-
-def test_any_executor_does_large_pieces_and_no_small_ones():
-    class Counting(ThreadPoolExecutor):
-        sent = 0
-
-        def submit(self, *what):
-            self.sent += 1
-            return super().submit(*what)
-
-    with Counting(2) as executor, working_on(executor):
-        assert in_threads(abs, [-2, 1]) == [2, 1]
-        assert executor.sent == 0
-        assert list(everywhere(abs, [-3, 1])) == [3, 1]
-        assert executor.sent == 2
+        assert values == [number + k for k in range(4)]
 
 
 def test_what_fails_ends_the_rest():
@@ -61,7 +44,7 @@ def test_what_fails_ends_the_rest():
             raise ValueError("zero")
 
     with pytest.raises(ValueError, match="zero"):
-        list(everywhere(task, range(200)))
+        list(in_threads(task, range(200)))
     assert len(tried) < 100
 
 
@@ -72,7 +55,7 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.workers import everywhere
+from femupdate.workers import in_threads
 
 def held():
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
@@ -81,9 +64,9 @@ def task(number):
     scratch = [np.ones(4_000) for _ in range(4_000)]
     return float(scratch[-1][0]) * np.ones(4_000)
 
-list(everywhere(task, [0]))
+list(in_threads(task, [0]))
 before = held()
-found = list(everywhere(task, range(8)))
+found = list(in_threads(task, range(8)))
 print(held() - before)
 """
 

@@ -67,7 +67,7 @@ from femupdate.effects.effect import Placed
 from femupdate.effects.tolerances import USUAL, tolerances_of
 from femupdate.inference.likelihood import Likelihood
 from femupdate.progress import SILENT, Progress, counted
-from femupdate.workers import in_threads, working_on
+from femupdate.workers import in_threads, one_by_one
 
 T = TypeVar("T")
 Pair = tuple[Finding, Finding]
@@ -92,7 +92,7 @@ def diagnose(
         among: labels of the only candidates that are fitted; None for the leading ones.
     """
     # Threads of sticks wait for each other: 1.4 times the processor time, no less on the clock.
-    with working_on("none") if problem.reduced.structure.is_stick else nullcontext():
+    with one_by_one() if problem.reduced.structure.is_stick else nullcontext():
         return _diagnosed(problem, settings or DiagnosisSettings(), base, progress, distant, among)
 
 

@@ -22,7 +22,7 @@ from femupdate.effects.structure import ACROSS, TRANSLATION, Structure
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.fe.products import combined
 from femupdate.progress import SILENT, Progress
-from femupdate.workers import everywhere
+from femupdate.workers import in_threads
 
 _DIGITS = 6  # decimals of a metre in which lines of two meshes are the same
 # Shapes, over those of the coarse mesh: of the six-story frame, read back from a deck, posterior
@@ -60,7 +60,7 @@ def on_finer_mesh(
     space = Space.of_forces(fine, np.column_stack([loads[:, : reduced.size // 2], static, held]))
     forces = space.condensed(np.column_stack([loads, static, held]))
     task = partial(_moved, space, reduced, forces, target)
-    shapes = everywhere(task, list(thetas), progress)
+    shapes = in_threads(task, list(thetas), progress)
     size = round(_SHAPES * reduced.size)
     basis = space.expanded(compressed(space.mass, shapes, size))
     return reduced_on(fine, basis, crosses=reduced.across is not None)

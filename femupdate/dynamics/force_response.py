@@ -18,7 +18,7 @@ from femupdate.effects.structure import Structure
 from femupdate.fe.factorization import factorize
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
-from femupdate.workers import everywhere
+from femupdate.workers import in_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ def rest_flexibility(
     unit = even_points(count, len(lower), 0)
     theta = np.exp(np.log(lower) + (np.log(upper) - np.log(lower)) * unit)
     progress.start("Solving the full model under forces at the floors", count)
-    whole = np.stack(everywhere(partial(_static, structure), list(theta), progress))
+    whole = np.stack(in_threads(partial(_static, structure), list(theta), progress))
     lacked = whole - np.stack([_reduced_static(reduced, sample) for sample in theta])
     # Every sample counts alike, whatever its stiffness.
     scale = whole.reshape(count, -1).max(axis=1)[:, None]

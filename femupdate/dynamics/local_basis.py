@@ -29,7 +29,7 @@ from femupdate.fe.products import along, combined, diagonal, symmetric_times
 from femupdate.fe.solve import NaturalModes, modes_below
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
-from femupdate.workers import everywhere
+from femupdate.workers import in_threads
 
 SPREAD, SIZE = 0.2, 220  # half width in ln theta, and shapes of a basis
 
@@ -81,7 +81,7 @@ def local_structure(
     shapes += _along_ports(structure, WithSprings(factors, middle.springs), present or ())
     progress.start("Reducing the model for effects", len(questions))
     task = partial(_answer, structure, KnownModes.of(middle, modes, factors), target)
-    shapes += everywhere(task, questions, progress)
+    shapes += in_threads(task, questions, progress)
     return reduced_on(structure, compressed(structure.mass, shapes, size))
 
 

@@ -33,7 +33,7 @@ from femupdate.fe.links import rigid_arms
 from femupdate.fe.model import DOF_PER_NODE, FiniteElementModel, group_factors
 from femupdate.progress import SILENT, Progress
 from femupdate.study import write_text
-from femupdate.workers import everywhere
+from femupdate.workers import in_threads
 
 _LEVEL = 1e-6  # m
 WALL_FORCES = ("N", "V", "M")
@@ -295,7 +295,7 @@ def member_forces(
     """
     task = partial(_at_draw, chosen, record, top_hz)
     draws = list(zip(parameters, zeta.tolist(), strict=True))
-    histories = np.stack(everywhere(task, draws, progress))
+    histories = np.stack(in_threads(task, draws, progress))
     starts = np.cumsum([len(member.forces) for member in chosen.members])[:-1]
     forces = []
     for member, forces_of in zip(chosen.members, np.split(histories, starts, axis=1), strict=True):

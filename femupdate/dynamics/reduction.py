@@ -45,7 +45,7 @@ from femupdate.fe.products import along, combined, diagonal, orthonormal, symmet
 from femupdate.fe.solve import modes_below
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
-from femupdate.workers import everywhere, in_threads
+from femupdate.workers import in_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -367,7 +367,7 @@ def reduce_structure(
     taken: Callable[[ReductionTarget, Floats], Floats | Singles]
     taken = partial(_snapshots, asked) if space is None else partial(_driven, space)
     progress.start("Reducing the model", len(samples) + checks)
-    shapes: list[Floats | Singles] = everywhere(partial(taken, target), list(samples), progress)
+    shapes: list[Floats | Singles] = in_threads(partial(taken, target), list(samples), progress)
     for _ in range(_ROUNDS):
         basis = compressed(mass, shapes, _SIZES[-1])
         expanded = basis if space is None else space.expanded(basis)
@@ -376,7 +376,7 @@ def reduce_structure(
         judge = partial(_full_log_frf, asked)
         if space is not None:
             judge = partial(_beyond, *space.with_inertia(basis), whole.model)
-        full = np.stack(everywhere(partial(judge, target), list(unseen), progress))
+        full = np.stack(in_threads(partial(judge, target), list(unseen), progress))
         # On the fewest shapes that a few samples do not object to, or on all. A few checks see half
         # as much as many do (50 theta: 1.5 times the rms of four).
         for size in (s for s in _SIZES if least <= s < whole.model.size):
@@ -392,7 +392,7 @@ def reduce_structure(
         least = reduced.model.size + 1
         worst = unseen[CHOOSE + np.argsort(each)[-_JOIN:]]
         progress.start("Reducing the model, on more samples", len(worst) + checks)
-        shapes += everywhere(partial(taken, target), list(worst), progress)
+        shapes += in_threads(partial(taken, target), list(worst), progress)
     names = ", ".join(effect.label for effect in placed)
     cure = ", lower the top of the frequency grid, or calibrate with --exact"
     raise StructureError(

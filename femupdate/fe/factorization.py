@@ -27,9 +27,6 @@ class Factorization:
     apply: Callable[[Floats], Floats]  # solves (n, ...) without looking at the residual
     factors: SuperLU | None = None  # with pivots on the diagonal; None where rows were exchanged
 
-    def __reduce__(self) -> tuple[Callable[[csc_matrix], "Factorization"], tuple[csc_matrix]]:
-        return factorize, (self.matrix,)  # SuperLU's numbers cannot be sent to other processes
-
     def times(self, shapes: Floats) -> Floats:
         """The matrix times shapes (n, m)."""
         return symmetric_times(self.matrix, shapes)
