@@ -187,25 +187,12 @@ def plain_options(function: Callable[..., Answer]) -> Callable[..., None]:
 
 
 def columns_options(function: F) -> F:
-    """Add --columns and --mapping, passed on as `columns`, and fill a `unit` that is missing."""
+    """Add --columns, and --rate, which is passed on with it."""
 
     @option("--columns", "Column names: ours=theirs,...", COLUMNS)
     @option("--rate", "Samples a second, of a table without times.", click.FloatRange(1e-3, 1e6))
-    @option("--mapping", "File that says which channel is which floor.", INPUT_FILE)
     @functools.wraps(function)
-    def wrapper(*args: Any, columns: Any, mapping: Any, rate: Any, **kwargs: Any) -> Any:
-        if mapping is None:
-            return function(*args, columns=timed(columns, rate), **kwargs)
-        if columns is not None:
-            raise Failure("--columns and --mapping say the same; give one of them")
-        from femupdate.measurement.write import read_mapping
-
-        try:
-            columns, unit = read_mapping(mapping)
-        except FemupdateError as error:
-            raise Failure(str(error)) from error
-        if "unit" in kwargs:
-            kwargs["unit"] = kwargs["unit"] or unit
+    def wrapper(*args: Any, columns: Any, rate: Any, **kwargs: Any) -> Any:
         return function(*args, columns=timed(columns, rate), **kwargs)
 
     return wrapper  # type: ignore[return-value]

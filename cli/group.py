@@ -13,12 +13,12 @@ from femupdate.study import made_by
 _HEADINGS = {
     "What is read": (
         *("building", "record", "channel", "unit", "scale", "sensors", "band", "columns"),
-        *("mapping", "measured", "holdout", "study", "force"),
+        *("measured", "holdout", "study", "force"),
         "posterior",
     ),
     "What is written": (
         *("name", "output", "no-pictures", "picture", "export"),
-        *("write-mapping", "json", "overwrite"),
+        *("json", "overwrite"),
     ),
     "General": ("seed", "verbose", "quiet", "help", "version"),
 }

@@ -30,18 +30,12 @@ from .parameters import BAND, INPUT_FILE
     "Draw histories, spectra, response to the base and coherence of one file into a PNG.",
     NEW_FILE,
 )
-@option(
-    "--write-mapping",
-    "Write the proposed floors of one file's channels as TOML, for --mapping.",
-    NEW_FILE,
-)
 @columns_options
 @plain_options
 def inspect(
     files: tuple[Path, ...],
     unit: str | None,
     picture: Path | None,
-    write_mapping: Path | None,
     columns: dict[str, str] | None,
 ) -> Answer:
     """Say what is in the measured files FILES, what looks wrong, and what to run next.
@@ -54,16 +48,14 @@ def inspect(
     Example:
       femupdate inspect examples/six_story_white_noise.csv --picture inspected.png
     """
-    from femupdate.workflow.inspect_files import draw_inspection, propose_mapping
+    from femupdate.workflow.inspect_files import draw_inspection
     from femupdate.workflow.inspect_files import inspect as inspected
 
-    if len(files) > 1 and (picture or write_mapping or columns):
+    if len(files) > 1 and (picture or columns):
         raise Failure(
             "--picture draws one file, and names of channels are one file's; inspect the files one"
             " by one"
         )
-    if write_mapping is not None and write_mapping.exists():
-        raise Failure(f"{write_mapping} is there already; choose another name, or remove it")
     report = inspected(*files, unit=unit, columns=columns)
     pictures = None
     problems = list(report.refused)
@@ -72,11 +64,8 @@ def inspect(
             pictures = (draw_inspection(report.files[0], picture),)
         except ReportError as error:  # what is in the file is said all the same
             problems.append(str(error))
-    written: tuple[Path, ...] = ()
-    if write_mapping is not None and report.files:
-        written = (propose_mapping(report.files[0], write_mapping, unit),)
     more = {"refused": report.refused}  # on stderr alone
-    answer = Answer(replace(report, refused=()), more, pictures=pictures, files=written)
+    answer = Answer(replace(report, refused=()), more, pictures=pictures)
     if problems:
         answer.show(click.get_current_context().params["as_json"])
         raise Failure("\n".join(problems))

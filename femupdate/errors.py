@@ -25,7 +25,6 @@ _OPTION = re.compile(
 )
 KEYWORDS = {"band": "band_hz", "rms": "rms_m_s2", "mode": "wanted", "member": "members"}
 _FLAGS = ("anyway", "exact", "fresh")
-_CORRECTED = ", or write them to a file that you can correct, by --write-mapping"
 
 
 def _value(text: str, key: str = "") -> str:
@@ -71,7 +70,7 @@ def in_python(text: str) -> str:
             return "`Study(folder, posterior)`"
         return f"`{_keyword(found[1], value.rstrip('.'))}`" + "." * value.endswith(".")
 
-    text = text.replace("; -v tells more", "").replace(_CORRECTED, "")
+    text = text.replace("; -v tells more", "")
     text = re.sub(r"the (band|columns|force|unit) option", r"--\1", text)
     text = _OPTION.sub(option, _COMMAND.sub(_call, text))
     some = rf"(such as |, or )({_PAIRS})"
@@ -147,4 +146,3 @@ class StudyError(FemupdateError):
 
 class ReportError(FemupdateError):
     """A figure or a picture cannot be made from what was given, or cannot be written."""
-

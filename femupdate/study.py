@@ -34,7 +34,7 @@ _OF_A_POSTERIOR = ("posterior", "prediction")  # artefacts that every posterior 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,40}")
 
 _RUNNING: ContextVar[tuple[str, ...]] = ContextVar("words of the running command", default=())
-_READING = ("--unit", "--columns", "--mapping", "--sensors", "--band", "--force", "--mode-error")
+_READING = ("--unit", "--columns", "--sensors", "--band", "--force", "--mode-error")
 
 
 def write_text(path: Path | str, text: str) -> None:

@@ -20,6 +20,6 @@ __all__, __getattr__ = public(
         "recording": "azimuth_of RecordedChannel RecordedMode",
         "runs": "agreement pooled",
         "text": "TextFile",
-        "write": "read_mapping write_mapping write_modes write_observation_histories",
+        "write": "write_modes write_observation_histories",
     },
 )

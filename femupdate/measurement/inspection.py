@@ -116,10 +116,7 @@ def _angle(first: float | None, second: float | None) -> float:
 
 _NO_BASE = "There is no base: the modes can be found if this is ambient vibration."
 _FORCED = "Put in at which floor the force acts, and which channels are the floors."
-_CHECK = (
-    "The floors are told from the sensors' places or names; check them against the building, or"
-    " write them to a file that you can correct, by --write-mapping."
-)
+_CHECK = "The floors are told from the sensors' places or names; check them against the building."
 
 
 @dataclass(frozen=True)

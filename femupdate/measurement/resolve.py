@@ -1,7 +1,7 @@
 """What the channels, columns and functions of a measured file stand for, by names of ours.
 
 A name of ours stands in the file itself, or the user gives it to what the file calls otherwise
-(`--columns ours=theirs`, mapping files).
+(`--columns ours=theirs`).
 """
 
 import logging

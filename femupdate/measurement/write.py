@@ -1,7 +1,7 @@
-"""Observation files, tables of modes and mapping files, written all at once or not at all."""
+"""Observation files and tables of modes, written all at once or not at all."""
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +10,8 @@ from femupdate.errors import MeasurementError
 from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE
 from femupdate.measurement.names import FREQUENCY, TIME
 from femupdate.measurement.observation import Histories, Observation
-from femupdate.measurement.recording import RecordedChannel, RecordedMode
-from femupdate.measurement.text import closest, read_text
-from femupdate.storage import atomic_path, toml_content
+from femupdate.measurement.recording import RecordedMode
+from femupdate.storage import atomic_path
 
 _TIME_FORMAT = "%.10g"
 
@@ -113,95 +112,3 @@ def _write_text(path: str | Path, text: str) -> Path:
     with atomic_path(target, MeasurementError) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
     return target
-
-
-_KEYS = ("columns", "unit")
-_HEAD = """\
-# Which channel of {file} is which floor. Correct it, and hand it back by --mapping.
-# Floors are base, 2F, ..., RF; "RF:1" and "RF:2" are two sensors of a floor, and "RF.y" is one in
-# the other direction. A channel goes by its place, name or number; a minus turns it: RF = "-3".
-# "base@-2.5.z" = 4 is a vertical sensor of the base, 2.5 m behind its middle along the motion; two
-# at different places measure how the base turns.
-"""
-
-
-def read_mapping(path: str | Path) -> tuple[dict[str, str], str | None]:
-    """What a mapping file says: our column names to the file's, and the unit of accelerations.
-
-    Raises:
-        MeasurementError: it is no TOML, a key is not known, or a value is neither a name nor a
-            number.
-    """
-    file = read_text(path)
-    try:
-        content = toml_content("\n".join(file.lines))
-    except ValueError as error:
-        raise file.error(f"{error}; a mapping file has RF = 3 under [columns]") from None
-    unknown = next((key for key in content if key not in _KEYS), None)
-    if unknown is not None:
-        raise file.error(
-            f"unknown key {unknown!r}{closest(unknown, _KEYS)}; a mapping file has [columns], and"
-            " unit where the measured file has none"
-        )
-    columns, unit = content.get("columns"), content.get("unit")
-    if not isinstance(columns, dict) or not columns:
-        raise file.error("there is no [columns]; write base = 1 and RF = 3 below it")
-    if unit is not None and not isinstance(unit, str):
-        raise file.error(f'the unit {unit} is no text; write unit = "gal"')
-    found: dict[str, str] = {}
-    for ours, theirs in columns.items():
-        if isinstance(theirs, dict):
-            raise file.error(f'{ours} has a dot; write it in quotes, such as "{ours}.y" = 3')
-        if isinstance(theirs, bool) or not isinstance(theirs, int | str):
-            raise file.error(f"{ours} = {theirs} is neither a channel's number nor its name")
-        found[ours] = str(theirs)
-    return found, unit
-
-
-def write_mapping(
-    path: Path,
-    file: Path,
-    columns: Mapping[str, str],
-    channels: Sequence[RecordedChannel],
-    unit: str | None,
-) -> Path:
-    """Write a mapping file, with all channels that are not used as comments, and return its path.
-
-    Args:
-        columns: our column name to the channel's number or the column's name.
-        unit: of the accelerations, where the file does not say it.
-    """
-
-    def quoted(text: str) -> str:
-        escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
-
-    def told(channel: RecordedChannel) -> str:
-        azimuth = channel.azimuth_deg
-        words = [channel.location or channel.name, channel.direction]
-        words.append("" if azimuth is None else f"azimuth {azimuth:.0f}")
-        return ", ".join(" ".join(word.split()) for word in words if word)
-
-    lines = [_HEAD.format(file=file.name)]
-    if unit is not None:
-        lines.append(f"unit = {quoted(unit)}\n")
-    lines.append("[columns]")
-    by_name = {channel.name: k for k, channel in reversed([*enumerate(channels)])}
-    used = set()
-    for ours, theirs in columns.items():
-        plain = theirs.removeprefix("-")
-        number = by_name.get(plain)
-        if plain.isdecimal() and int(plain) <= len(channels):
-            number = int(plain) - 1
-        used.add(number)
-        value = theirs if theirs.isdecimal() else quoted(theirs)
-        place = "" if number is None else channels[number].location
-        if plain.isdecimal() and sum(channel.location == place for channel in channels) == 1:
-            value = quoted(theirs.removesuffix(plain) + place)  # which other files have as well
-        words = "" if number is None else f"  # {told(channels[number])}"
-        lines.append(f"{ours if ours.isalnum() else quoted(ours)} = {value}{words}")
-    rest = [k for k in range(len(channels)) if k not in used]
-    if rest:
-        lines.append("\n# Not used:")
-        lines += [f"# {k + 1}: {told(channels[k])}" for k in rest]
-    return _write_text(path, "\n".join(lines) + "\n")

@@ -16,7 +16,7 @@ from femupdate.measurement.modes import mode_findings
 from femupdate.measurement.names import BASE, si_factor
 from femupdate.measurement.observation import motions_in
 from femupdate.measurement.reader import read_measured
-from femupdate.measurement.write import write_mapping, write_modes
+from femupdate.measurement.write import write_modes
 from femupdate.report.scale import with_unit
 from femupdate.result import Item, Note, Notes, Picture, Result, Told
 from femupdate.study import timed
@@ -114,14 +114,6 @@ def inspect(
     if not read and not models:
         raise MeasurementError(". ".join(refused) or "no measured file is named; give one or more")
     return InspectedFiles(tuple(read), tuple(refused), tuple(models))
-
-
-def propose_mapping(file: Inspection, path: Path, unit: str | None = None) -> Path:
-    """Write which channels of a file are which floors, as far as it tells."""
-    channels = [each.channel for each in file.channels]
-    if not channels:
-        raise MeasurementError(f"{file.path}: there are no channels to map to floors")
-    return write_mapping(path, file.path, file.step.columns, channels, unit)
 
 
 def draw_inspection(file: Inspection, path: Path) -> Path:

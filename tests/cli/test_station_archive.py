@@ -53,56 +53,34 @@ def test_inspect_proposes_the_command_that_calibrates(
     np.testing.assert_allclose(answers[0]["mean"], answers[1]["mean"], rtol=1e-3)
 
 
-def test_a_mapping_file_is_written_edited_and_handed_back(archive, tower_file, tmp_path):
-    mapping = tmp_path / "mapping.toml"
-    done = femupdate("inspect", archive, "--write-mapping", mapping)
-    assert done.out.rstrip().endswith(str(mapping))
-    line = '2F = "2nd floor, north wall"  # 2nd floor, north wall, E, azimuth 90'
-    assert line in mapping.read_text().splitlines()
-    again = femupdate("inspect", archive, "--write-mapping", mapping)
-    assert "is there already" in again.complaint
-    # The roof's sensor was turned round, and the second floor is left out.
-    text = mapping.read_text().replace('"Roof"', '"-Roof"').replace("2F =", "# 2F =")
-    mapping.write_text(text)
-    (one,) = femupdate("inspect", archive, "--mapping", mapping, "--json").answer["files"]
+def test_channels_by_their_places(archive, tower_file, tmp_path):
+    """The roof's sensor was turned round, and the second floor is left out."""
+    mapped = ("--columns", "base=Basement,RF=-Roof")
+    (one,) = femupdate("inspect", archive, *mapped, "--json").answer["files"]
     assert [each["floor"] for each in one["channels"]] == ["base", None, "RF"]
     (finding,) = one["findings"]
     assert "channel 3 (HNE, Roof) moves against the base" in finding
     options = ("--building", tower_file, "--exact", "--particles", 200, "--chains", 1, "--json")
-    study = tmp_path / "study"
-    words = ("calibrate", archive, "--mapping", mapping)
-    answer = femupdate(*words, *options, "--study", study).answer
-    assert answer["floors"] == ["RF"]
-    both = femupdate(*words, "--columns", "RF=3")
-    assert both.complaint == "--columns and --mapping say the same; give one of them"
+    study = ("--study", tmp_path / "study")
+    assert femupdate("calibrate", archive, *mapped, *options, *study).answer["floors"] == ["RF"]
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("columns", "words"),
     [
-        ("[columns\n", "not valid TOML"),
-        ("[columns]\nRF = " + "9" * 5000, "a value cannot be read"),
-        ("[columns]\nRF = " + "[" * 100_000, "nested too deeply"),
-        ("RF = 3\n", "unknown key 'RF'"),
-        ('unit = "gal"\n', "there is no [columns]"),
-        ("[columns]\nRF.y = 3\n", "RF has a dot; write it in quotes"),
-        ("[columns]\nRF = 3.5\n", "neither a channel's number nor its name"),
-        ("unit = 3\n[columns]\nRF = 3\n", "the unit 3 is no text"),
-        ("[columns]\nbase = 1\nroof = 3\n", "unknown column 'roof'"),
-        ("[columns]\nbase = 1\nRF = 9\n", "there is no channel '9'"),
-        ("[columns]\nbase = 1\nRF = '-1'\n", "'-1' is mapped twice"),
+        ("base=1,roof=3", "unknown column 'roof'"),
+        ("base=1,RF=9", "there is no channel '9'"),
+        ("base=1,RF=-1", "'-1' is mapped twice"),
     ],
 )
-def test_mapping_files_that_are_wrong(archive, tower_file, tmp_path, text, words):
-    mapping = tmp_path / "mapping.toml"
-    mapping.write_text(text)
+def test_columns_that_are_wrong(archive, tower_file, tmp_path, columns, words):
     options = ("--building", tower_file, "--study", tmp_path / "new")
-    done = femupdate("calibrate", archive, "--mapping", mapping, *options)
+    done = femupdate("calibrate", archive, "--columns", columns, *options)
     assert words in done.complaint
     assert not (tmp_path / "new").exists()
 
 
-def test_an_archive_without_the_mapping_is_refused_with_its_channels(archive, tower_file, tmp_path):
+def test_an_archive_without_columns_is_refused_with_its_channels(archive, tower_file, tmp_path):
     done = femupdate("calibrate", archive, "--building", tower_file, "--study", tmp_path / "new")
     assert "say it by the columns option, such as base=1,RF=2; its channels are" in done.complaint
     assert "3 = HNE, Roof (peak" in done.complaint

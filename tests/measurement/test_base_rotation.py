@@ -9,10 +9,8 @@ from femupdate.measurement import (
     inspect_file,
     parse_channel,
     pooled,
-    read_mapping,
     read_observation_file,
     rotation_of,
-    write_mapping,
 )
 
 STEP, COUNT = 0.02, 3000
@@ -141,10 +139,7 @@ def test_inspect_says_what_vertical_channels_tell(tmp_path):
         "channels 3, 4 are vertical: no response to the base's horizontal motion.",
     )
     columns = {"base": "base", "RF": "RF", "base@-2.z": "base:1.z", "base@3.z": "base:2.z"}
-    mapping = write_mapping(
-        tmp_path / "m.toml", named, columns, [each.channel for each in plain.channels], None
-    )
-    mapped = inspect_file(named, columns=read_mapping(mapping)[0])
+    mapped = inspect_file(named, columns=columns)
     assert "measured by vertical sensors at -2, 3 m" in mapped.rotation[0]
     assert mapped.findings == ()
     assert "base@-2.z=base:1.z" in mapped.step.command
