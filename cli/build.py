@@ -6,8 +6,8 @@ from typing import Any
 import click
 
 from femupdate import Study
+from femupdate.bars import Bars
 
-from .bars import Bars
 from .common import (
     NEW_FILE,
     Answer,

@@ -13,13 +13,13 @@ from typing import Any, TypeVar
 
 import click
 
+from femupdate.bars import Bars
 from femupdate.errors import FemupdateError
 from femupdate.progress import SILENT
 from femupdate.result import Result, plain
 from femupdate.study import MAIN_POSTERIOR, Study, locked, timed
 from femupdate.tables import write_tables
 
-from .bars import Bars
 from .group import Failure
 from .parameters import (
     BAND,

@@ -5,9 +5,9 @@ from typing import Any
 
 import click
 
+from femupdate.bars import Bars
 from femupdate.study import MAIN_POSTERIOR, Study
 
-from .bars import Bars
 from .common import (
     Answer,
     F,

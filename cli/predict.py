@@ -5,8 +5,8 @@ from typing import Any
 import click
 
 from femupdate import Study
+from femupdate.bars import Bars
 
-from .bars import Bars
 from .common import (
     Answer,
     channel_option,

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import click
 
+from femupdate.bars import Bars
 from femupdate.study import Study
 
-from .bars import Bars
 from .common import Answer, plain_options, study_options
 from .group import GroupedCommand
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
+from femupdate.bars import Bars
 from femupdate.study import Study, locked
 
-from .bars import Bars
 from .common import NEW_FILE, Answer, option, output_option, study_options
 from .group import GroupedCommand
 from .parameters import COLUMNS, INPUT_FILE

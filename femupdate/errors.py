@@ -2,79 +2,11 @@
 
 import difflib
 import re
-import shlex
 from collections.abc import Iterable
 from pathlib import PurePath
 from typing import Any
 
 _NOT_SHOWN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
-
-
-# The function of every command; those that take no study, and those named alone.
-_SAME = (
-    "calibrate compare demo diagnose identify inspect predict render repair simulate status train"
-)
-VERBS = {"report": "write_report", "build-model": "build_model", "list": "catalogue"}
-VERBS |= {"examples": "copy_examples", **{name: name for name in _SAME.split()}}
-_FREE, _ALONE = ("identify", "inspect", "list", "examples"), ("list", "status", "report", "train")
-_COMMAND = re.compile(rf"(`?)femupdate ({'|'.join(VERBS)})\b([^`\n;]*?)(\.?)(?:`|(?=[;\n]|$))")
-_PAIRS = r"(?:time_s|frequency_hz|(?:base|force|RF|\d+F)[\w/.:@-]*)=[^\s,;]+"
-_PAIRS += f"(?:,{_PAIRS})*"
-_OPTION = re.compile(
-    rf"--([a-z][a-z-]*)(?:[ =]({_PAIRS}|\"[^\"]*\"|[A-Z]{{4,}}|m/s2\S*|[\d.]*\d))?"
-)
-KEYWORDS = {"band": "band_hz", "rms": "rms_m_s2", "mode": "wanted", "member": "members"}
-_FLAGS = ("anyway", "exact", "fresh")
-
-
-def _value(text: str, key: str = "") -> str:
-    """A word, or the value of an option, as Python writes it."""
-    if key == "columns":
-        pairs = (pair.partition("=")[::2] for pair in text.split(","))
-        return "{" + ", ".join(f'"{ours}": "{theirs}"' for ours, theirs in pairs) + "}"
-    if key == "band":
-        return f"({text})"
-    # What the user is to put in, or a number.
-    return text if re.fullmatch(r"[A-Z]+|-?[\d.]+(e-?\d+)?", text) else f'"{text}"'
-
-
-def _keyword(key: str, text: str) -> str:
-    value = _value(text, key) if text else "True" * (key in _FLAGS)
-    return f"{KEYWORDS.get(key, key.replace('-', '_'))}={value}"
-
-
-def _call(found: re.Match[str]) -> str:
-    """A command as it is called."""
-    ticks, command, rest, end = found.groups()[:4]
-    words, given, named = shlex.split(rest), list[str](), dict[str, str]()
-    while words:
-        word = words.pop(0)
-        if word.startswith("--") and word[2:] != "record":
-            named[word[2:]] = words.pop(0) if words and word[2:] not in _FLAGS else ""
-        elif word[0] != "-":
-            given.append(_value(word))
-    study = _value(named.pop("study")) if "study" in named else "study"
-    if posterior := named.pop("posterior", ""):
-        study = f"femupdate.Study({study}, {_value(posterior)})"
-    listed = [study][command in _FREE :] + given + [_keyword(*pair) for pair in named.items()]
-    listed += [] if rest or command in _ALONE else ["..."]
-    return f"{ticks}femupdate.{VERBS[command]}({', '.join(listed)}){end}{ticks}"
-
-
-def in_python(text: str) -> str:
-    """A message in the words of Python: functions for commands, keywords for options."""
-
-    def option(found: re.Match[str]) -> str:
-        value = (found[2] or "").strip('"')
-        if found[1] == "posterior":
-            return "`Study(folder, posterior)`"
-        return f"`{_keyword(found[1], value.rstrip('.'))}`" + "." * value.endswith(".")
-
-    text = text.replace("; -v tells more", "")
-    text = re.sub(r"the (band|columns|force|unit) option", r"--\1", text)
-    text = _OPTION.sub(option, _COMMAND.sub(_call, text))
-    some = rf"(such as |, or )({_PAIRS})"
-    return re.sub(some, lambda found: found[1] + _value(found[2], "columns"), text)
 
 
 def brief(self: Any) -> str:

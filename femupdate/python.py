@@ -1,55 +1,25 @@
-"""The functions of `femupdate` for people: messages in Python's words, progress in sessions."""
+"""The functions of `femupdate` for people: studies note what was called, sessions see progress."""
 
 import functools
 import sys
 from collections.abc import Mapping
+from contextlib import nullcontext
 from inspect import signature
 from typing import Any
 
-from femupdate import errors, interface
+from femupdate import interface
+from femupdate.bars import Bars
 from femupdate.study import made_by
 
-
-class SessionBars:
-    """Progress as bars of a notebook or a prompt."""
-
-    def __init__(self) -> None:
-        self._bar: Any = None
-
-    def start(self, label: str, total: int) -> None:
-        """Begin a bar."""
-        from tqdm.auto import tqdm
-
-        self.close()
-        self._bar = tqdm(total=total, desc=label, leave=False)
-
-    def advance(self, count: int = 1, note: str = "") -> None:
-        """Move the bar."""
-        if self._bar is not None:
-            self._bar.set_postfix_str(note, refresh=False)
-            self._bar.update(min(count, self._bar.total - self._bar.n))
-
-    def say(self, text: str) -> None:
-        """Write a line above the bar."""
-        from tqdm.auto import tqdm
-
-        tqdm.write(errors.in_python(text))
-
-    def close(self) -> None:
-        """End the bar."""
-        if self._bar is not None:
-            self._bar.close()
-
-
-_COMMANDS = {verb: command for command, verb in errors.VERBS.items()} | {"reduce": "build-model"}
-_OPTIONS = {ours: option for option, ours in errors.KEYWORDS.items()}
+_COMMANDS = {"reduce": "build-model", "build_model": "build-model", "write_report": "report"}
+_OPTIONS = {"band_hz": "band", "rms_m_s2": "rms", "wanted": "mode", "members": "member"}
 _SAID = {"files": [], "spectrum_damping": ["--floor-spectra", "--spectrum-damping"]}
 _MANY = ("members", "wanted", "files")  # each has an option, or stands, by itself
 
 
 def words_of(name: str, given: Mapping[str, Any]) -> list[str]:
     """The command that does what a call does, for those who do it again."""
-    study, words = given["study"], [_COMMANDS[name]]
+    study, words = given["study"], [_COMMANDS.get(name, name)]
     for key, value in given.items():
         option = _SAID.get(key, ["--" + _OPTIONS.get(key, key).replace("_", "-")])
         if key in ("study", "building", "progress") or value is None or value is False:
@@ -72,17 +42,12 @@ def __getattr__(name: str) -> Any:
     def wrapper(*args: Any, **kwargs: Any) -> Any:
         # Someone waits: at a prompt, or in a notebook.
         waits = hasattr(sys, "ps1") or "ipykernel" in sys.modules
-        bars = SessionBars() if shows and waits and "progress" not in kwargs else None
         given = signature(verb).bind(*args, **kwargs).arguments
         given |= given.pop("settings", {})
-        try:
-            with made_by(words_of(name, given) if "study" in given else ()):
-                return verb(*args, **kwargs, **({"progress": bars} if bars else {}))
-        except errors.FemupdateError as error:
-            error.args = (errors.in_python(str(error)),)
-            raise
-        finally:
-            if bars is not None:
-                bars.close()
+        with (
+            made_by(words_of(name, given) if "study" in given else ()),
+            Bars() if shows and waits and "progress" not in kwargs else nullcontext() as bars,
+        ):
+            return verb(*args, **kwargs, **({"progress": bars} if bars else {}))
 
     return wrapper

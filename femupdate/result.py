@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from femupdate.errors import ReportError, in_python
+from femupdate.errors import ReportError
 from femupdate.tables import Table
 
 if TYPE_CHECKING:
@@ -91,9 +91,9 @@ class Result:
         cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
 
     def __repr__(self) -> str:
-        """What the terminal shows and tables, in the words of Python."""
+        """What the terminal shows, and tables."""
         shown = (item for item in self.items() if isinstance(item, Table) or not item.detail)
-        return in_python("\n".join(line for item in shown for line in item.lines()))
+        return "\n".join(line for item in shown for line in item.lines())
 
     def _repr_html_(self) -> str:
         """For notebooks."""
@@ -110,7 +110,7 @@ class Result:
                     body = "</tr><tr>".join(cells)
                     parts.append(f"<b>{escape(item.caption)}</b><table><tr>{body}</tr></table>")
             elif not item.detail:
-                text = "".join(f"<p>{escape(in_python(line))}</p>" for line in item.lines())
+                text = "".join(f"<p>{escape(line)}</p>" for line in item.lines())
                 parts.append(re.sub("`(.+?)`", r"<code>\1</code>", text))
         return "".join(parts)
 

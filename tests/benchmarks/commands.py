@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import click
-from femupdate.cli.bars import Bars
 from femupdate.cli.common import Answer, Failure, running
 from femupdate.cli.parameters import BUILDING_NAME, COLUMNS, INPUT_FILE, NAMES
+
+from femupdate.bars import Bars
 
 from .frame_coverage import BUILDING
 from .result import Job, Report

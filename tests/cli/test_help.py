@@ -13,8 +13,9 @@ from importlib.resources import files
 import click
 import pytest
 from click.testing import CliRunner
-from femupdate.cli import bars
 from femupdate.cli.main import group
+
+from femupdate import bars
 
 COMMANDS = group.list_commands(click.Context(group))
 WITH_EXAMPLES = [name for name in COMMANDS if name != "benchmark"]

@@ -13,12 +13,12 @@ _ALIKE = 10  # units of work and more are pieces alike; fewer are steps of any l
 
 
 class Bars:
-    """Progress on stderr: bars on a terminal; in a log a line for each step, and the time left."""
+    """Progress on stderr: bars where someone looks; in a log a line a step, and the time left."""
 
     def __init__(self) -> None:
         self._bar: Any = None
         self._log: _Log | None = None
-        self._on_terminal = sys.stderr.isatty()
+        self._watched = sys.stderr.isatty() or "ipykernel" in sys.modules  # of a notebook
         self._over = threading.Event()
 
     def __enter__(self) -> "Bars":
@@ -40,11 +40,11 @@ class Bars:
     def start(self, label: str, total: int) -> None:
         """Begin a bar."""
         self._finish()
-        if not self._on_terminal:
+        if not self._watched:
             click.echo(f"{label} ...", err=True)
             self._log = _Log(label, total)
             return
-        from tqdm import tqdm
+        from tqdm.auto import tqdm
 
         times = "{elapsed}<{remaining}" if total >= _ALIKE else "{elapsed}"
         self._bar = tqdm(
