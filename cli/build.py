@@ -104,8 +104,7 @@ def train(study: Study, bars: Bars, **asked: Any) -> Answer:
     It takes some minutes. A longer training, with more samples and epochs, reduces the number of
     responses that a calibration needs afterwards.
 
-    After an interruption the same command resumes. It does nothing where a trained surrogate (the
-    study's own or a shipped one) fits the building.
+    It does nothing where a trained surrogate (the study's own or a shipped one) fits the building.
 
     \b
     Examples:

@@ -22,7 +22,7 @@ _COMMANDS = {
         "build:build_model",
         "Build and reduce the model of a building, and draw its modes.",
     ),
-    "train": ("build:train", "Train the surrogate of a building; resumes where it stopped."),
+    "train": ("build:train", "Train the surrogate of a building."),
     "calibrate": (
         "observations:calibrate",
         "Draw the posterior of the stiffness factors from measured files.",

@@ -137,7 +137,7 @@ def train(
     progress: Progress = SILENT,
     **settings: Unpack[Training],
 ) -> "Trained":
-    """Train the surrogate of a study's building; resumes, and skips what is there already.
+    """Train the surrogate of a study's building, unless a fitting one is there.
 
     Args:
         samples: simulated responses to learn from.

@@ -478,10 +478,7 @@ _LOCK = ".lock"
 _OWNER = ".lock-owner.json"
 # Folders inside a study into which files are written.
 _WRITTEN = ("", "pictures", "tables")
-_INNER = (
-    *(f"{study}{inner}" for study in ("", "repaired/", "posteriors/*/") for inner in _WRITTEN),
-    "dataset/*",
-)
+_INNER = [f"{study}{inner}" for study in ("", "repaired/", "posteriors/*/") for inner in _WRITTEN]
 
 
 @contextlib.contextmanager

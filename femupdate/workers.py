@@ -4,7 +4,7 @@ import contextlib
 import ctypes
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextvars import ContextVar
 from functools import cache
@@ -33,8 +33,10 @@ def one_by_one() -> Iterator[None]:
         _ALONE.reset(token)
 
 
-def completed(task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[tuple[int, T]]:
-    """Do one thing with every argument; number and result of each as soon as it is done.
+def in_threads(
+    task: Callable[[A], T], arguments: Iterable[A], progress: Progress = SILENT
+) -> list[T]:
+    """The results of one thing done with every argument, each a step of the progress.
 
     The first that fails ends the rest; its error is raised.
 
@@ -42,8 +44,11 @@ def completed(task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[tuple[
         task: what to do; it changes nothing that others read.
     """
     if _ALONE.get():
-        yield from enumerate(map(task, arguments))
-        return
+        found = []
+        for argument in arguments:
+            found.append(task(argument))
+            progress.advance()
+        return found
     import torch
 
     threads = torch.get_num_threads()
@@ -53,13 +58,15 @@ def completed(task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[tuple[
             _libraries().limit(limits=1),
             ThreadPoolExecutor(processor_count(), initializer=_ALONE.set, initargs=(True,)) as pool,
         ):
-            places = {pool.submit(task, argument): k for k, argument in enumerate(arguments)}
+            pieces = [pool.submit(task, argument) for argument in arguments]
             try:
-                for future in as_completed(places):
-                    yield places[future], future.result()
+                for piece in as_completed(pieces):
+                    piece.result()
+                    progress.advance()
             finally:
-                for future in places:
-                    future.cancel()
+                for piece in pieces:
+                    piece.cancel()
+            return [piece.result() for piece in pieces]
     finally:
         torch.set_num_threads(threads)
         # The allocator of glibc keeps what threads have freed for threads to come: hundreds of MB
@@ -67,17 +74,6 @@ def completed(task: Callable[[A], T], arguments: Sequence[A]) -> Iterator[tuple[
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
         if trim is not None:
             trim(0)
-
-
-def in_threads(
-    task: Callable[[A], T], arguments: Iterable[A], progress: Progress = SILENT
-) -> list[T]:
-    """The results of `completed`, in the order of the arguments, each a step of the progress."""
-    found = {}
-    for number, result in completed(task, tuple(arguments)):
-        found[number] = result
-        progress.advance()
-    return [found[number] for number in range(len(found))]
 
 
 def processor_count() -> int:

@@ -59,7 +59,6 @@ def test_an_owner_who_left_no_name(tmp_path):
 def test_parts_of_killed_processes_are_removed(tmp_path):
     parts = [
         ".posterior-0a1b2c3d.part.nc",
-        "dataset/ab12-500/.0003-ffffffff.part.npz",
         "pictures/.modes-12345678.part.png",
     ]
     others = [".posterior.part.nc", "posterior-0a1b2c3d.part.nc", "notes/.x-12345678.part.txt"]

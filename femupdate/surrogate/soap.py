@@ -4,7 +4,7 @@ A regression accurate to four digits is badly conditioned. Adam, which scales ea
 separately, takes longer. Source: Vyas et al. 2024, arXiv:2409.11321, alg. 3.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import torch
@@ -48,18 +48,6 @@ class Soap:
         for number, group, weight in self._weights():
             if weight.grad is not None:
                 self._step(weight, weight.grad, group, self._state.setdefault(number, {}))
-
-    def state_dict(self) -> dict[int, dict[str, Tensor]]:
-        """What it remembers of each weight, by the weight's number in the groups."""
-        return {number: dict(state) for number, state in self._state.items()}
-
-    def load_state_dict(self, state: Mapping[int, Mapping[str, Tensor]]) -> None:
-        """Go on from what another one of the same groups remembered."""
-        devices = {number: weight.device for number, _, weight in self._weights()}
-        self._state = {
-            number: {name: value.to(devices[number], copy=True) for name, value in parts.items()}
-            for number, parts in state.items()
-        }
 
     def _weights(self) -> Iterator[tuple[int, dict[str, Any], Tensor]]:
         """Every weight with its number and its group."""

@@ -1,24 +1,19 @@
-"""Training of the MVAE: one cycle of learning rates, averaged weights, early stop, resume."""
+"""Training of the MVAE: one cycle of learning rates, averaged weights, early stop."""
 
 import copy
-import json
 import logging
 import math
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
 from torch import Tensor
 
 from femupdate.dynamics.system import System
 from femupdate.errors import SurrogateError
 from femupdate.progress import SILENT, Percent, Progress
 from femupdate.seeds import TRAINING, stream, torch_generator
-from femupdate.storage import write_bytes
 from femupdate.surrogate.dataset import ModalDataset
 from femupdate.surrogate.network import (
     EARLIEST_END,
@@ -33,13 +28,13 @@ from femupdate.surrogate.soap import Soap
 
 @dataclass
 class TrainingRun:
-    """The state of a training, which a checkpoint holds completely.
+    """The state of a training.
 
     Attributes:
         average: running average of their weights; the best one, once the training is over.
         best: state of the average at the lowest validation loss.
         best_epoch: epoch after which it was found.
-        seconds: spent so far, all runs together.
+        seconds: spent so far.
     """
 
     mvae: Mvae
@@ -61,88 +56,6 @@ class TrainingRun:
             "epochs": float(self.epoch),
             "seconds": self.seconds,
         }
-
-    @property
-    def numbers(self) -> dict[str, float]:
-        """Everything but the weights and what the optimiser remembers."""
-        return {name: getattr(self, name) for name in _NUMBERS}
-
-
-_NUMBERS = ("epoch", "step", "best_loss", "best_epoch", "seconds")
-
-
-def tensors_of(run: TrainingRun) -> dict[str, Tensor]:
-    """Weights and what the optimiser remembers, copied to the processor."""
-    tensors: dict[str, Tensor] = {}
-    for prefix, state in (
-        ("mvae", run.mvae.state_dict()),
-        ("average", run.average.state_dict()),
-        ("best", run.best),
-    ):
-        tensors |= {f"{prefix}/{name}": value for name, value in state.items()}
-    for index, state in run.optimizer.state_dict().items():
-        tensors |= {f"adam/{index}/{name}": value for name, value in state.items()}
-    return {name: value.to("cpu", copy=True).contiguous() for name, value in tensors.items()}
-
-
-def restore(run: TrainingRun, tensors: Mapping[str, Tensor], numbers: Mapping[str, float]) -> None:
-    """Put a training into the state that `tensors_of` and `numbers` gave."""
-    run.mvae.load_state_dict(_part(tensors, "mvae"))
-    run.average.load_state_dict(_part(tensors, "average"))
-    run.best = _part(tensors, "best")
-    adam: dict[int, dict[str, Tensor]] = {}
-    for name, value in _part(tensors, "adam").items():
-        index, key = name.split("/")
-        adam.setdefault(int(index), {})[key] = value
-    run.optimizer.load_state_dict(adam)
-    for name, number in numbers.items():
-        setattr(run, name, number)
-
-
-def save_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
-    """Write a training, atomically.
-
-    Args:
-        fingerprint: settings that a training must share to resume from it.
-    """
-    metadata = {"numbers": json.dumps(run.numbers), "fingerprint": fingerprint}
-    write_bytes(path, save(tensors_of(run), metadata=metadata))
-
-
-def load_checkpoint(run: TrainingRun, path: Path, fingerprint: str) -> None:
-    """Restore the state of a checkpoint into a training that was just set up.
-
-    Raises:
-        SurrogateError: the file cannot be read, or is of a training with other settings or data.
-    """
-    try:
-        with safe_open(path, framework="pt") as file:
-            metadata = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as error:
-        raise SurrogateError(
-            f"the checkpoint {path} cannot be read ({error}); delete it to train from the start"
-        ) from error
-    if metadata.get("fingerprint") != fingerprint:
-        raise SurrogateError(
-            f"the checkpoint {path} belongs to a training with other settings; delete it to train "
-            "from the start"
-        )
-    state = _part(tensors, "mvae")
-    for name, now in run.mvae.named_buffers():
-        # Prior box, mean and scale of the data. The order of summation may differ between runs, so
-        # rounding may differ.
-        if not torch.allclose(state[name], now.cpu(), rtol=1e-4, atol=1e-4):
-            raise SurrogateError(
-                f"the checkpoint {path} belongs to a training on other data; delete it to train "
-                "from the start"
-            )
-    restore(run, tensors, json.loads(metadata["numbers"]))
-
-
-def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    start = len(prefix) + 1
-    return {k[start:]: v for k, v in tensors.items() if k.startswith(prefix + "/")}
 
 
 # Rows whose noise is generated at a time, so that they stay in the cache.
@@ -275,63 +188,24 @@ class _Samples:
 
 
 def train_mvae(
-    task: TrainingTask,
-    settings: TrainingSettings,
-    checkpoint: Path | None = None,
-    progress: Progress = SILENT,
+    task: TrainingTask, settings: TrainingSettings, progress: Progress = SILENT
 ) -> TrainingRun:
-    """Train from scratch, or from where a checkpoint was left.
+    """Train epoch by epoch until nothing more is gained.
 
-    Every epoch's random numbers come from the seed and the epoch's number, so a resumed training
-    gives the same weights as an uninterrupted one.
+    Every epoch's random numbers come from the seed and the epoch's number.
 
     Raises:
-        SurrogateError: too few samples, the checkpoint is of another training, or the training
-            diverged.
-        StudyError: the checkpoint cannot be written.
+        SurrogateError: too few samples, or the training diverged.
     """
-    check_samples(len(task.dataset), settings)
-    run = _start(task, settings)
-    fingerprint = json.dumps(
-        [asdict(settings), asdict(task.sizes), len(task.dataset)], sort_keys=True
-    )
-    if checkpoint is not None and checkpoint.exists():
-        load_checkpoint(run, checkpoint, fingerprint)
-    for _ in _epochs(run, task, settings, progress):
-        if checkpoint is not None:
-            save_checkpoint(run, checkpoint, fingerprint)
-    run.average.load_state_dict(run.best)
-    run.average.to("cpu").eval()
-    return run
-
-
-def check_samples(samples: int, settings: TrainingSettings) -> None:
-    """Make sure that the samples not held out fill a batch."""
-    if samples - _held_out(settings, samples) < settings.batch:
-        raise SurrogateError(
-            f"{samples} samples are too few for batches of {settings.batch}; ask for more samples "
-            "or smaller batches"
-        )
-
-
-def _held_out(settings: TrainingSettings, count: int) -> int:
-    return max(1, round(settings.validation * count))
-
-
-def _epochs(
-    run: TrainingRun,
-    task: TrainingTask,
-    settings: TrainingSettings,
-    progress: Progress,
-) -> Iterator[None]:
-    """Train epoch by epoch until nothing more is gained; yield after each."""
     count = len(task.dataset)
+    check_samples(count, settings)
+    run = _start(task, settings)
     order = torch.randperm(count, generator=_generator(settings.seed, 0))
     held_out = _held_out(settings, count)
     # The damping of the held-out samples is drawn once, so that losses of epochs are comparable.
     validation = _draw_samples(task, settings, 0, order[:held_out])
     training: _Samples | None = None
-    validation_loss = run.best_loss if run.epoch else math.nan
+    validation_loss = math.nan
     progress.start("Training the surrogate", 100 * settings.epochs)
     shown = Percent(progress)
     while run.epoch < settings.epochs and run.epoch - run.best_epoch < settings.patience:
@@ -360,7 +234,22 @@ def _epochs(
             run.best_loss, run.best_epoch = validation_loss, run.epoch
             run.best = {name: value.clone() for name, value in run.average.state_dict().items()}
         logger.info("epoch %d: validation loss %.3f", run.epoch, validation_loss)
-        yield
+    run.average.load_state_dict(run.best)
+    run.average.to("cpu").eval()
+    return run
+
+
+def check_samples(samples: int, settings: TrainingSettings) -> None:
+    """Make sure that the samples not held out fill a batch."""
+    if samples - _held_out(settings, samples) < settings.batch:
+        raise SurrogateError(
+            f"{samples} samples are too few for batches of {settings.batch}; ask for more samples "
+            "or smaller batches"
+        )
+
+
+def _held_out(settings: TrainingSettings, count: int) -> int:
+    return max(1, round(settings.validation * count))
 
 
 def draw_visibility(

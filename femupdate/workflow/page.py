@@ -247,7 +247,7 @@ def _summary(page: PageStudy, view: Picture) -> Iterator[Block]:
     yield from map(Note, lacking(page.study))
     warned = [] if page.calibration is None else [*page.calibration.posterior.warnings]
     warned += () if page.prediction is None else page.prediction.warnings
-    yield Notes((*dict.fromkeys(warned), *page.status.unfinished), warning=True)
+    yield Notes(tuple(dict.fromkeys(warned)), warning=True)
     if page.calibration is not None:
         yield Note(
             "All figures hold for motion like that measured, in which the building responds "

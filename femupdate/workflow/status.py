@@ -62,7 +62,6 @@ class StatusReport(Result):
     Attributes:
         building: name and title; None where there is none yet.
         holds: things, in the order in which they were made.
-        unfinished: computations that can be resumed, in sentences.
         stale: sentences on what no longer holds, with the command that makes it again.
         first: lines that `calibrate`, the page and this begin with.
         warnings: what the posterior says of itself.
@@ -73,7 +72,6 @@ class StatusReport(Result):
     folder: Path
     building: str | None
     holds: tuple[Holding, ...]
-    unfinished: tuple[str, ...]
     stale: tuple[str, ...]
     first: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -92,7 +90,7 @@ class StatusReport(Result):
                 "study": self.folder,
                 "building": self.building,
                 "items": [asdict(thing) for thing in self.holds],
-                "unfinished": self.unfinished,
+                "unfinished": (),  # what is half done is made anew
                 "stale": self.stale,
                 "first": self.first,
                 "warnings": self.warnings,
@@ -111,7 +109,7 @@ class StatusReport(Result):
                 for thing, state in zip(self.holds, states, strict=True)
             ]
             yield Table.of(("holds", "state".ljust(width), "made (UTC)"), rows)
-        yield Notes((*self.unfinished, *self.warnings))
+        yield Notes(self.warnings)
         yield from (Note(f"  also a study: {folder}") for folder in self.studies)
         yield Note("Next" if self.next else "Everything is current, and the page is written.")
         yield from (Note(f"  {command}\n      {reason}") for command, reason in self.next)
@@ -131,8 +129,6 @@ def study_status(study: Study) -> StatusReport:
     made = sorted(artefacts.items(), key=lambda pair: pair[1].created)
     holds = tuple(_holding(study, building, artefacts, *pair) for pair in made)
     kept = study.summary() if study.key("posterior") in artefacts else {}
-    interrupted = "surrogate" not in artefacts and study.path("dataset").exists()
-    goes_on = "A training was interrupted; `femupdate train` goes on where it stopped."
     studies = tuple(path.parent for path in sorted(study.folder.glob("*/study.json")))
     stale, again = list[str](), dict[str, str]()
     for item in holds:
@@ -155,7 +151,6 @@ def study_status(study: Study) -> StatusReport:
         folder=study.folder,
         building=name,
         holds=holds,
-        unfinished=(goes_on,) if interrupted else (),
         stale=tuple(stale),
         first=(*kept.get("first", ()), *lacking(study)),
         warnings=tuple(

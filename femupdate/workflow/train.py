@@ -1,6 +1,5 @@
 """train: the data set and the MVAE of a study's building."""
 
-import shutil
 import time
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -31,7 +30,6 @@ from femupdate.workflow.effects import with_finer_mesh
 from femupdate.workflow.likelihoods import unserved
 from femupdate.workflow.model import StudyModel, choose_building
 
-_CHECKPOINT = "training.safetensors"
 _MODES_KEPT = 28
 
 
@@ -100,10 +98,8 @@ def train_study(
 ) -> Trained:
     """Make the data set and train; skipped when a fitting surrogate is there.
 
-    Killed half-way, the next call goes on from the last shard of the data set or the last epoch.
-
     Raises:
-        SurrogateError: too few samples, or a checkpoint of another training is in the way.
+        SurrogateError: too few samples.
     """
     found = None if fresh else find_surrogate(study, model.building)
     if found is not None:
@@ -112,14 +108,9 @@ def train_study(
     check_samples(samples, settings)
     model = with_finer_mesh(study, model, progress)
     started = time.monotonic()
-    # Shards of another building, plan or reduction are never mixed in: the folder's name says.
-    name = f"{model.hash[:12]}-{samples}-{model.system.model.size}-{settings.seed}"
-    folder = study.path("dataset", name)
-    progress.start("Solving modes of parameter samples", samples)
     dataset = compute_dataset(
         model.system,
         model.prior,
-        folder,
         samples=samples,
         modes=_MODES_KEPT,
         top_hz=float(model.frequency_hz[-1]),
@@ -127,8 +118,7 @@ def train_study(
         progress=progress,
     )
     between = time.monotonic()
-    checkpoint = study.path(_CHECKPOINT)
-    result = train_mvae(training_task(model, dataset, device), settings, checkpoint, progress)
+    result = train_mvae(training_task(model, dataset, device), settings, progress)
     how = {
         "samples": samples,
         "modes": _MODES_KEPT,
@@ -145,9 +135,6 @@ def train_study(
     )
     surrogate = Surrogate(result.average, info)
     study.keep(TRAINED, model.made_from(), surrogate)
-    checkpoint.unlink(missing_ok=True)
-    # What other trainings left here, killed and then abandoned, goes as well.
-    shutil.rmtree(folder.parent, ignore_errors=True)
     seconds = between - started, time.monotonic() - between
     return _told(surrogate, study.path(TRAINED.file), study.folder, seconds)
 

@@ -1,7 +1,5 @@
 """A two-story building small enough to train networks for in seconds."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
@@ -50,21 +48,10 @@ def prior():
 
 
 @pytest.fixture(scope="session")
-def make_task(model, prior, tmp_path_factory):
-    def make(samples=2000, seed=1):
-        folder = tmp_path_factory.mktemp("shards")
-        dataset = compute_dataset(
-            model, prior, folder, samples=samples, modes=2, top_hz=12.8, seed=seed
-        )
-        frequency = torch.from_numpy(FREQUENCY).float()
-        return TrainingTask(dataset, frequency, model, (0.02, 0.05), prior, SIZES)
-
-    return make
-
-
-@pytest.fixture(scope="session")
-def task(make_task):
-    return make_task()
+def task(model, prior):
+    dataset = compute_dataset(model, prior, samples=2000, modes=2, top_hz=12.8, seed=1)
+    frequency = torch.from_numpy(FREQUENCY).float()
+    return TrainingTask(dataset, frequency, model, (0.02, 0.05), prior, SIZES)
 
 
 @pytest.fixture(scope="session")
@@ -78,12 +65,6 @@ def settings():
         points=32,
         proposal_rows=100,
     )
-
-
-@pytest.fixture(scope="session")
-def quick(settings):
-    """The fewest epochs that still show everything: damping drawn anew, checkpoints."""
-    return replace(settings, epochs=4, batch=500)
 
 
 @pytest.fixture(scope="session")

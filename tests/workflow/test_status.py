@@ -105,14 +105,12 @@ def test_a_page_is_asked_for_until_it_is_written(look):
     )
 
 
-def test_interrupted_work_and_inner_studies_are_named(look):
+def test_inner_studies_are_named(look):
     study, _ = look
-    write_text(study.path("dataset", "0000.npz"), "half")
     inner = Study(study.path("repaired"))
     write_text(inner.path("note"), "any")
     inner.record("note", "note", "repair", {})
     report = study_status(study)
-    assert "goes on where it stopped" in report.unfinished[0]
     assert report.studies == (inner.folder,)
     # What was repaired predicts, not what was found wrong.
     assert f"--study {inner.folder}" in report.next[0][0]
