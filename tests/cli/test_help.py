@@ -1,8 +1,8 @@
 """Help that can be followed: headings, examples that parse, files that exist; time left; shells."""
 
 import io
-import itertools
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 from femupdate.cli.main import group
 
-from femupdate import bars
+from femupdate.bars import Bars
 
 COMMANDS = group.list_commands(click.Context(group))
 WITH_EXAMPLES = [name for name in COMMANDS if name != "benchmark"]
@@ -47,32 +47,27 @@ def test_options_have_headings_in_the_order_of_the_work():
     assert written < text.index("\n  --name")
 
 
-def test_a_log_tells_the_time_that_is_left(monkeypatch):
-    clock = iter([0.0, 1.0, 30.0, 40.0, 61.0, 100.0])
-    monkeypatch.setattr(bars.time, "monotonic", lambda: next(clock))
+@pytest.mark.parametrize(
+    ("total", "done", "told"),
+    [
+        (100, 25, r"  Working: 25 %, \d\d:\d\d left, at it"),
+        (4, 1, r"  Working: 1 of 4 steps, \d\d:\d\d so far, at it"),
+        (1, 0, r"  Working: \d\d:\d\d so far"),
+    ],
+)
+def test_a_log_tells_again_and_again_how_far_a_step_is(total, done, told):
     log = io.StringIO()
-    with redirect_stderr(log):
-        work = bars._Log("Sampling", 10)
-        for _ in range(5):
-            work.advance(1, "")
-    assert log.getvalue().splitlines() == [
-        "  Sampling: 20 %, about 2 min left",
-        "  Sampling: 40 %, about 2 min left",
-        "  Sampling: 50 %, about 2 min left",
-    ]
-
-
-def test_a_step_that_says_nothing_tells_how_long_it_takes(monkeypatch):
-    ticks = itertools.count(0.0, 25.0)
-    monkeypatch.setattr(bars.time, "monotonic", lambda: next(ticks))
-    log = io.StringIO()
-    with redirect_stderr(log), bars.Bars() as shown:
-        shown.start("Thinking", 1)
-        for _ in range(100):  # every second a thread looks; on a busy machine later
-            time.sleep(0.1)
-            if "so far" in log.getvalue():
+    with redirect_stderr(log), Bars(every=0.1) as shown:
+        shown.start("Working", total)
+        shown.advance(done, "at it" * bool(done))
+        for _ in range(100):  # on a busy machine the thread that looks comes later
+            time.sleep(0.05)
+            if log.getvalue().count("\n") > 3:
                 break
-    assert log.getvalue().splitlines()[:2] == ["Thinking ...", "  Thinking: about 25 s so far"]
+    first, *lines = log.getvalue().splitlines()
+    assert first == "Working ..."
+    assert len(lines) > 2
+    assert all(re.fullmatch(told, line) for line in lines), lines
 
 
 def test_a_shell_completes_commands_and_options():
