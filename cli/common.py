@@ -149,8 +149,7 @@ def study_options(
             with ExitStack() as stack:
                 if writes:
                     study.check_writable()
-                    what = click.get_current_context().info_name or "command"
-                    stack.enter_context(locked(study.folder, what))
+                    stack.enter_context(locked(study.folder))
                 bars = SILENT if asked_for("quiet") else stack.enter_context(Bars())
                 answer = function(*args, study=study, bars=bars, **kwargs)
                 study = Study(study.folder, kwargs.get("name", study.posterior))

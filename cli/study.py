@@ -96,5 +96,5 @@ def report(study: Study, output: Path | None, bars: Bars, **more: Any) -> Answer
 
     if output is None:
         study.check_writable()
-    with nullcontext() if output else locked(study.folder, "report"):
+    with nullcontext() if output else locked(study.folder):
         return Answer(write_report(study, output, progress=bars, **more))

@@ -1,4 +1,4 @@
-"""The study folder: what is where, what it was made from, and who is writing into it."""
+"""The study folder: what is where, what it was made from, and one writer at a time."""
 
 import contextlib
 import hashlib
@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shlex
-import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -475,14 +474,13 @@ def timed(columns: Mapping[str, str] | None, rate: float | None) -> Mapping[str,
 
 
 _LOCK = ".lock"
-_OWNER = ".lock-owner.json"
 # Folders inside a study into which files are written.
 _WRITTEN = ("", "pictures", "tables")
 _INNER = [f"{study}{inner}" for study in ("", "repaired/", "posteriors/*/") for inner in _WRITTEN]
 
 
 @contextlib.contextmanager
-def locked(folder: Path, what: str) -> Iterator[None]:
+def locked(folder: Path) -> Iterator[None]:
     """Hold a study for this process; the system frees it whenever and however the process ends.
 
     What killed processes have left of unfinished files is removed first. Folders that were made
@@ -490,10 +488,9 @@ def locked(folder: Path, what: str) -> Iterator[None]:
 
     Args:
         folder: of the study, made where it is missing.
-        what: is being done, such as "calibrate", for the message to others.
 
     Raises:
-        StudyError: another process holds it, which is named; or the folder cannot be written.
+        StudyError: another process holds it, or the folder cannot be written.
     """
     from filelock import FileLock, Timeout
 
@@ -503,37 +500,20 @@ def locked(folder: Path, what: str) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire(blocking=False)
     except Timeout:
-        try:
-            other = json.loads((folder / _OWNER).read_text(encoding="utf-8"))
-            who = (
-                f"`femupdate {other['command']}` (process {other['process']} on"
-                f" {other['machine']}, since {other['since']})"
-            )
-        except (OSError, ValueError, KeyError, TypeError):
-            who = "another process"
         raise StudyError(
-            f"{who} is writing into the study {folder}; wait until it has ended, or choose another "
-            "folder with --study"
+            f"another process is writing into the study {folder}; wait until it has ended, or "
+            "choose another folder with --study"
         ) from None
     except OSError as error:
         raise StudyError(write_failure(folder / _LOCK, error)) from error
     try:
-        owner = {
-            "command": what,
-            "process": os.getpid(),
-            "machine": socket.gethostname(),
-            "since": datetime.now(UTC).isoformat(timespec="seconds"),
-        }
-        with contextlib.suppress(OSError):  # a courtesy: the lock is held without it
-            (folder / _OWNER).write_text(json.dumps(owner) + "\n", encoding="utf-8")
         for inner in _INNER:
             for place in folder.glob(inner) if inner else (folder,):
                 remove_parts(place)
         yield
     finally:
-        for name in (_OWNER, _LOCK):
-            with contextlib.suppress(OSError):
-                (folder / name).unlink()
+        with contextlib.suppress(OSError):
+            (folder / _LOCK).unlink()
         lock.release()
         with contextlib.suppress(OSError):
             for path in made:

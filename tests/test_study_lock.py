@@ -1,6 +1,5 @@
 """One process at a time writes into a study."""
 
-import json
 import signal
 import subprocess
 import sys
@@ -14,7 +13,7 @@ HOLD = """\
 import sys, time
 from pathlib import Path
 from femupdate.study import locked
-with locked(Path(sys.argv[1]), "calibrate"):
+with locked(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(600)
 """
@@ -30,13 +29,10 @@ def holder(tmp_path):
         process.kill()
 
 
-def test_another_process_is_named(holder, tmp_path):
-    wanted = rf"`femupdate calibrate` \(process {holder.pid} on .*since 20.*\) is writing into the"
-    with pytest.raises(StudyError, match=wanted), locked(tmp_path / "study", "predict"):
+def test_another_process_waits(holder, tmp_path):
+    wanted = "^another process is writing into the study"
+    with pytest.raises(StudyError, match=wanted), locked(tmp_path / "study"):
         pass
-    assert json.loads((tmp_path / "study" / ".lock-owner.json").read_text())["process"] == (
-        holder.pid
-    )
 
 
 @pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM"])
@@ -44,16 +40,9 @@ def test_a_lock_dies_with_its_owner(holder, tmp_path, name):
     holder.send_signal(getattr(signal, name))
     holder.wait()
     assert (tmp_path / "study" / ".lock").exists()  # what is left of it holds nobody up
-    with locked(tmp_path / "study", "predict"):
+    with locked(tmp_path / "study"):
         pass
     assert not (tmp_path / "study").exists() or not list((tmp_path / "study").iterdir())
-
-
-def test_an_owner_who_left_no_name(tmp_path):
-    with locked(tmp_path, "calibrate"):
-        (tmp_path / ".lock-owner.json").write_text("{")
-        with pytest.raises(StudyError, match=r"^another process is"), locked(tmp_path, "predict"):
-            pass
 
 
 def test_parts_of_killed_processes_are_removed(tmp_path):
@@ -65,7 +54,7 @@ def test_parts_of_killed_processes_are_removed(tmp_path):
     for name in (*parts, *others):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("half")
-    with locked(tmp_path, "calibrate"):
+    with locked(tmp_path):
         pass
     assert not any((tmp_path / name).exists() for name in parts)
     assert all((tmp_path / name).exists() for name in others)
@@ -75,6 +64,6 @@ def test_a_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
     with (
         pytest.raises(StudyError, match=r"cannot write .*check the folder"),
-        locked(tmp_path / "file" / "study", "calibrate"),
+        locked(tmp_path / "file" / "study"),
     ):
         pass

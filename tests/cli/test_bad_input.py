@@ -324,7 +324,7 @@ def test_a_full_disk_leaves_every_file_as_it_was(bench, calibrated, monkeypatch,
 
 def test_a_study_that_another_process_writes_into(bench, calibrated):
     before = snapshot(calibrated)
-    with locked(calibrated, "train"):
+    with locked(calibrated):
         done = femupdate(*commands(bench, calibrated)["calibrate"], "--study", calibrated)
         assert f"`femupdate train` (process {os.getpid()} on" in done.complaint
     assert done.progress == []
