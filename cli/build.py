@@ -13,7 +13,6 @@ from .common import (
     Answer,
     building_option,
     check_free,
-    device_option,
     flag,
     option,
     overwrite_option,
@@ -96,7 +95,7 @@ def build_model(
 )
 @option("--batch", "Samples in one step of the training.", click.IntRange(8), 512)
 @flag("--fresh", "Train even where a fitting surrogate exists.")
-@device_option
+@option("--device", "Device for torch: cpu, cuda, ...", default="cpu")
 @study_options(draws=False)
 def train(study: Study, bars: Bars, **asked: Any) -> Answer:
     """Train the surrogate of the study's building.

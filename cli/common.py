@@ -85,7 +85,6 @@ NEW_FILE = click.Path(dir_okay=False, path_type=Path)
 
 building_option = option("--building", "Shipped name or TOML file, for a new study.", BUILDING_NAME)
 observations_argument = click.argument("observations", type=INPUT_FILE, nargs=-1, required=True)
-device_option = option("--device", "Device for torch: cpu, cuda, ...", default="cpu")
 unit_option = option("--unit", "Unit of the accelerations, where the file gives none.")
 channel_option = option("--channel", "Channel of the record, by name or number.", CHANNEL)
 scale_option = option("--scale", "Factor on the record.", float, 1.0)

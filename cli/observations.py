@@ -12,7 +12,6 @@ from .common import (
     Answer,
     F,
     building_option,
-    device_option,
     flag,
     observations_argument,
     option,
@@ -38,7 +37,6 @@ from .parameters import INPUT_FILE
 @option(
     "--name", "Name of the posterior; a study keeps any number of them.", default=MAIN_POSTERIOR
 )
-@device_option
 @flag("--anyway", "Keep a posterior even where the file is unlike the building.")
 @reading_options
 @study_options()

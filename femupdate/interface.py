@@ -57,7 +57,6 @@ class Sampling(Reading, total=False):
     particles: Annotated[int, Ge(200)]
     chains: Annotated[int, Ge(1)]
     seed: int
-    device: str
     anyway: bool
 
 
@@ -148,8 +147,12 @@ def train(
         SurrogateError: too few samples, or no surrogate serves the building.
         StudyError: the study has no building and none is named.
     """
-    from femupdate.workflow.calibrate import check_device
-    from femupdate.workflow.train import check_training, default_settings, train_study
+    from femupdate.workflow.train import (
+        check_device,
+        check_training,
+        default_settings,
+        train_study,
+    )
 
     opened, name, (_, rest) = study_of(study), _name(building), _parted(settings, Training)
     check_device(device)

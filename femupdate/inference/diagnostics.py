@@ -30,8 +30,8 @@ def separate_modes(x: Tensor) -> Tensor:
     Args:
         x: in coordinates of comparable size, float64.
     """
-    generator = torch_generator(0, x.device)
-    some = x[torch.randperm(len(x), generator=generator, device=x.device)[:4000]]
+    generator = torch_generator(0)
+    some = x[torch.randperm(len(x), generator=generator)[:4000]]
     distinct = len(torch.unique(some[:, 0]))
     components = max(1, min(8, distinct // (10 * (x.shape[1] + 1))))
     # Of few draws one fit may join two modes.
@@ -40,7 +40,7 @@ def separate_modes(x: Tensor) -> Tensor:
         for _ in range(1 if len(some) > 1000 else 6)
     ]
     mixture = max(fits, key=lambda fit: float(fit.log_density(some).mean()))
-    group = torch.tensor(_joined(mixture), device=x.device)
+    group = torch.tensor(_joined(mixture))
     return _numbered(x, _seen_apart(x, group[mixture.component_log_density(x).argmax(dim=1)]))
 
 
@@ -79,7 +79,7 @@ def _dips(first: Tensor, second: Tensor) -> bool:
     low, high = first @ direction, second @ direction
     width = 0.3 * min(float(low.std()), float(high.std())) + 1e-12
     ends = (float(low.mean()), float(high.mean()))
-    places = torch.linspace(*ends, _PLACES, dtype=low.dtype, device=low.device)
+    places = torch.linspace(*ends, _PLACES, dtype=low.dtype)
     offset = (places[:, None] - torch.cat([low, high])) / width
     density = torch.exp(-0.5 * offset.square()).mean(1)
     least = int(density.argmin())

@@ -90,11 +90,9 @@ def systematic_rows(weight: Tensor, generator: torch.Generator, count: int | Non
     count w_i times on average; weight zero never comes.
     """
     count = count or len(weight)
-    uniform = torch.rand(1, generator=generator, dtype=weight.dtype, device=weight.device)
+    uniform = torch.rand(1, generator=generator, dtype=weight.dtype)
     # Points in (0, 1] and edges that end at exactly 1: rounding cannot reach a row of weight zero.
-    points = (
-        torch.arange(1, count + 1, dtype=weight.dtype, device=weight.device) - uniform
-    ) / count
+    points = (torch.arange(1, count + 1, dtype=weight.dtype) - uniform) / count
     edges = weight.cumsum(0)
     return torch.searchsorted(edges / edges[-1], points)
 
@@ -164,7 +162,6 @@ class Mixture:
             size + self.freedom,
             generator=generator,
             dtype=self.mean.dtype,
-            device=self.mean.device,
         )
         offset = (self.cholesky[component] @ normal[:, :size, None])[..., 0]
         if self.freedom:
@@ -208,7 +205,7 @@ def fit_mixture(
         return features @ torch.cat([constant[:, None], linear, -0.5 * precision.flatten(1)], 1).T
 
     # Each seed is drawn with odds that go with its squared distance from those before.
-    seeds = [int(torch.randint(len(x), (1,), generator=generator, device=x.device))]
+    seeds = [int(torch.randint(len(x), (1,), generator=generator))]
     nearest = ((standard - standard[seeds[0]]) ** 2).sum(1)
     for _ in range(components - 1):
         seeds.append(int(torch.multinomial(nearest + 1e-12, 1, generator=generator)))
@@ -313,11 +310,11 @@ class WeightedDraws:
         Systematic, in the order of the first coordinate: the shares of well separated modes are
         kept to one draw. Fewer than the effective size repeat few draws.
         """
-        generator = torch_generator(seed, self.points.device)
+        generator = torch_generator(seed)
         order = self.points[:, 0].argsort()
         weight = torch.softmax(self.log_weight[order], dim=0)
         rows = order[systematic_rows(weight, generator, count)]
-        rows = rows[torch.randperm(count, generator=generator, device=rows.device)]
+        rows = rows[torch.randperm(count, generator=generator)]
         return SamplerRun(
             theta=self.points[rows],
             log_likelihood=self.log_likelihood[rows],
@@ -375,7 +372,7 @@ def importance_sample(
     Raises:
         InferenceError: no draw has a finite likelihood.
     """
-    generator = torch_generator(seed, proposal.mean.device)
+    generator = torch_generator(seed)
     first, solutions = proposal, len(proposal.mean) if apart else 1
     size = max(least_round, 100 * prior.size * min(4, solutions))
     proposals: list[Mixture] = []
@@ -439,7 +436,7 @@ def draws_about_particles(
     """
     fitting, drawing = spawn(seed, 2)
     xi = prior.to_normal(particles).clamp(-EDGE, EDGE)
-    proposal = students_of(xi, torch_generator(fitting, xi.device))
+    proposal = students_of(xi, torch_generator(fitting))
     return importance_sample(
         prior, log_likelihood, proposal, count, drawing, least_round=len(particles), apart=False
     )

@@ -141,7 +141,6 @@ class LatentLikelihood:
         system: the building's reduced model, with its effects if it lists any, of which some
             hundreds of responses are asked.
         observation: on the surrogate's frequency grid.
-        device: where to evaluate; the search before it, of few points, is on the processor.
         least_noise: standard deviation of ln|H| below which the file's noise is not believed:
             idealisation errs as well; default that of the surrogate's training.
         learning: of the error of the model; None where the noise as stated is all there is.
@@ -165,7 +164,6 @@ class LatentLikelihood:
         system: System,
         observation: Observation,
         *,
-        device: torch.device | str = "cpu",
         least_noise: float | None = None,
         learning: Learning | None = None,
     ) -> None:
@@ -206,18 +204,17 @@ class LatentLikelihood:
         # theta says where z is, but for the coordinate of the damping.
         sizes = mvae.sizes
         spread = torch.diag(torch.arange(sizes.coordinates) >= sizes.parameters)
-        self._quadratics = latent_quadratics(self.found, spread, device)
-        self._mvae = mvae.to(device)
+        self._quadratics = latent_quadratics(self.found, spread)
+        self._mvae = mvae
 
     def __call__(self, theta: Tensor) -> Tensor:
-        """Log likelihood (n,), float32, of theta (n, p), on the device of theta."""
+        """Log likelihood (n,), float32, of theta (n, p)."""
         known = theta.to(self._mvae.lower)
-        # On a CPU in parts that stay in its cache, so that memory does not grow with the particles.
-        parts = known.split(4096 if known.device.type == "cpu" else len(known))
+        # In parts that stay in the cache, so that memory does not grow with the particles.
+        parts = known.split(4096)
         free = self._mvae.sizes.coordinates - known.shape[1]
         places = (pad(self._mvae.encode_parameters(rows), (0, free)) for rows in parts)
-        values = torch.cat([self._quadratics(rows) for rows in places])
-        return values.to(theta.device)
+        return torch.cat([self._quadratics(rows) for rows in places])
 
     @torch.no_grad()
     def solutions(self) -> Tensor:

@@ -64,9 +64,7 @@ class FoundLatent:
         return self.information + torch.eye(self.mean.shape[1]).to(self.information)
 
 
-def latent_quadratics(
-    observed: FoundLatent, covariance: Tensor, device: torch.device | str = "cpu"
-) -> Callable[[Tensor], Tensor]:
+def latent_quadratics(observed: FoundLatent, covariance: Tensor) -> Callable[[Tensor], Tensor]:
     """ln of the integral of q(z|x) q(z|theta) / p(z) over z, p(z) the standard normal, by means.
 
     q(z|theta) is N(m, D) with one D for all theta. With d = m - m_c and F_c the
@@ -94,7 +92,7 @@ def latent_quadratics(
         + 0.5 * torch.einsum("ci,cij,cj->c", mean, narrow, mean)
     )
     tilt = torch.linalg.solve(mixed, mean[:, :, None])
-    kept = (part.float().to(device) for part in (mean, root.transpose(1, 2), tilt, level))
+    kept = (part.float() for part in (mean, root.transpose(1, 2), tilt, level))
     middles, roots, slopes, levels = kept
 
     def log_likelihood(mean_theta: Tensor) -> Tensor:

@@ -108,7 +108,6 @@ class Parameters:
     __repr__ = brief
 
     entries: tuple[Parameter, ...]
-    device: torch.device | str = "cpu"
 
     @staticmethod
     def uniform(
@@ -155,10 +154,6 @@ class Parameters:
         """Those of some kinds."""
         return replace(self, entries=tuple(self.entries[k] for k in self.columns(*kinds)))
 
-    def to(self, device: torch.device | str) -> "Parameters":
-        """The same on another device."""
-        return replace(self, device=device)
-
     def split(self, values: Tensor) -> Values:
         """Parameters (n, p) by their kinds."""
         zeta = values[:, self.columns("damping")].flatten()
@@ -166,10 +161,9 @@ class Parameters:
 
     def sample(self, count: int, generator: torch.Generator) -> Tensor:
         """Draw (count, p) from the prior."""
-        unit = torch.rand(
-            count, self.size, generator=generator, dtype=torch.float64, device=self.device
+        return self.from_unit(
+            torch.rand(count, self.size, generator=generator, dtype=torch.float64)
         )
-        return self.from_unit(unit)
 
     def from_unit(self, unit: Tensor) -> Tensor:
         """Map the unit cube (n, d) to the parameters (n, p), evenly in probability."""
@@ -182,7 +176,7 @@ class Parameters:
             scaled = torch.special.ndtri(share.clamp(1e-300, 1.0 - 1e-16))
             inside = self.centres + self.scales * scaled
             inside = inside.clamp(lower[self._normal], upper[self._normal])
-            free = free.index_copy(-1, torch.tensor(self._normal, device=self.device), inside)
+            free = free.index_copy(-1, torch.tensor(self._normal), inside)
         if self.size == len(self.entries):
             return free
         values = self.lower.expand(*unit.shape[:-1], -1).clone()
@@ -283,7 +277,7 @@ class Parameters:
         shares = [entry.lower > -1.0 and entry.scale < 1.0 for entry in free]
         positive = [entry.lower > 0.0 and not math.isfinite(entry.scale) for entry in free]
         logged = [a or b for a, b in zip(shares, positive, strict=True)]
-        return torch.tensor(logged, device=self.device), self._column([float(a) for a in shares])
+        return torch.tensor(logged), self._column([float(a) for a in shares])
 
     @cached_property
     def _ends(self) -> Tensor:
@@ -296,7 +290,7 @@ class Parameters:
         return torch.special.ndtr((self._ends[:, self._normal] - self.centres) / self.scales)
 
     def _column(self, values: Sequence[float]) -> Tensor:
-        return torch.tensor(values, dtype=torch.float64, device=self.device)
+        return torch.tensor(values, dtype=torch.float64)
 
 
 @dataclass(frozen=True, eq=False)

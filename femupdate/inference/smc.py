@@ -182,7 +182,7 @@ class MixtureIndependence:
         # On a few different points a Student would propose those again and again.
         most = max(1, distinct_rows(xi) // (5 * (xi.shape[1] + 1)))
         if len(xi) > some:
-            xi = xi[torch.randperm(len(xi), generator=generator, device=xi.device)[:some]]
+            xi = xi[torch.randperm(len(xi), generator=generator)[:some]]
         fitted = fit_mixture(xi, min(self._components, most), generator)
         # Wider: particles lag behind where the likelihood moves on.
         self._mixture = fitted.widened(1.5, freedom=4)
@@ -280,12 +280,12 @@ def accepted(
 
 
 def _uniform(count: int, like: Tensor, generator: torch.Generator) -> Tensor:
-    return torch.rand(count, generator=generator, dtype=like.dtype, device=like.device)
+    return torch.rand(count, generator=generator, dtype=like.dtype)
 
 
 def normal_like(like: Tensor, generator: torch.Generator) -> Tensor:
     """Standard normal numbers of the shape and kind of a tensor."""
-    return torch.randn(like.shape, generator=generator, dtype=like.dtype, device=like.device)
+    return torch.randn(like.shape, generator=generator, dtype=like.dtype)
 
 
 def distinct_rows(xi: Tensor) -> int:
@@ -367,7 +367,7 @@ class TemperedSmc:
             InferenceError: no finite likelihood, or too many levels.
         """
         density = self._density()
-        generator = torch_generator(seed, self.prior.device)
+        generator = torch_generator(seed)
         points, log_evidence, levels, _ = self._raised(density, generator, particles, 1, progress)
         return SamplerRun(
             theta=density.parameters(points.xi).cpu(),
@@ -400,7 +400,7 @@ class TemperedSmc:
             InferenceError: no finite likelihood, or too many levels.
         """
         density = self._density()
-        generator = torch_generator(seed, self.prior.device)
+        generator = torch_generator(seed)
         points, evidence, levels, moves = self._raised(
             density, generator, particles, groups, progress
         )

@@ -1,11 +1,10 @@
 """calibrate: from an observation file to the posterior of the stiffness factors."""
 
-import textwrap
 import time
 from dataclasses import replace
 
 from femupdate.effects.registry import building_effects
-from femupdate.errors import InferenceError, StudyError
+from femupdate.errors import StudyError
 from femupdate.inference.latent_likelihood import encoder_input
 from femupdate.progress import SILENT, Progress
 from femupdate.seeds import spawn
@@ -96,37 +95,12 @@ def check_calibration(
     Raises:
         MeasurementError: the observation cannot be used, or belongs to another building.
         BuildingError: the building cannot be read.
-        InferenceError: the device is not there.
         StudyError: the study is of another building, or cannot be written.
     """
     study.check_writable()
-    check_device(settings.device)
     check_readable(source)
     chosen = choose_building(study, building)
     measured = measured_of(chosen, source)
     needless = settings.exact or measured.beyond_surrogates or unserved(chosen)
     if not needless and (found := find_surrogate(study, chosen)) is not None:
         encoder_input(measured.base, found[0].info.floors)
-    elif settings.device != "cpu":
-        raise InferenceError(
-            f"the likelihood of the data is computed on the processor, not on {settings.device}; "
-            "leave the device out"
-        )
-
-
-def check_device(name: str) -> None:
-    """Make sure that torch can compute in double precision on a device.
-
-    Raises:
-        InferenceError: it cannot.
-    """
-    import torch
-
-    try:
-        torch.zeros(1, dtype=torch.float64, device=name).sum().item()
-    # Builds of torch without a device say so by errors of several kinds.
-    except (RuntimeError, AssertionError, TypeError, ValueError, NotImplementedError) as error:
-        reason = textwrap.shorten(str(error), 60, placeholder=" ...")
-        raise InferenceError(
-            f"the device {name} cannot be used ({reason}); choose another, such as cpu"
-        ) from error

@@ -46,7 +46,6 @@ class CalibrationSettings:
         particles: in all; shared among independent runs.
         exact: data-space likelihood instead of the latent one.
         chains: independent runs, so that their agreement can be judged.
-        device: where the latent likelihood is evaluated.
         anyway: store a posterior even of an observation that is unlike the building.
     """
 
@@ -54,7 +53,6 @@ class CalibrationSettings:
     exact: bool = False
     chains: int = 4
     seed: int = 0
-    device: str = "cpu"
     anyway: bool = False
     smc: SmcSettings = field(default_factory=SmcSettings)
 

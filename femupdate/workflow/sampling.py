@@ -202,7 +202,7 @@ def sampled_chains(
 
 def _ahead(prior: Parameters, likelihood: LogLikelihood, count: int, total: int) -> str:
     """The time that likelihoods of `total` draws take, told from that of `count`."""
-    few = prior.sample(count, torch_generator(0, prior.device))
+    few = prior.sample(count, torch_generator(0))
     started = time.monotonic()
     likelihood(few)
     return waiting((time.monotonic() - started) * total / count)
@@ -338,11 +338,10 @@ def sample_latent(
         surrogate,
         model.system,
         observation,
-        device=settings.device,
         learning=partial(settled_likelihood, model, measured, settings),
     )
     assert likelihood.settled is not None
-    sampler = TemperedSmc(model.prior.to(settings.device), likelihood, settings.smc)
+    sampler = TemperedSmc(model.prior, likelihood, settings.smc)
     label = "Sampling (latent likelihood)"
     runs = sampled_chains(sampler, label, settings, spawn(seed, 1)[0], show)
     found, usual, warnings = likelihood.found, likelihood.usual_misfit, tuple[str, ...]()

@@ -1,5 +1,6 @@
 """train: the data set and the MVAE of a study's building."""
 
+import textwrap
 import time
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -164,3 +165,21 @@ def training_task(model: StudyModel, dataset: ModalDataset, device: str = "cpu")
         sizes,
         device,
     )
+
+
+def check_device(name: str) -> None:
+    """Make sure that torch can compute in double precision on a device.
+
+    Raises:
+        SurrogateError: it cannot.
+    """
+    import torch
+
+    try:
+        torch.zeros(1, dtype=torch.float64, device=name).sum().item()
+    # Builds of torch without a device say so by errors of several kinds.
+    except (RuntimeError, AssertionError, TypeError, ValueError, NotImplementedError) as error:
+        reason = textwrap.shorten(str(error), 60, placeholder=" ...")
+        raise SurrogateError(
+            f"the device {name} cannot be used ({reason}); choose another, such as cpu"
+        ) from error

@@ -110,8 +110,6 @@ BAD_REQUESTS = {
     "unit of the file": (["--unit", "g"], ["m/s2", "the unit option says g"]),
     "name twice": (["--columns", "base=base,2F=2F,2F=RF"], ["is given twice"]),
     "factor": (["--columns", "base=base,2F=2F*1e999"], ["there is no column '2F*1e999'"]),
-    "device": (["--device", "abacus"], ["the device abacus cannot be used"]),
-    "device of no use": (["--device", "cpu:0"], ["on the processor, not on cpu:0"]),
     "building": (["--building", "shear_3dog"], ["shear_3dog", "did you mean 'shear_3dof'"]),
     "malformed": (["--building", "bad.toml"], ["bad.toml", "not valid TOML", "line 10"]),
 }
@@ -326,7 +324,7 @@ def test_a_study_that_another_process_writes_into(bench, calibrated):
     before = snapshot(calibrated)
     with locked(calibrated):
         done = femupdate(*commands(bench, calibrated)["calibrate"], "--study", calibrated)
-        assert f"`femupdate train` (process {os.getpid()} on" in done.complaint
+        assert "another process is writing into the study" in done.complaint
     assert done.progress == []
     assert snapshot(calibrated) == before
 

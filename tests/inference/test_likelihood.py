@@ -187,14 +187,3 @@ def test_an_observation_on_another_grid_is_refused(surrogate):
     )
     with pytest.raises(SurrogateError, match=r"knows 120 frequencies, .* has 100"):
         LatentLikelihood(surrogate, System(MODEL), shorter)
-
-
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
-def test_a_gpu_gives_the_same_and_answers_where_it_was_asked(surrogate):
-    theta = tensor(np.random.default_rng(0).uniform(0.4, 2.5, (6, 3)))
-    measured = observation(0.2)
-    latent = LatentLikelihood(surrogate, System(MODEL), measured)(theta)
-    there = LatentLikelihood(surrogate, System(MODEL), measured, device="cuda")
-    # In single precision by other kernels: up to .5 % of these log likelihoods.
-    torch.testing.assert_close(there(theta), latent, rtol=1e-2, atol=1e-2)
-    assert surrogate.mvae.lower.device.type == "cpu"  # the networks given stay where they were

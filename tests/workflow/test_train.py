@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+import femupdate
 from femupdate.errors import SurrogateError
 from femupdate.study import Study
 from femupdate.surrogate import TrainingSettings, find_surrogate, load_surrogate, require_surrogate
@@ -55,6 +56,12 @@ def test_a_second_training_is_skipped(copy):
     assert not report.trained
     assert report.path == copy.path("surrogate.safetensors")
     assert snapshot(copy.folder) == before
+
+
+def test_a_device_that_is_not_there(tmp_path):
+    with pytest.raises(SurrogateError, match="the device abacus cannot be used"):
+        femupdate.train(tmp_path / "new", "shear_3dof", device="abacus")
+    assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.parametrize(("samples", "batch", "fits"), [(110, 105, False), (111, 105, True)])
