@@ -1,7 +1,7 @@
-"""`python -m femupdate.benchmarks NAME` is `femupdate benchmark NAME`."""
-
-import sys
+"""`python -m femupdate.benchmarks NAME`, in a checkout."""
 
 from femupdate.cli.main import main
 
-main(["benchmark", *sys.argv[1:]])
+from .commands import group
+
+main(commands=group, name="python -m femupdate.benchmarks")
