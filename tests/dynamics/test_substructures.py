@@ -1,7 +1,5 @@
 """Parts of a structure against its full matrices, which sparse solvers of SciPy take whole."""
 
-import pickle
-
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -39,7 +37,7 @@ def test_inertia_is_met_without_loss(structure, parts, motions, theta):
     fine, there = parts.with_inertia(shapes)
     np.testing.assert_allclose(fine.expanded(there), parts.expanded(shapes), atol=1e-9)
     loads = np.hstack([structure.mass @ parts.expanded(shapes), structure.rigid_force[:, :1]])
-    found = pickle.loads(pickle.dumps(fine)).at(theta).apply(fine.condensed(loads))
+    found = fine.at(theta).apply(fine.condensed(loads))
     expected = spsolve(structure.stiffness(theta), loads)
     size = np.abs(expected).max()
     np.testing.assert_allclose(fine.expanded(found), expected, rtol=1e-6, atol=1e-9 * size)
