@@ -10,3 +10,4 @@ Integers = NDArray[np.int64]
 Indices = NDArray[np.int32]  # sparse matrices: half the memory to move; 3e8 nodes are enough
 Flags = NDArray[np.bool_]
 Strings = NDArray[np.str_]
+Pixels = NDArray[np.uint8]

@@ -16,7 +16,7 @@ FOLDERS = {"femupdate": "femupdate", "cli": "femupdate.cli", "models": "femupdat
 if (ROOT / "examples").exists():
     FOLDERS["examples"] = "femupdate.examples"
 BENCHMARKS = "tests/benchmarks"
-HEAVY = ("torch", "matplotlib", "xarray", "pandas", "scipy", "numpy", "arviz")
+HEAVY = ("torch", "pyvista", "vtk", "matplotlib", "xarray", "pandas", "scipy", "numpy", "arviz")
 
 
 def project():
@@ -60,7 +60,7 @@ def test_the_steps_of_the_work_draw_nothing():
     steps = (*(f"workflow.{name}" for name in steps), "simulation.simulate")
     loaded = loaded_after("\n".join(f"import femupdate.{name}" for name in steps))
     assert "torch" in loaded
-    assert loaded.isdisjoint({"matplotlib"})
+    assert loaded.isdisjoint({"pyvista", "vtk", "vtkmodules", "matplotlib"})
 
 
 def test_the_packages_listed_are_the_folders_that_hold_python_files():
@@ -78,8 +78,8 @@ def test_everything_imported_is_declared():
     optional = project()["project"]["optional-dependencies"]
     used = ("ambient", "arviz", "benchmark", "formats", "opensees")
     extras = [one for name in used for one in optional[name]]
-    # pydantic_core is pydantic's; the others go by other names.
-    brought = {"femupdate", "pydantic_core", "sklearn", "pyoma2", "nptdms"}
+    # VTK is PyVista's, pydantic_core pydantic's; the others go by other names.
+    brought = {"femupdate", "vtkmodules", "pydantic_core", "sklearn", "pyoma2", "nptdms"}
     brought |= {"PIL"}
     allowed = declared | brought | {re.split(r"[<>=]", one)[0] for one in extras}
     wrong = set()

@@ -17,6 +17,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import NullLocator
 from numpy.typing import ArrayLike, NDArray
 
+from femupdate.arrays import Pixels
 from femupdate.errors import ReportError
 from femupdate.progress import SILENT, Progress
 from femupdate.result import Picture, Result
@@ -121,6 +122,7 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 DOTS_PER_INCH = 150
 
 _TITLE_WIDTH, _NOTE_WIDTH = 0.116, 0.075  # inches of a character, in the mean
+MARGIN = 12  # white pixels left around a rendered picture
 
 
 @styled
@@ -255,6 +257,18 @@ def _layout(figure: Figure) -> ConstrainedLayoutEngine:
     engine = figure.get_layout_engine()
     assert isinstance(engine, ConstrainedLayoutEngine)  # for the type checker: new_figure set it
     return engine
+
+
+def show(panels: Sequence[Axes], pictures: Sequence[Pixels]) -> None:
+    """Show rendered pictures (h, w, 3) without their white margins, all cut to the same window."""
+    ink = np.any([picture.min(axis=-1) < 250 for picture in pictures], axis=0)
+    rows, columns = (np.flatnonzero(ink.any(axis=axis)) for axis in (1, 0))
+    window = tuple(
+        slice(max(0, found[0] - MARGIN), found[-1] + MARGIN) if len(found) else slice(None)
+        for found in (rows, columns)
+    )
+    for panel, picture in zip(panels, pictures, strict=True):
+        panel.imshow(picture[window], interpolation="lanczos")
 
 
 @styled

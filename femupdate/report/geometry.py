@@ -140,6 +140,11 @@ def outline(geometry: Geometry) -> Integers:
     return np.unique(np.concatenate([lines[edge], np.sort(geometry.beams, axis=1)]), axis=0)
 
 
+def mesh_lines(geometry: Geometry) -> Integers:
+    """Return the sides (l, 2) of all shells, each once."""
+    return np.unique(_sides(geometry.shells), axis=0)
+
+
 def _sides(shells: Integers) -> Integers:
     """Sides (4 n, 2) of the shells, the lower node first."""
     sides = np.stack([shells, np.roll(shells, -1, axis=1)], axis=-1)

@@ -16,7 +16,8 @@ _EPSILON = 1e-8
 class Soap:
     """SOAP for groups with `rotate`, Adam with decoupled weight decay for the others.
 
-    It is not derived from torch's own class, which loads torch's compiler for seconds.
+    It is not derived from torch's own class, which loads torch's compiler: seconds, and a library
+    that ends processes in which VTK has drawn.
 
     Args:
         groups: of parameters, as for any optimiser; those with `rotate` hold matrices alone.

@@ -20,7 +20,7 @@ WITHOUT_STUDY = ("examples", "identify", "inspect", "list")
 WITHOUT_SEED = ("compare", "report", "status")
 WITH_STUDY = [name for name in COMMANDS if name not in (*WITHOUT_STUDY, *WITHOUT_SEED)]
 WORK = ["build-model", "train", "calibrate", "predict", "render"]
-HEAVY = ("torch", "scipy", "matplotlib", "pydantic", "xarray", "numpy")
+HEAVY = ("torch", "scipy", "pyvista", "vtkmodules", "matplotlib", "pydantic", "xarray", "numpy")
 COMPILER = "torch._dynamo"
 
 # Runs commands one after the other in one process, and tells what each wrote and which heavy
@@ -82,7 +82,7 @@ def test_nothing_heavy_is_imported_to_say_what_there_is():
 
 
 def test_training_loads_no_compiler(tmp_path):
-    """It takes seconds."""
+    """It takes seconds, and where it brings Triton, ends processes in which VTK has drawn."""
     words = ("train", "--fresh", "--building", "shear_3dof", "--samples", "400")
     ((_, found),) = imported((*words, "--epochs", "1", "--batch", "64"), cwd=tmp_path)
     assert "torch" in found

@@ -390,12 +390,12 @@ def assert_texts_inside(figure: Figure) -> None:
         assert inside or not text.get_text(), f"{text.get_text()!r} leaves the page"
 
 
-def test_drawing_needs_no_pyplot():
+def test_drawing_needs_no_pyplot_and_importing_no_vtk():
     code = (
         "import sys, femupdate.report.scenes, femupdate.report.curves;"
         "import femupdate.report.plot_curves, femupdate.report.plot_sticks;"
         "import femupdate.report.plot_posterior;"
-        "found = {'matplotlib.pyplot', 'torch'} & set(sys.modules);"
+        "found = {'matplotlib.pyplot', 'pyvista', 'torch'} & set(sys.modules);"
         "sys.exit(', '.join(found) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)

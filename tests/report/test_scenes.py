@@ -1,11 +1,15 @@
-"""Mode shape pictures."""
+"""Mode shape pictures: rendered where that is possible, drawn where it is not."""
+
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 from femupdate.report import Geometry
 from femupdate.report.geometry import at_levels, outline
-from femupdate.report.scenes import mode_shape_figure
+from femupdate.report.scenes import mode_shape_figure, probe, rendering
 
 FLOORS = (("base", 0.0), ("2F", 0.9), ("RF", 1.8))
 
@@ -40,11 +44,18 @@ def panels_of(figure, count):
     return figure.axes[:count]
 
 
+def needs_pyvista():
+    if rendering():
+        pytest.skip(f"PyVista cannot render here: {rendering()}")
+
+
 @pytest.mark.parametrize("spread", [True, False])
-def test_both_panels_of_a_mode(spread):
+def test_scene_drawn_by_matplotlib(spread):
     geometry = frame()
     sd = 0.02 * geometry.nodes[:, 2] if spread else None
-    figure = mode_shape_figure(geometry, sway(geometry), FLOORS, shape_sd=sd, title="Mode 1")
+    figure = mode_shape_figure(
+        geometry, sway(geometry), FLOORS, shape_sd=sd, title="Mode 1", renderer="matplotlib"
+    )
     count = 1 + spread
     headings = ["Mean shape" if spread else "Shape", "Spread of the posterior"][:count]
     for panel, heading in zip(panels_of(figure, count), headings, strict=True):
@@ -66,13 +77,61 @@ def test_both_panels_of_a_mode(spread):
     ]
 
 
+def test_scene_rendered_by_pyvista():
+    needs_pyvista()
+    geometry = frame()
+    sd = 0.02 * geometry.nodes[:, 2]
+    figure = mode_shape_figure(geometry, sway(geometry), FLOORS, shape_sd=sd, renderer="pyvista")
+    for panel in panels_of(figure, 2):
+        picture = panel.images[0].get_array() / 255.0
+        assert (picture.min(axis=-1) < 0.9).mean() > 0.15, "a building fills its panel"
+        hues = np.unique((picture.reshape(-1, 3) * 15).astype(int), axis=0)
+        assert len(hues) > 30, "a field has many colours"
+
+
 @pytest.mark.parametrize("part", ["shells", "beams"])
 def test_scene_of_shells_alone_and_of_beams_alone(part):
     whole = frame()
     parts = {"shells": whole.shells, "beams": whole.beams}
     geometry = Geometry.of(whole.nodes, **{k: v if k == part else [] for k, v in parts.items()})
-    figure = mode_shape_figure(geometry, sway(geometry), FLOORS)
+    figure = mode_shape_figure(geometry, sway(geometry), FLOORS, renderer="matplotlib")
     assert len(figure.axes[0].collections[1].get_paths()) == len(parts[part])
+    needs_pyvista()
+    figure = mode_shape_figure(geometry, sway(geometry), FLOORS, renderer="pyvista")
+    assert (figure.axes[0].images[0].get_array().min(axis=-1) < 230).mean() > 0.02
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crashes"),
+        ("raise SystemExit(139)", "crashes"),
+        ("raise SystemExit(3)", "blank"),
+        ("raise ModuleNotFoundError('no module named pyvista')", "no module named pyvista"),
+        ("raise SystemExit(7)", "exit status 7"),
+    ],
+)
+def test_probe_survives_what_it_probes(code, reason):
+    assert reason in probe((sys.executable, "-c", code))
+
+
+def test_rendering_writes_nothing_to_the_terminal():
+    """VTK tells stderr of every graphics library that it tries and misses."""
+    needs_pyvista()
+    code = (
+        "import numpy as np;"
+        "from femupdate.report.geometry import Geometry;"
+        "from femupdate.report.scenes import mode_shape_figure;"
+        "g = Geometry.of(np.eye(4, 3), [[0, 1, 2, 3]], [[0, 1]]);"
+        "mode_shape_figure(g, np.ones((4, 3)), [('base', 0.0)], renderer='pyvista')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        check=True,
+        env={**os.environ, "DISPLAY": ""},
+    )
+    assert done.stdout + done.stderr == b""
 
 
 def test_floors_that_would_be_written_over_each_other_share_a_name():

@@ -89,6 +89,7 @@ def full_frequencies(model, theta):
 
 
 def test_the_modes_of_a_frame(cabin):
+    """PyVista's scenes where it can render, else matplotlib's: either way a picture a mode."""
     study, model, theta = cabin
     modes = render_study(study, model=model, modes=2, samples=20).modes
     assert [mode["picture"].name for mode in modes] == ["mode_2.png", "mode_15.png"]
