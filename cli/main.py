@@ -38,6 +38,7 @@ _COMMANDS = {
     "report": ("study:report", "Write one HTML page with everything that a study says."),
     "status": ("study:status", "Say what a study holds, what is stale, and what to do next."),
     "simulate": ("simulate", "Make a synthetic observation file from the full model."),
+    "benchmark": ("benchmark", "Compare with published tables and other programs."),
     "list": ("shipped:listing", "List shipped buildings, effects, and formats of measured files."),
     "examples": ("shipped:examples", "Copy the shipped example files into a folder."),
     "demo": ("shipped:demo", "Run the whole chain on a shipped example, in minutes."),
@@ -62,10 +63,8 @@ def group() -> None:
     """
 
 
-def main(
-    arguments: Sequence[str] | None = None, commands: click.Group = group, name: str = "femupdate"
-) -> None:
-    """Run one of some commands with these arguments, by default those of the process.
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command with these arguments, by default those of the process.
 
     Errors meant for the user are one sentence and exit code 1.
     """
@@ -80,7 +79,7 @@ def main(
         training = "train" in (sys.argv[1:] if arguments is None else arguments)
         os.environ.setdefault("OPENBLAS_NUM_THREADS" if training else "OMP_NUM_THREADS", "1")
     try:
-        commands.main(arguments, prog_name=name, standalone_mode=False)
+        group.main(arguments, prog_name="femupdate", standalone_mode=False)
     except click.exceptions.Exit as request:
         sys.exit(request.exit_code)
     except click.ClickException as error:

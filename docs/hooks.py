@@ -81,10 +81,12 @@ def _in_site(target: str, source: PurePosixPath, uri: str) -> str:
 
 
 def _commands() -> Iterator[str]:
-    """Every command: what it does, its examples and its options."""
+    """Every command but the benchmarks: what it does, its examples and its options."""
     from femupdate.cli.main import group
 
     for name in group.list_commands(click.Context(group)):
+        if name == "benchmark":
+            continue
         context = click.Context(group, info_name="femupdate")
         command = group.get_command(context, name)
         assert command is not None

@@ -421,8 +421,7 @@ def _files(study: Study, given: "Sequence[File | Observation | GroundMotion]") -
                 f"a {type(data).__name__} is no measurement; give names of files, or arrays by "
                 "Observation.from_accelerations or Observation.from_arrays"
             )
-        path = study.path("measured", f"{Path(data.source).stem}.csv")
-        histories = data.histories
+        path, histories = path_of(study, data), data.histories
         if histories is not None and not data.frequency_hz.size:
             paths.append(write_observation_histories(path, histories))
         else:
@@ -430,6 +429,14 @@ def _files(study: Study, given: "Sequence[File | Observation | GroundMotion]") -
     if not paths:
         raise FemupdateError("no measured file is named; give one or more after the study")
     return paths
+
+
+def path_of(study: Folder, data: "File | Observation | GroundMotion") -> Path:
+    """Of a measured file, or where a study keeps arrays."""
+    if isinstance(data, str | Path):
+        return Path(data)
+    name = str(getattr(data, "source", None) or getattr(data, "name", ""))
+    return study_of(study).path("measured", f"{Path(name).stem}.csv")
 
 
 def _name(building: File | None) -> str | None:

@@ -1,6 +1,7 @@
 """What is installed: all of it, nothing else, and nothing heavy on import."""
 
 import ast
+import os
 import re
 import shutil
 import subprocess
@@ -136,9 +137,24 @@ def test_the_wheel_holds_every_file_and_nothing_else(wheel):
     assert names == python_files() | data_files()
 
 
-def test_benchmarks_are_in_a_checkout_alone(wheel):
+def test_benchmarks_are_in_a_checkout_alone(wheel, tmp_path):
+    """The installed command says how to get them."""
     assert (ROOT / BENCHMARKS / "__main__.py").exists()
-    assert not [name for name in wheel.namelist() if "benchmark" in name]
+    names = [name for name in wheel.namelist() if "benchmark" in name]
+    assert names == ["femupdate/cli/benchmark.py"]
+    wheel.extractall(tmp_path)
+    script = "from femupdate.cli.main import main; main(['benchmark', 'solver', '--sizes', ''])"
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    )
+    assert done.returncode == 1
+    (sentence,) = done.stderr.splitlines()
+    assert sentence.startswith("Error: the benchmarks are not part of the installed package")
+    assert "clone the repository" in sentence
 
 
 def test_python_m_runs_the_benchmarks_of_a_checkout():
@@ -149,4 +165,4 @@ def test_python_m_runs_the_benchmarks_of_a_checkout():
         cwd=ROOT,
         check=True,
     )
-    assert "python -m femupdate.benchmarks solver" in done.stdout
+    assert "femupdate benchmark solver" in done.stdout

@@ -118,7 +118,10 @@ def test_commands_and_options_exist(page):
     for given in called(page.read_text(encoding="utf-8")):
         if not given or given[0] in ("COMMAND", "--help", "--version"):
             continue
-        name = given[0]
+        depth = 2 if given[0] == "benchmark" else 1
+        name = " ".join(given[:depth])
+        if name == "benchmark" or name.endswith(" NAME"):
+            continue
         assert name in KNOWN, f"femupdate {name}"
         used = {word.partition("=")[0] for word in given if re.match(r"--?[a-z]", word)}
         assert used <= options(KNOWN[name]) | {"--help"}, f"femupdate {name}"

@@ -218,6 +218,11 @@ class Building(Entry):
 
     __repr__ = brief
 
+    removed: ClassVar = {
+        "parameters": "every story has one stiffness factor; remove the table. `diagnose` names "
+        "walls, slabs, columns or beams that are stiffer or softer, and [[effects]] lists them"
+    }
+
     # A building of any kind by its file or its shipped name: put here by what knows all kinds.
     load: ClassVar[Callable[..., "Building"]]
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
     BaseModel,
@@ -54,6 +54,7 @@ class Entry(BaseModel):
     """A table of the building file: frozen, with no key but its own."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+    removed: ClassVar[Mapping[str, str]] = {}  # keys of former versions: what to do instead
 
     @model_validator(mode="before")
     @classmethod
@@ -61,6 +62,8 @@ class Entry(BaseModel):
         if isinstance(document, Mapping):
             known = {name: field.alias or name for name, field in cls.model_fields.items()}
             for key in document:
+                if key in cls.removed:
+                    raise Complaint(key, cls.removed[key])
                 if key not in known and key not in known.values():
                     names = sorted(known.values())
                     hint = close(str(key), names) or f"; the known ones are {', '.join(names)}"

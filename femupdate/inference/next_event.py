@@ -8,7 +8,7 @@ move from event to event. Of the mean of several runs more stays, and what they 
 At a floor that was not measured only what all floors have in common is known.
 
 Part of what was measured did not follow the base at all; the next measurement will have such a part
-too. How well these bands hold what is measured is the benchmark `measured`.
+too. How well these bands hold what is measured is the benchmark `femupdate benchmark measured`.
 
 Responses of a draw are multiplied by exp(error) over frequency. An error fades towards zero
 frequency, where a building moves as its base does.

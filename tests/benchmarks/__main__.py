@@ -1,7 +1,7 @@
-"""`python -m femupdate.benchmarks NAME`, in a checkout."""
+"""`python -m femupdate.benchmarks NAME` is `femupdate benchmark NAME`."""
+
+import sys
 
 from femupdate.cli.main import main
 
-from .commands import group
-
-main(commands=group, name="python -m femupdate.benchmarks")
+main(["benchmark", *sys.argv[1:]])

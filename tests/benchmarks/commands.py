@@ -1,4 +1,4 @@
-"""The commands of all benchmarks, each of which runs a `Job`.
+"""femupdate benchmark NAME: the commands of all benchmarks, each of which runs a `Job`.
 
 A new benchmark is a function here that hands the job to its module and returns its `Report`.
 """

@@ -81,6 +81,8 @@ CASES = {
     "wrong kind": ('"frame"', '"fram"', "kind: 'fram' is not a kind.*did you mean 'frame'"),
     "unknown key": ('thickness = "150 mm"\n\n[[walls]]', 'thicknes = "150 mm"\n\n[[walls]]',
         r"walls\[0\]\.thicknes: unknown key; did you mean 'thickness'\?"),
+    "factors by kind": ("[damping]", '[parameters]\nby = ["story", "kind"]\n\n[damping]',
+        "parameters: every story has one stiffness factor; remove the table"),
     "unknown key without a likeness": ("[damping]", "[damping]\nxyz = 1",
         "damping.xyz: unknown key; the known ones are"),
     "missing key": ('height = "2.8 m"\n', "", r"stories\[1\]\.height: the key is missing; add it"),

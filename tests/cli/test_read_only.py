@@ -22,7 +22,7 @@ ELSEWHERE = "or copy it to another folder and name that"
 FEW = ("--exact", "--particles", "200", "--no-pictures")
 # Far enough to show that the study was read, and not for minutes.
 SOON_ENDED = {"compare": "come from the same measurement"}
-WITHOUT_STUDY = {"inspect", "identify", "list", "examples"}
+WITHOUT_STUDY = {"inspect", "identify", "list", "examples", "benchmark"}
 
 
 def on_read_only_disk(study, folder, commands):

@@ -11,12 +11,14 @@ from importlib.metadata import version
 
 import click
 import pytest
+from femupdate.cli.benchmark import command as benchmarks
 from femupdate.cli.main import group
 
 from tests.cli.commands import femupdate, script
 
 COMMANDS = group.list_commands(click.Context(group))
-WITHOUT_STUDY = ("examples", "identify", "inspect", "list")
+BENCHMARKS = benchmarks.list_commands(click.Context(benchmarks))
+WITHOUT_STUDY = ("benchmark", "examples", "identify", "inspect", "list")
 WITHOUT_SEED = ("compare", "report", "status")
 WITH_STUDY = [name for name in COMMANDS if name not in (*WITHOUT_STUDY, *WITHOUT_SEED)]
 WORK = ["build-model", "train", "calibrate", "predict", "render"]
@@ -64,13 +66,19 @@ def test_help_is_immediate():
 
 
 def test_nothing_heavy_is_imported_to_say_what_there_is():
-    everywhere, seed, study = ("--json", "--verbose"), "--seed", "\n  --study"
+    everywhere, seed, study, output = (
+        ("--json", "--verbose"),
+        "--seed",
+        "\n  --study",
+        "\n  --output",
+    )
     options = {
         ("--help",): (),
         ("-h",): (),
         ("--version",): (),
         **{(name, "--help"): everywhere for name in ("examples", "identify", "inspect", "list")},
         **{(name, "--help"): (*everywhere, seed, study) for name in WITH_STUDY},
+        **{("benchmark", n, "--help"): (*everywhere, seed, output) for n in BENCHMARKS},
     }
     told = imported(*options)
     assert {
