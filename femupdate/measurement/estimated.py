@@ -13,9 +13,11 @@ their own, which all of these motions fix together.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import permutations
 
 import numpy as np
 import torch
+from scipy.fft import next_fast_len
 from scipy.sparse import csr_array, diags_array
 from torch import Tensor
 
@@ -24,6 +26,9 @@ from femupdate.errors import MeasurementError
 
 # Figures by which files are judged.
 PADDING = 4  # bins for each independent one: the FRF is then nearly straight between them
+LIGHTEST = 0.003  # damping ratio down to which peaks are resolved, that of bare steel
+
+_DIGITS = 9  # of frequencies in Hz that are the same
 
 
 @dataclass(frozen=True)
@@ -181,7 +186,7 @@ class Estimator:
     """What an estimate makes of an FRF.
 
     Attributes:
-        frequency_hz: (e,) at which the FRF is asked for, evenly spaced.
+        frequency_hz: (e,) at which the FRF is asked for, increasing.
         columns: (k, e) complex means that give the estimate on a grid, of FRFs to every column of
             the excitation: a force, or of the base translation, rotation, motion across.
         shared: (k,) standard deviation of ln|H| that all floors have in common; none where it is
@@ -284,7 +289,8 @@ def estimator_of(
     grid: Floats,
     bins: csr_array,
     noise: Floats,
-) -> Estimator:
+    peaks: Floats,
+) -> tuple[Estimator, Flags]:
     """The means that Welch's estimate takes of a building at rest before the record.
 
     Args:
@@ -294,8 +300,16 @@ def estimator_of(
         bins: (k, b) that brings estimates at the bins of the spectra to the grid.
         noise: (b,) share of the first input's power that is noise, which the building does not
             follow.
+        peaks: (p,) frequencies of peaks that may be narrower than the window's, increasing, Hz.
+
+    Returns:
+        The means, and whether they hold (k,): not where what leaks from far away rules.
     """
-    length, padded = segments.length, inputs.shape[1] + 2 * segments.length
+    length, rest = segments.length, 2 * segments.length
+    if peaks.size:
+        # A motion that lasted longer would come round again, into the first segments.
+        rest = max(rest, int(4.0 / (2.0 * np.pi * LIGHTEST * peaks[0]) / time_step))
+    padded = next_fast_len(inputs.shape[1] + rest, real=True)
     fine = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
     spectra = np.fft.rfft(inputs, padded)
     cut = [segment_spectra(row, time_step, segments) for row in inputs]
@@ -309,8 +323,9 @@ def estimator_of(
     used = np.unique(bins.nonzero()[1])
     # Beyond four times 1 / T the spectrum of a Hann window of length T is negligible.
     reach = 4.0 / segments.seconds
-    dense = _dense(grid, reach, segments.seconds)
-    rows, columns = [], []
+    dense = _dense(grid, reach, segments.seconds, peaks, fine[1])
+    # Within the main lobe of zero frequency means were taken off, which leak like steps.
+    rows, columns, holds = [], [], bin_hz * segments.seconds > 2.0 - 1e-6
     values: list[list[Complexes]] = [[] for _ in inputs]
     width = int(np.ceil(reach / fine[1]))
     offsets = np.arange(-width, width + 1)
@@ -329,6 +344,7 @@ def estimator_of(
         of_all = padded * power[some, None]
         # In white noise and earthquakes above a third of a hertz the two differ by 3 % at most.
         believed = np.abs(parts[0].sum(axis=1, keepdims=True) - of_all) < 0.2 * of_all
+        holds[some] &= believed[:, 0]
         size = np.abs(parts[0])
         whole = np.where(believed, parts[0], size).sum(axis=1, keepdims=True)
         # The building does not follow the noise, whose own means are those of white noise.
@@ -347,7 +363,8 @@ def estimator_of(
     columns_of_all = [csr_array((np.concatenate(part), at), shape=shape) for part in values]
     for part in columns_of_all:
         part.eliminate_zeros()  # of motions that were not measured
-    return Estimator(dense, tuple(csr_array(bins @ part @ cubics) for part in columns_of_all))
+    means = tuple(csr_array(bins @ part @ cubics) for part in columns_of_all)
+    return Estimator(dense, means), np.asarray(bins @ holds > 0.999)
 
 
 def mean_estimator(
@@ -357,16 +374,13 @@ def mean_estimator(
     known = [part for part in parts if part is not None]
     if not known:
         return None
-    step = known[0].frequency_hz[1] - known[0].frequency_hz[0]
-    first = min(float(part.frequency_hz[0]) for part in known)
-    last = max(float(part.frequency_hz[-1]) for part in known)
-    dense = first + step * np.arange(int(np.rint((last - first) / step)) + 1)
+    dense = np.unique(np.concatenate([part.frequency_hz.round(_DIGITS) for part in known]))
     empty = csr_array((len(grid), len(dense)), dtype=np.complex128)
     totals = [empty] * max(len(part.columns) for part in known)
     for part, share in zip(parts, shares, strict=True):
         columns = (csr_array(np.eye(len(grid))),) if part is None else part.columns
-        begin = grid if part is None else part.frequency_hz
-        at = np.rint((begin - first) / step).astype(int)
+        asked = grid if part is None else part.frequency_hz
+        at = np.searchsorted(dense, asked.round(_DIGITS))
         onto = csr_array((np.ones(len(at)), (np.arange(len(at)), at)), shape=(len(at), len(dense)))
         for number, means in enumerate(columns):
             totals[number] = csr_array(totals[number] + diags_array(share) @ means @ onto)
@@ -391,10 +405,10 @@ def _window_spectrum(angle: Floats, total: int) -> Complexes:
     return 0.5 * kernel(0.0) - 0.25 * (kernel(-turn) + kernel(turn))
 
 
-def _dense(grid: Floats, reach: float, seconds: float) -> Floats:
-    """Evenly spaced frequencies over a grid and beyond, above zero."""
+def _dense(grid: Floats, reach: float, seconds: float, peaks: Floats, line: float) -> Floats:
+    """Frequencies over a grid and beyond, above zero, about peaks some of the lines (Hz) alone."""
     step = float(np.median(np.diff(grid))) if grid.size > 1 else reach
-    # Cubics lie between three frequencies in 1 / T and in a step, which resolves the peaks.
+    # Cubics lie between three frequencies in 1 / T and in a step, which resolves wide peaks.
     fine = step / int(np.ceil(3.0 * max(1.0, step * seconds) - 1e-9))
     below = min(int(np.ceil(reach / fine)) + 2, int(np.floor(grid[0] / fine - 1e-9)))
     below = max(below, 0)
@@ -402,21 +416,27 @@ def _dense(grid: Floats, reach: float, seconds: float) -> Floats:
     first = grid[0] - below * fine
     if first <= 0.0:
         first, below = grid[0] - (below - 1) * fine, below - 1
-    return first + fine * np.arange(below + count)
+    dense = first + fine * np.arange(below + count)
+    for peak in peaks:
+        # Twice in half the half-power bandwidth of the lightest damping.
+        every = max(1, int(0.5 * LIGHTEST * peak / line))
+        wide = int(0.5 * reach / (every * line))
+        near = line * (round(peak / line) + every * np.arange(-wide, wide + 1))
+        if every * line < fine and near[0] > dense[0] and near[-1] < dense[-1]:
+            dense = np.concatenate([dense[(dense < near[0]) | (dense > near[-1])], near])
+    return np.unique(dense.round(_DIGITS))
 
 
 def _cubics(fine: Floats, dense: Floats) -> csr_array:
-    """(j, e): values between four frequencies by the cubic through them."""
-    place = (fine - dense[0]) / (dense[1] - dense[0])
-    first = np.clip(np.floor(place).astype(int) - 1, 0, len(dense) - 4)
+    """(j, e): values between four frequencies by the cubic through them (Lagrange)."""
     # Beyond the ends the first and the last value go on.
-    x = np.clip(place, 0.0, len(dense) - 1.0) - first
-    weights = [
-        -(x - 1) * (x - 2) * (x - 3) / 6.0,
-        x * (x - 2) * (x - 3) / 2.0,
-        -x * (x - 1) * (x - 3) / 2.0,
-        x * (x - 1) * (x - 2) / 6.0,
-    ]
-    rows = np.tile(np.arange(len(fine)), 4)
-    columns = np.concatenate([first + k for k in range(4)])
-    return csr_array((np.concatenate(weights), (rows, columns)), shape=(len(fine), len(dense)))
+    at = np.clip(fine, dense[0], dense[-1])
+    first = np.clip(np.searchsorted(dense, at, side="right") - 2, 0, len(dense) - 4)
+    columns = first[:, None] + np.arange(4)
+    nodes = dense[columns]
+    weights = np.ones_like(nodes)
+    for k, other in permutations(range(4), 2):
+        weights[:, k] *= (at - nodes[:, other]) / (nodes[:, k] - nodes[:, other])
+    rows = np.repeat(np.arange(len(fine)), 4)
+    shape = (len(fine), len(dense))
+    return csr_array((weights.ravel(), (rows, columns.ravel())), shape=shape)

@@ -114,10 +114,10 @@ def estimate_frf(
     known = leaking, segments.effective, min(float(early), 1.0)
     alone, shared, share = _parts_of_noise(across, frf, spectra, at_grid, valid, *known)
     frf = frf * at_grid(1.0 / (1.0 - share))
-    estimator = replace(
-        estimator_of(inputs, step, segments, grid, between, share),
-        shared=np.sqrt(np.maximum(np.nan_to_num(shared), 0.0)),
-    )
+    peaks = _narrow_peaks(spectra, trusted.any(axis=0) & (spectra.frequency_hz >= grid[0]))
+    estimator, holds = estimator_of(inputs, step, segments, grid, between, share, peaks)
+    alone = np.where(holds, alone, np.maximum(alone, leaking**2))
+    estimator = replace(estimator, shared=np.sqrt(np.maximum(np.nan_to_num(shared), 0.0)))
     return Observation(
         frequency_hz=grid,
         floors=names,
@@ -303,6 +303,20 @@ def _smooth(density: Floats) -> Floats:
 
     kernel = np.hanning(2 * _NOISE_BINS * PADDING + 1)
     return np.asarray(convolve1d(density, kernel / kernel.sum(), axis=-1, mode="nearest"))
+
+
+def _narrow_peaks(spectra: Spectra, trusted: Flags) -> Floats:
+    """Frequencies (p,) of peaks of all floors together that are about as narrow as the window's."""
+    from scipy.ndimage import maximum_filter1d
+
+    power = np.square(np.abs(spectra.cross)).sum(axis=0) / np.maximum(spectra.base, _TINY) ** 2
+    power = np.where(trusted, power, 0.0)
+    # A Hann window's own has a half-power width of 1.44 / T.
+    half = round(1.25 * PADDING)
+    away = np.pad(power, half)
+    highest = (power > 0.0) & (power == maximum_filter1d(power, 2 * half + 1))
+    narrow = np.maximum(away[: -2 * half], away[2 * half :]) < 0.5 * power
+    return np.asarray(spectra.frequency_hz[highest & narrow])
 
 
 def _incoherent(spectra: Spectra, coherence: Floats, averages: float, inputs: int) -> Floats:
