@@ -298,18 +298,16 @@ def estimator_of(
             it was not measured.
         grid: (k,) frequencies of the estimate, evenly spaced, Hz.
         bins: (k, b) that brings estimates at the bins of the spectra to the grid.
-        noise: (b,) share of the first input's power that is noise, which the building does not
-            follow.
+        noise: (b,) share of the first input's power that the building does not follow.
         peaks: (p,) frequencies of peaks that may be narrower than the window's, increasing, Hz.
 
     Returns:
-        The means, and whether they hold (k,): not where what leaks from far away rules.
+        And whether the means hold (k,): not where what leaks from far away rules.
     """
-    length, rest = segments.length, 2 * segments.length
-    if peaks.size:
-        # A motion that lasted longer would come round again, into the first segments.
-        rest = max(rest, int(4.0 / (2.0 * np.pi * LIGHTEST * peaks[0]) / time_step))
-    padded = next_fast_len(inputs.shape[1] + rest, real=True)
+    length = segments.length
+    # A motion that lasted longer would come round again, into the first segments.
+    lasting = 4.0 / (2.0 * np.pi * LIGHTEST * peaks[:1]) / time_step
+    padded = next_fast_len(inputs.shape[1] + int(np.append(lasting, 2 * length).max()), real=True)
     fine = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
     spectra = np.fft.rfft(inputs, padded)
     cut = [segment_spectra(row, time_step, segments) for row in inputs]
@@ -350,11 +348,10 @@ def estimator_of(
         # The building does not follow the noise, whose own means are those of white noise.
         means_of_noise = np.where(inside, np.square(np.abs(seen)), 0.0)
         means_of_noise /= means_of_noise.sum(axis=1, keepdims=True)
-        noisy = noise[some, None]
         for number, (part, share) in enumerate(zip(parts, shares, strict=True)):
             means = np.where(believed, part, size * share[some, None]) / whole
             if number == 0:
-                means = (means - noisy * means_of_noise) / (1.0 - noisy)
+                means = (means - noise[some, None] * means_of_noise) / (1.0 - noise[some, None])
             values[number].append(means.ravel())
         rows.append(np.repeat(some, offsets.size))
         columns.append(near.ravel())
@@ -363,8 +360,8 @@ def estimator_of(
     columns_of_all = [csr_array((np.concatenate(part), at), shape=shape) for part in values]
     for part in columns_of_all:
         part.eliminate_zeros()  # of motions that were not measured
-    means = tuple(csr_array(bins @ part @ cubics) for part in columns_of_all)
-    return Estimator(dense, means), np.asarray(bins @ holds > 0.999)
+    means_of_all = tuple(csr_array(bins @ part @ cubics) for part in columns_of_all)
+    return Estimator(dense, means_of_all), np.asarray(bins @ holds > 0.999)
 
 
 def mean_estimator(
