@@ -232,7 +232,6 @@ TURNED = (
 )
 PLAIN = f"PBAR,1,1,{AREA},{STRONG:.9E},{WEAK:.9E},{TORSION}\n+\n+"
 SKEW = f"PBAR,1,1,{AREA},{TURNED[0]:.9E},{TURNED[1]:.9E},{TORSION}\n+\n+,,,{TURNED[2]:.9E}"
-ROUND = np.pi / 64.0 * (0.4**4 - 0.3**4), np.pi / 4.0 * (0.4**2 - 0.3**2)
 # Two decks of one column, whose frequencies agree.
 ALIKE = {
     "a product of inertia": (

@@ -51,37 +51,3 @@ def test_inspect_proposes_the_command_that_calibrates(
     assert answers[0]["floors"] == ["2F", "RF"]
     # The same numbers but for their printed digits.
     np.testing.assert_allclose(answers[0]["mean"], answers[1]["mean"], rtol=1e-3)
-
-
-def test_channels_by_their_places(archive, tower_file, tmp_path):
-    """The roof's sensor was turned round, and the second floor is left out."""
-    mapped = ("--columns", "base=Basement,RF=-Roof")
-    (one,) = femupdate("inspect", archive, *mapped, "--json").answer["files"]
-    assert [each["floor"] for each in one["channels"]] == ["base", None, "RF"]
-    (finding,) = one["findings"]
-    assert "channel 3 (HNE, Roof) moves against the base" in finding
-    options = ("--building", tower_file, "--exact", "--particles", 200, "--chains", 1, "--json")
-    study = ("--study", tmp_path / "study")
-    assert femupdate("calibrate", archive, *mapped, *options, *study).answer["floors"] == ["RF"]
-
-
-@pytest.mark.parametrize(
-    ("columns", "words"),
-    [
-        ("base=1,roof=3", "unknown column 'roof'"),
-        ("base=1,RF=9", "there is no channel '9'"),
-        ("base=1,RF=-1", "'-1' is mapped twice"),
-    ],
-)
-def test_columns_that_are_wrong(archive, tower_file, tmp_path, columns, words):
-    options = ("--building", tower_file, "--study", tmp_path / "new")
-    done = femupdate("calibrate", archive, "--columns", columns, *options)
-    assert words in done.complaint
-    assert not (tmp_path / "new").exists()
-
-
-def test_an_archive_without_columns_is_refused_with_its_channels(archive, tower_file, tmp_path):
-    done = femupdate("calibrate", archive, "--building", tower_file, "--study", tmp_path / "new")
-    assert "say it by the columns option, such as base=1,RF=2; its channels are" in done.complaint
-    assert "3 = HNE, Roof (peak" in done.complaint
-    assert not (tmp_path / "new").exists()

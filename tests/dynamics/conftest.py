@@ -37,7 +37,6 @@ class Frame:
     structure: object
     heights: tuple[float, ...]
     story_mass: tuple[float, ...]  # of columns, walls, beams and slab of each story, kg
-    column_mass: tuple[float, ...]  # of columns and walls alone
 
     @property
     def mesh(self):
@@ -69,6 +68,6 @@ def small_frame():
         upright = [2400.0 * h * (6 * 0.4 * 0.6 + wall) for h in heights]
         bars = 2 * sum(widths) + 3 * depth
         flat = 2400.0 * (bars * 0.3 * 0.5 + sum(widths) * depth * 0.15)
-        return Frame(structure, heights, tuple(mass + flat for mass in upright), tuple(upright))
+        return Frame(structure, heights, tuple(mass + flat for mass in upright))
 
     return make

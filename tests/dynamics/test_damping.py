@@ -17,7 +17,6 @@ from femupdate.building import (
     to_document,
 )
 from femupdate.dynamics import ConstantDamping, RayleighDamping, damping_law
-from tests.helpers import tensor
 
 
 @settings(deadline=None)
@@ -36,21 +35,6 @@ def test_rayleigh_damping_has_its_ratio_at_both_anchors_and_less_between(low, hi
     np.testing.assert_allclose(found, [ratio, least, ratio], rtol=1e-12)
 
 
-def test_rayleigh_damping_is_that_of_a0_m_plus_a1_k(chain):
-    """The diagonal of Phi^T C Phi is 2 zeta omega; off it there is nothing."""
-    law = RayleighDamping(0.03, (1.0, 20.0))
-    M, K = chain.at([0.5, 2.1, 0.8, 1.3]).matrices
-    squared, modes = torch.linalg.eigh(
-        tensor(np.linalg.inv(M) ** 0.5 @ K @ np.linalg.inv(M) ** 0.5)
-    )
-    modes = np.linalg.inv(M) ** 0.5 @ modes.numpy()
-    C = law.mass_coefficient * M + law.stiffness_coefficient * K
-    ratio = law.ratio(squared.sqrt()[None], torch.zeros(1))[0]
-    np.testing.assert_allclose(
-        modes.T @ C @ modes, np.diag(2.0 * ratio * squared.sqrt()), atol=1e-10
-    )
-
-
 def test_the_law_of_a_building_file():
     """Equal ratios at both anchors: a0 = 2 zeta w1 w2 / (w1 + w2), a1 = 2 zeta / (w1 + w2)."""
     law = damping_law(load_building("shear_4dof"))
@@ -60,14 +44,6 @@ def test_the_law_of_a_building_file():
     np.testing.assert_allclose(found, a0 / (2 * omega) + a1 * omega / 2, rtol=1e-12)
     np.testing.assert_allclose(found[0, 2:], 0.02, rtol=1e-12)
     assert isinstance(damping_law(load_building("six_story_wall_frame")), ConstantDamping)
-
-
-def test_constant_damping_gives_every_mode_the_ratio_of_its_sample():
-    omega = torch.rand(3, 5, dtype=torch.float64)
-    zeta = torch.tensor([0.01, 0.02, 0.05], dtype=torch.float64)
-    found = ConstantDamping().ratio(omega, zeta)
-    assert found.shape == omega.shape
-    assert bool((found == zeta[:, None]).all())
 
 
 def test_each_mode_has_its_own_ratio_by_its_frequency(tmp_path):

@@ -6,7 +6,6 @@ from scipy.integrate import solve_ivp
 
 from femupdate.dynamics import (
     ConstantDamping,
-    RayleighDamping,
     ReducedModel,
     System,
     floor_histories,
@@ -137,19 +136,6 @@ def test_chain_against_scipy(sample):
         (found.story_shear[sample], shear),
     ):  # scipy's tolerance of 1e-10 a step over 150 steps
         np.testing.assert_allclose(got, wanted, atol=1e-7 * np.abs(wanted).max())
-
-
-def test_rayleigh_damping_against_scipy():
-    record, step = np.random.default_rng(5).normal(size=120), 0.02
-    law = RayleighDamping(0.05, (1.5, 9.0))
-    M, K = chain_matrices(THETA[1])
-    C = law.mass_coefficient * M + law.stiffness_coefficient * K
-    _, absolute = integrate(M, K, C, record, step)
-    found = floor_histories(
-        shear_building(MASS, SPRING, law=law), THETA[1:2], 0.9, record, step, **STRAIGHT
-    )
-    scale = np.abs(absolute).max()
-    np.testing.assert_allclose(found.floor_acceleration[0], absolute.T, atol=1e-7 * scale)
 
 
 @pytest.mark.parametrize("factor", [2, 5, 8])

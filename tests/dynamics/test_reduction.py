@@ -102,15 +102,6 @@ def test_the_error_reported_is_that_of_the_checks(frame, reduced):
 
 
 @pytest.mark.parametrize("theta", UNSEEN[:2], ids=str)
-def test_direct_solution_with_modal_damping(harmonic, frame, reduced, theta):
-    zeta = 0.02
-    K, M = dense(frame, theta)
-    squared, modes = eigh(K, M)
-    C = csc_matrix(M @ modes @ np.diag(2.0 * zeta * np.sqrt(squared)) @ modes.T @ M)
-    compare_with_direct(harmonic, frame, reduced.model, theta, C, ConstantDamping(), zeta)
-
-
-@pytest.mark.parametrize("theta", UNSEEN[:2], ids=str)
 def test_direct_solution_with_rayleigh_damping(harmonic, frame, reduced, theta):
     law = RayleighDamping(0.03, (3.0, 25.0))
     K, M = dense(frame, theta)

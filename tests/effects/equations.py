@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import eigh
 
-from femupdate.effects import structure_of
 from femupdate.fe import Beams, Shells, assemble
 
 
@@ -172,9 +171,3 @@ def lumped_masses(model):
     np.add.at(mass, beams.nodes, np.repeat(share[:, None], 2, axis=1))
     np.add.at(mass, model.masses.node, model.masses.mass[:, 0])
     return mass
-
-
-def frame_of(building, theta):
-    """A frame building's equations by hand, at theta."""
-    mesh = structure_of(building).mesh
-    return frame_equations(mesh, mesh.model, theta)

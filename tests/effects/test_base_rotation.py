@@ -7,28 +7,14 @@ import pytest
 import torch
 from scipy.integrate import solve_ivp
 
-from femupdate.building import from_document
 from femupdate.dynamics import (
-    ConstantDamping,
     Excitation,
-    System,
     floor_histories,
-    lumped,
     transformed_sensors,
 )
-from femupdate.effects import structure_of
 from femupdate.measurement import Histories, estimate_frf, parse_channel
-from tests.documents import stick
 
 ZETA = 0.03
-HEIGHT, OMEGA = 6.5, 2.0 * np.pi * 3.0
-
-
-def rod(omega=OMEGA):
-    """One mass on one spring, as high as a house."""
-    document = stick([2000.0], [2000.0 * omega**2], [HEIGHT], grid=(0.1, 100), ratio=ZETA)
-    reduced = lumped(structure_of(from_document(document)))
-    return System(reduced.model, ConstantDamping())
 
 
 def known(theta=(1.0,), sizes=(), zeta=ZETA):
@@ -42,21 +28,6 @@ def known(theta=(1.0,), sizes=(), zeta=ZETA):
 def turned(system, theta, zeta, sizes, frequency):
     """FRFs (N, f, k) to a unit rotation of the base."""
     return system.respond(Excitation(columns=2), theta, zeta, sizes, frequency)[:, :, 1]
-
-
-def test_the_top_of_a_rigid_rod_moves_by_its_height_times_the_rotation():
-    frequency = torch.tensor([0.5, 2.0, 9.0], dtype=torch.float64)
-    found = turned(rod(omega=1e5), *known(), frequency)[0, 0].numpy()
-    np.testing.assert_allclose(found, HEIGHT, rtol=1e-6)
-
-
-def test_one_degree_of_freedom_feels_the_force_of_its_mass_at_its_height():
-    """u'' + 2 zeta w u' + w^2 u = -h theta'': the transmissibility of a base motion h theta."""
-    frequency = np.array([0.5, 2.9, 3.1, 9.0])
-    ratio = 2.0 * np.pi * frequency / OMEGA
-    exact = HEIGHT * (1.0 + 2j * ZETA * ratio) / (1.0 - ratio**2 + 2j * ZETA * ratio)
-    found = turned(rod(), *known(), torch.from_numpy(frequency))[0, 0].numpy()
-    np.testing.assert_allclose(found, exact, rtol=1e-10)
 
 
 def test_frames_and_sticks_with_effects_are_those_of_equations_by_hand(case):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from scipy.stats import qmc
 
 from femupdate.building import load_building
 from femupdate.dynamics import ConstantDamping, Excitation, System, lumped
@@ -12,11 +11,8 @@ from femupdate.inference import (
     STATED,
     Parameter,
     Parameters,
-    TemperedSmc,
-    best_of_prior,
     draws_about,
     forced_data,
-    found_from,
     likelihood_of,
     settled,
 )
@@ -81,86 +77,6 @@ def test_gradient_is_that_of_differences(system, exact):
     step = 1e-6 * torch.eye(5, dtype=torch.float64)
     both = likelihood(point.detach() + step) - likelihood(point.detach() - step)
     np.testing.assert_allclose(slope[0], both / 2e-6, rtol=1e-4)
-
-
-BAND, NOISE, ZETA = np.linspace(1.0, 10.5, 16), 0.6, 0.02
-LOWER, UPPER = 0.33, 3.0
-
-
-def log_accelerance(theta):
-    """ln|A| (n, 2, 16) of 3F and RF under a force at RF, by numpy alone."""
-    spring = 1000.0 * np.hstack([theta, np.zeros((len(theta), 1))])
-    stiffness = np.zeros((len(theta), 4, 4))
-    for k in range(4):
-        stiffness[:, k, k] = spring[:, k] + spring[:, k + 1]
-        if k:
-            stiffness[:, k - 1, k] = stiffness[:, k, k - 1] = -spring[:, k]
-    squared, shape = np.linalg.eigh(stiffness)
-    share, w = shape[:, [1, 3]] * shape[:, [3]], 2.0 * np.pi * BAND[:, None]
-    motion = 1.0 / (squared[:, None] - w**2 + 2j * ZETA * np.sqrt(squared)[:, None] * w)
-    return np.log(np.abs(w[:, 0] ** 2 * np.einsum("nfm,nkm->nfk", share, motion)))
-
-
-def log_density(theta, data):
-    """Log likelihood (n,)."""
-    return np.concatenate(
-        [
-            -0.5 * (((log_accelerance(rows) - data) / NOISE) ** 2).sum(axis=(1, 2))
-            for rows in np.array_split(theta, 64)
-        ]
-    )
-
-
-def weighted(value):
-    """Weights (n,) that add up to one, and how many draws they are worth."""
-    weight = np.exp(value - value.max())
-    weight /= weight.sum()
-    return weight, 1.0 / (weight**2).sum()
-
-
-def brute_force(data):
-    """Points (n, 4) and weights (n,): over the whole prior, then about the best of its points."""
-    rng = np.random.default_rng(6)
-    coarse = LOWER + (UPPER - LOWER) * qmc.Sobol(4, seed=11).random_base2(18)
-    value = log_density(coarse, data)
-    weight, _ = weighted(0.5 * value)  # of a wider likelihood
-    centre = coarse[rng.choice(len(coarse), 200, p=weight)]
-    spread = 0.15
-    theta = centre[rng.integers(200, size=2**17)] + spread * rng.standard_normal((2**17, 4))
-    theta = theta[((theta > LOWER) & (theta < UPPER)).all(axis=1)]
-    parts = [
-        np.exp(-0.5 * (((rows[:, None] - centre) / spread) ** 2).sum(axis=2)).sum(axis=1)
-        for rows in np.array_split(theta, 64)
-    ]
-    weight, worth = weighted(log_density(theta, data) - np.log(np.concatenate(parts)))
-    assert worth > 3000.0
-    return theta, weight
-
-
-def test_posterior_is_that_by_brute_force(system):
-    """Two floors at sixteen frequencies, which leave solutions of different weights."""
-    noise = 0.5 * NOISE * np.random.default_rng(4).normal(size=(2, 16))
-    data = log_accelerance(TRUTH[:, :4].numpy())[0] + noise
-    theta, weight = brute_force(data)
-    there = np.ones((2, 16), dtype=bool)
-    sd, roof = np.full((2, 16), NOISE), Excitation(force="RF")
-    own = Observation(BAND, ("3F", "RF"), data, sd, there, excitation=roof)
-    likelihood = likelihood_by(system, own, ZETA, ZETA)
-    prior = likelihood.prior
-    starts, _ = best_of_prior(prior, likelihood, 1)
-    maxima = found_from(prior, likelihood.residuals, starts)
-    # Too few of the draws about the maxima count, which would make intervals too narrow.
-    assert draws_about(prior, likelihood, maxima, 6000, 2) is None
-    found = TemperedSmc(prior, likelihood).run(4000, 1).theta[:, :4].numpy()
-    mean = weight @ theta
-    sd = np.sqrt(weight @ (theta - mean) ** 2)
-    assert (np.abs(found.mean(axis=0) - mean) < 0.1 * sd).all()
-    ratio = found.std(axis=0) / sd
-    assert ((ratio > 0.95) & (ratio < 1.10)).all()
-    # Story 1 softer or stiffer than story 3 tells the solutions apart.
-    heavy = float(weight[theta[:, 0] > theta[:, 2]].sum())
-    assert 0.1 < heavy < 0.9
-    assert abs(np.mean(found[:, 0] > found[:, 2]) - heavy) < 0.03
 
 
 def test_an_error_of_the_model_is_learned_under_forces(system):

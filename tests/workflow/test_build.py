@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from femupdate.building import load_building, save_building
 from femupdate.dynamics import reduced_modes
 from femupdate.errors import StructureError, StudyError
 from femupdate.study import Study
@@ -139,9 +138,3 @@ def test_a_reduced_model_reads_back_equal(cabin_study, tmp_path):
     for name in ("stiffness_terms", "stiffness_constant", "excitation", "floor_shapes"):
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
     np.testing.assert_array_equal(again.node_shapes, model.node_shapes)
-
-
-def test_the_building_of_a_study_reads_back_equal(tower, tmp_path, tower_file):
-    original = load_building(str(tower_file))
-    assert load_building(tower.path("building.toml")) == original
-    assert load_building(save_building(original, tmp_path / "again.toml")) == original

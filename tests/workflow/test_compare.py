@@ -66,18 +66,6 @@ def test_no_change_is_said_to_be_none(states):
     assert not re.search(r"-0\.0+ ±|± 0\.0+( |$)", text)
 
 
-def test_the_command_prints_and_draws(states, tmp_path):
-    from click.testing import CliRunner
-    from femupdate.cli.main import group
-
-    picture = tmp_path / "change.png"
-    words = [str(states.before.folder), str(states.softer.folder), "--picture", str(picture)]
-    done = CliRunner().invoke(group, ["compare", *words], catch_exceptions=False)
-    assert done.exit_code == 0
-    assert "story high" in done.stdout.splitlines()[1] + done.stdout.splitlines()[3]
-    assert picture.stat().st_size > 10_000
-
-
 def test_two_posteriors_of_one_study_are_compared_by_their_names(states, tmp_path):
     study = Study(shutil.copytree(states.before.folder, tmp_path / "study"))
     later = Study(study.folder, "after")

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from scipy.signal import StateSpace, lsim
 
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.inference import load_posterior
@@ -21,9 +20,7 @@ from femupdate.workflow import (
     predict_study,
 )
 from tests.helpers import write_record
-from tests.workflow.by_hand import tower_modes
 
-MASSES, SPRINGS = np.array([3000.0, 2000.0]), np.array([4e6, 2.5e6])
 STEP = 0.02
 FEW = PredictionSettings(samples=20)
 
@@ -46,49 +43,6 @@ def record(tmp_path_factory, wave):
 def predicted(study, model, path, settings=FEW, **options):
     source = {name: options.pop(name) for name in ("unit", "channel", "scale") if name in options}
     return predict_study(study, model, RecordSource(path, **source), settings, **options)
-
-
-def by_scipy(theta, zeta, wave):
-    """Absolute floor accelerations (2, n) and story drifts (2, n) of the tower by lsim."""
-    own, vectors = tower_modes(theta)
-    omega = 2 * np.pi * own
-    share = vectors.T @ MASSES
-    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag(omega**2), -np.diag(2 * zeta * omega)]])
-    B = np.concatenate([np.zeros(2), -share])[:, None]
-    # Relative displacement; absolute acceleration is what the springs and dampers leave.
-    C = np.vstack(
-        [
-            np.hstack([-vectors * omega**2, -vectors * 2 * zeta * omega]),
-            np.hstack([vectors, np.zeros((2, 2))]),
-        ]
-    )
-    # The record between its samples: the tower sees 40 points in each step, by Fourier.
-    fine, factor = wave.size * 40, 40
-    motion = np.fft.irfft(np.fft.rfft(wave), fine) * factor
-    _, y, _ = lsim(StateSpace(A, B, C, np.zeros((4, 1))), motion, np.arange(fine) * STEP / factor)
-    y = y[::factor].T
-    return y[:2], np.array([y[2], y[3] - y[2]])
-
-
-def test_histories_are_those_of_another_integrator(tower, tower_model, record, wave):
-    settings = PredictionSettings(samples=3, seed=8)
-    report = predicted(tower, tower_model, record, settings)
-    draws = load_posterior(tower.path("posterior.nc")).thinned(3, 8).numpy()
-    theta, zeta = draws[:, :-1], draws[:, -1]
-    floors, drifts = zip(
-        *(by_scipy(t, z, wave) for t, z in zip(theta, zeta, strict=True)), strict=True
-    )
-    # Nine digits in the record, two ways to interpolate it (the ends are no multiple of a period).
-    scale = np.abs(floors).max()
-    examples = report.alone.examples
-    np.testing.assert_allclose(examples.floor_acceleration, floors, atol=0.01 * scale)
-    np.testing.assert_allclose(examples.story_drift, drifts, atol=0.01 * np.abs(drifts).max())
-    np.testing.assert_allclose(
-        report.alone.peak_acceleration, np.abs(floors).max(axis=-1), rtol=0.01
-    )
-    np.testing.assert_allclose(
-        report.alone.acceleration_mean, np.mean(floors, axis=0), atol=0.01 * scale
-    )
 
 
 def test_members_that_a_stick_lacks_are_refused_before_any_work(tower_file, record, tmp_path):
@@ -137,28 +91,6 @@ def test_a_law_of_its_own_takes_no_ratio(tmp_path, tower_file, tower_observation
     assert predicted(study, model, record).damping == "the building's law"
     with pytest.raises(BuildingError, match="leave --damping out"):
         predicted(study, model, record, PredictionSettings(samples=20, damping=0.02))
-
-
-@pytest.fixture(scope="module")
-def base(tmp_path_factory, tower_observation):
-    """The base motion of the tower's observation as a record."""
-    histories = tower_observation.histories
-    motion = GroundMotion(histories.acceleration[0], histories.time_step)
-    return write_record(tmp_path_factory.mktemp("base") / "base.csv", motion)
-
-
-def test_prediction_meets_what_was_measured(tower, tower_model, base, tower_observation):
-    report = predicted(
-        tower, tower_model, base, PredictionSettings(samples=50), measured=tower_observation.path
-    )
-    comparison = report.comparison
-    assert comparison.floors == ("2F", "RF")
-    # Sensor noise is 0.003 m/s2 on floors that move by some 0.5 m/s2 rms, and the base's own noise
-    # is amplified like the motion: two hundredths of it.
-    assert (comparison.relative_error < 0.04).all()
-    assert (comparison.correlation > 0.999).all()
-    np.testing.assert_allclose(comparison.peak_ratio, 1.0, atol=0.05)
-    assert ((comparison.within_band > 0.05) & (comparison.within_band <= 1.0)).all()
 
 
 def test_the_file_of_a_prediction(tower, tower_model, record, wave):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building
-from femupdate.dynamics import System, floor_histories
 from femupdate.effects import CATALOGUE
 from femupdate.errors import MeasurementError
 from femupdate.inference import load_posterior
@@ -26,7 +25,6 @@ from femupdate.workflow import (
     repair_study,
 )
 from tests.chains import Chain
-from tests.documents import reduced_stick
 from tests.helpers import write_record
 from tests.sticks import MASSES, SPRINGS, STEP, write_shaken, write_stick
 
@@ -120,21 +118,6 @@ def test_the_repaired_posterior_has_the_effect_as_a_parameter(repaired):
     np.testing.assert_allclose(
         posterior.theta[..., :3].reshape(-1, 3).mean(axis=0), THETA, rtol=0.01
     )
-
-
-def test_predict_takes_the_repaired_study(repaired, tmp_path):
-    """Its histories are those of the heavier chain."""
-    study = repaired[0].study
-    time = np.arange(1500) * STEP
-    wave = np.exp(-(((time - 4.0) / 1.2) ** 2)) * np.sin(2 * np.pi * 3.0 * time + 0.3)
-    record = write_record(tmp_path / "wave.csv", GroundMotion(wave, STEP))
-    report = predict_study(
-        study, open_study(study), RecordSource(record), PredictionSettings(samples=20)
-    )
-    chain = reduced_stick(MASSES * MORE, SPRINGS)
-    reference = floor_histories(System(chain), THETA[None], ZETA, wave, STEP)
-    peak = np.abs(reference.floor_acceleration[0]).max(axis=1)
-    np.testing.assert_allclose(report.peak_acceleration.mean, peak, rtol=0.02)
 
 
 @pytest.fixture(scope="module")

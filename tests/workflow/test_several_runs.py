@@ -1,7 +1,6 @@
 """Several runs of one building explained by one posterior."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from femupdate.building import load_building
 from femupdate.errors import MeasurementError
 from femupdate.inference import STATED, SmcSettings, base_logs, likelihood_of, load_posterior
 from femupdate.inference.likelihood import cost_of_scatter
-from femupdate.measurement import pooled
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study, file_hash
 from femupdate.workflow import (
@@ -79,23 +77,6 @@ def test_log_likelihood_and_evidence_are_those_of_both_runs(tmp_path, tower_file
     )
     # Without what pooling leaves out it would be off by dozens.
     assert posterior.observation.scatter.sum() > 50.0
-
-
-def test_pooled_runs_have_the_likelihood_of_each_other_s_product_at_any_theta(tower_model, tables):
-    """At random places of the prior, with gaps, other floors and a band."""
-    source = source_of(*tables, band_hz=(0.5, 8.0))
-    runs = list(measured_of(tower_model.building, source).runs)
-    rng = np.random.default_rng(0)
-    runs = [replace(run, valid=run.valid & (rng.random(run.valid.shape) < 0.7)) for run in runs]
-    runs[1] = replace(runs[1], resolution_hz=0.5)
-    unit = torch.from_numpy(rng.random((50, 2)))
-    theta = tower_model.prior.from_unit(unit)
-    theta = torch.cat([theta, torch.full((50, 1), ZETA, dtype=torch.float64)], dim=1)
-    both, *apart = (
-        stated_likelihood(tower_model, run)(theta)
-        for run in (pooled(runs, tower_model.building.floors), *runs)
-    )
-    torch.testing.assert_close(both, sum(apart), rtol=1e-10, atol=1e-8)
 
 
 def test_what_is_kept_names_every_file(tmp_path, tower_model, tables):

@@ -18,7 +18,6 @@ SPRING = 1000.0  # N/m
 DAMPING, ANCHORS_HZ = 0.02, (1.0, 20.0)  # Rayleigh's law of shear_4dof
 DURATION_S, SAMPLING_HZ, RMS, BAND_HZ = 80.0, 200.0, 0.3, (0.5, 50.0)
 SENSOR_NOISE, STEP = 0.003, 1e-4  # m/s2: rms of the noise, and step of the recorder
-TOP_HZ = 20.48  # end of the frequency grid of shear_4dof
 
 TWO_STORIES = """
 name = "shear_2dof"
