@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building
+from femupdate.discrepancy.diagnose import diagnose
 from femupdate.effects import CATALOGUE, DrawnBuilding, Effect, catalogue, structure_of
 from femupdate.errors import BuildingError
+from femupdate.measurement import observation_for
 from femupdate.registry import classes_in
 from femupdate.report import drawn
-from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
-from femupdate.study import Study
-from femupdate.workflow import ObservationSource, diagnose_study, open_study
+from femupdate.simulation import SimulationSettings, simulate_observation
+from tests.discrepancy.posed import pose
 from tests.helpers import contribute
 
 STICK, SIZE = "shear_3dof", 0.15
@@ -29,12 +30,13 @@ def effect(tmp_path, monkeypatch):
     sys.modules.pop(f"{catalogue.__name__}.neighbour", None)
 
 
-@pytest.mark.slow
-def test_it_is_named_with_its_place_and_size(effect, tmp_path):
-    path, study = tmp_path / "seen.csv", Study(tmp_path / "study")
-    write_simulation(simulate_observation(load_building(STICK), HIDDEN), path)
-    source = ObservationSource(path)
-    found = diagnose_study(study, open_study(study, STICK), source).diagnosis
+def test_it_is_named_with_its_place_and_size(effect):
+    building = load_building(STICK)
+    histories = simulate_observation(building, HIDDEN).histories
+    grid = building.frequency_grid.frequencies_hz()
+    problem = pose(building, observation_for(building.floors, histories, grid))
+    among = [f"{name}@{floor}" for name in ("neighbour", "added_mass") for floor in ("3F", "RF")]
+    found = diagnose(problem, among=frozenset([*among, "story_damper@RF", "brace@ground-RF"]))
     assert {"neighbour@3F", "neighbour@RF"} <= {one.placed.label for one in found.scores}
     assert (found.verdict, found.leading.placed.label) == ("named", "neighbour@RF")
     assert abs(found.leading.size - SIZE) < 3.0 * found.leading.size_sd

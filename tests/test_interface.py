@@ -89,7 +89,12 @@ def test_results_and_nouns_fit_a_screen(folder, monkeypatch):
     model = femupdate.reduce("screen", "shear_3dof")
     told = [model, model.system, model.reduced, femupdate.Study("screen"), model.building]
     told += [femupdate.build_model("screen"), femupdate.inspect("run.csv", "none.csv")]
-    told += [read_observation_file("run.csv"), femupdate.GroundMotion.from_arrays([0, 1], 0.1)]
+    assert "Heaviest modes: 3.880 Hz (X)" in repr(told[5])
+    told += [
+        femupdate.status("screen"),
+        read_observation_file("run.csv"),
+        femupdate.GroundMotion.from_arrays([0, 1], 0.1),
+    ]
     assert all(20 < len(repr(each)) < 1500 for each in told)
     assert "none.csv: no such file" in repr(told[6])
 

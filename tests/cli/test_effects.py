@@ -5,7 +5,6 @@ import json
 import pytest
 
 from tests.cli.commands import femupdate
-from tests.helpers import snapshot
 
 
 def test_the_truth_beside_the_file_tells_the_effect(walk):
@@ -47,26 +46,6 @@ def test_the_repaired_study_answers_to_the_other_commands(walk, walked, record):
         "calibrate", walk.kept, "--study", study, "--exact", "--particles", 200, "--json"
     )
     assert told.answer["parameters"][-1] == "story_damper@RF.size"
-
-
-def test_held_out_data_that_cannot_be_used(walk, tmp_path):
-    before = snapshot(walk.study)
-    done = femupdate(
-        *("repair", walk.heavy, "--holdout", tmp_path / "no.csv"),
-        *("--study", walk.study, "--json"),
-    )
-    assert "no such file" in done.complaint
-    assert snapshot(walk.study) == before
-
-
-@pytest.mark.parametrize("command", ["diagnose", "repair"])
-def test_a_building_file_with_an_impossible_effect(walk, tower_file, tmp_path, command):
-    building = tmp_path / "wrong.toml"
-    entry = '\n[[effects]]\nname = "added_mass"\nplace = "9F"\n'
-    building.write_text(tower_file.read_text() + entry)
-    done = femupdate(command, walk.heavy, "--building", building, "--study", tmp_path / "s")
-    assert "effects[0].place" in done.complaint
-    assert "'9F'" in done.complaint
 
 
 WRONG_EFFECTS = {

@@ -7,13 +7,13 @@ import pytest
 import torch
 
 from femupdate.discrepancy import DiagnosisSettings, Finding
-from femupdate.discrepancy.diagnose import with_pair
+from femupdate.discrepancy.diagnose import diagnose, with_pair
 from femupdate.discrepancy.evidence import Tested as Outcome
 from femupdate.discrepancy.findings import Diagnosis, in_order, rivals
 from femupdate.discrepancy.fit import fit_baseline
 from femupdate.discrepancy.repair import repair
 from femupdate.effects import CATALOGUE, Placed
-from tests.chains import Chain
+from tests.chains import Chain, rayleigh
 from tests.discrepancy.posed import building_of, observe, pose
 
 SETTINGS = DiagnosisSettings()
@@ -125,3 +125,27 @@ def test_data_kept_out_add_nothing_that_is_not_clear_of_nothing():
     assert mass.carried(DiagnosisSettings(over_none=1.0))
     assert mass.size < 3.0 * mass.size_sd
     assert done.rounds == ()
+
+
+def test_two_effects_that_others_imitate_are_told_and_repaired_together():
+    """Mass and rocking: by themselves each explains less than half."""
+    masses, theta, grid = np.ones(3), np.array([0.7, 1.3, 0.9]), 0.2 * np.arange(1, 103)
+    law = {"law": "rayleigh", "ratio": 0.02, "anchors": [1.0, 20.0]}
+    building = building_of(masses, np.full(3, 1000.0), zeta=None, damping=law)
+    plain = Chain(masses, np.full(3, 1000.0), heights=np.arange(1.0, 4.0), zeta=0.02)
+    spring = plain.heights.sum() * plain.heights[-1] / (0.1 * plain.static_roof)
+    both = plain.at(theta, proportional=rayleigh(0.02, 1.0, 20.0), rocking=spring)
+    frf = both.but(masses=masses * [1.0, 1.1, 1.0]).frf(grid)
+    problem = pose(building, observe(("2F", "3F", "RF"), grid, frf, 0.01, 3))
+    base = fit_baseline(problem)[0]
+    among = frozenset(f"added_mass@{floor}" for floor in ("2F", "3F", "RF"))
+    among |= {"foundation_rocking@base", "story_damper@3F", "tuned_appendage@RF"}
+    among |= {"brace@ground-3F", "channel_gain@RF"}
+    found = with_pair(diagnose(problem, base=base, among=among), SETTINGS)
+    sizes = {
+        "foundation_rocking@base": pytest.approx(0.1, rel=0.1),
+        "added_mass@3F": pytest.approx(0.1, rel=0.1),
+    }
+    assert {one.placed.label: one.size for one in found.pair} == sizes
+    done = repair(problem, base, found=found)
+    assert {one.finding.placed.label: one.finding.size for one in done.rounds} == sizes

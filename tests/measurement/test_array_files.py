@@ -136,6 +136,7 @@ BAD = {
         "need their frequencies, frequency_hz; histories",
     ),
     "text alone": ({"note": "none"}, "holds no array of numbers"),
+    "texts": ({"fs": RATE, "acc": np.array(["a"] * 90)}, "holds no array of numbers"),
     "nan": ({"fs": RATE, "acc": spoiled(ROWS[0], 41)}, "row 42, column 'acc': the cell is blank"),
     "gap": ({"time": np.delete(TIME, 30), "acc": ROWS[0, 1:]}, "row 31, column 'time_s': the sam"),
     "818 g": ({"fs": RATE, "acc": ROWS[0] * 1e4}, "is the unit wrong?"),

@@ -1,14 +1,11 @@
 """What users report of their files, and the first day of one: each file is told what is right."""
 
-import importlib.resources
 import shlex
-from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 from femupdate.cli.main import group
 
-import femupdate
 from femupdate.building import load_building
 
 FOUR = ("--columns", "base=1,2F=2,3F=3,RF=4")
@@ -144,52 +141,3 @@ def test_every_file_is_ticked_off(shared_file):
     files = {f"{d}/{f.name}" for d in ("reports", "first_day") for f in (shared / d).iterdir()}
     code = {"reports/README.md", "first_day/make_stick_data.py"}
     assert files - code == {*SAID, *REFUSED, *ASKED}
-
-
-# The twenty frictions of a first day: a command each, or what is read, and words it must have.
-# 1, 3, 13 and 14 are files above, 6 is test_pages.py, 8 is test_any_file.py. More of 7 and 18 is
-# in test_commands.py, of 9 and 10 in test_report.py, of 11 in test_plot_building.py, of 17
-# in test_infills.py and test_braces.py.
-FRICTIONS = {
-    2: ("simulate -o x.csv --study none", ("has no building yet; name one",)),
-    4: ("predict --help", ("--member", "beam, column or brace")),  # and test_member_histories.py
-    5: ("build-model shear_3dof --study b --no-pictures", ("Heaviest modes: 3.880 Hz (X)",)),
-    7: (
-        "calibrate run.csv --study s --exact --particles 200 --no-pictures",
-        ("Importance sampling (about",),
-    ),
-    9: ("page", ("What is assumed", "damping, law", "Client: Kobe", "Author: me")),
-    10: ("page", ("Verdict:", "counter(page)", "prefers-color-scheme", "How it was made")),
-    11: ("page", ('alt="model"',)),
-    12: ("page", ("share of the mass",)),
-    15: ("calibrate run.csv --study s --columns x=y", ("no column 'y' to take for x",)),
-    17: ("list", ("infill_stiffness",)),
-    18: ("calibrate run.csv --study s --particles 200 --no-pictures", ("Verdict:", "Next:")),
-    19: ("site", ("Home: index.md", "Tutorial:", "How-to:", "Reference:", "Explanation:")),
-    20: ("simulate --help", ("--overwrite", "--quiet")),
-}
-JARGON = ("MVAE", "validation loss", "Gaussians", "effective sample size", "power")
-
-
-@pytest.mark.slow
-def test_the_twenty_frictions_of_a_first_day_are_gone(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    little = "--duration 30 --sampling 100 --band 0.3,40"
-    told(shlex.split(f"simulate -o run.csv --building shear_3dof {little}"))
-    first, _ = told(
-        shlex.split("calibrate run.csv --building shear_3dof --study s --exact --no-pictures")
-    )
-    assert not [word for word in JARGON if word in first]
-    told(shlex.split("report --study s --client Kobe --author me -o page.html"))
-    texts = {"page": tmp_path / "page.html", "site": Path(__file__).parents[2] / "mkdocs.yml"}
-    for number, (command, words) in FRICTIONS.items():
-        if command in texts:
-            said = texts[command].read_text()
-        else:
-            said, _ = told(shlex.split(command))
-        assert [word for word in words if word not in said] == [], f"{number}: {said[:2000]}"
-        assert command != "site" or sorted(words, key=said.index) == [*words]
-    # 16: a Python to live with.
-    assert {"calibrate", "Observation"} <= {*dir(femupdate)}
-    assert importlib.resources.files("femupdate").joinpath("py.typed").is_file()
-    assert len(repr(femupdate.status("s"))) < 2000

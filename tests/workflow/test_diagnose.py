@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from femupdate.study import Study
-from femupdate.workflow import ObservationSource, diagnose_study, open_study, repair_study
+from femupdate.workflow import ObservationSource, diagnose_study, open_study
 from tests.chains import Chain, rayleigh
 from tests.sticks import shear_stick
 
@@ -29,12 +29,6 @@ def with_mass(size, floor=1, chain=CHAIN):
     masses = np.ones(3)
     masses[floor] += size
     return chain.but(masses=masses)
-
-
-def on_soft_ground(rocking):
-    """The base's motion as a share of the static roof displacement under the same acceleration."""
-    spring = HEIGHTS.sum() * HEIGHTS[-1] / (rocking * NOMINAL.static_roof)
-    return CHAIN.but(rocking=spring)
 
 
 def write(path, frf, seed=3, sd=SD):
@@ -217,28 +211,6 @@ def test_the_report_has_the_promised_keys_and_its_file(heavier):
     assert kept["verdict"] == "named"
     assert kept["effects"][0]["name"] == "added_mass"
     assert heavier.path.name == "diagnosis.json"
-
-
-@pytest.mark.slow
-def test_two_effects_that_others_imitate_are_repaired(study, tmp_path):
-    """Mass and rocking together: by themselves each explains less than half."""
-    both = with_mass(0.1, chain=on_soft_ground(rocking=0.1))
-    path = write(tmp_path / "both.csv", both.frf(GRID), sd=0.01)
-    home = Study(shutil.copytree(study.folder, tmp_path / "both"))
-    report = repair_study(home, open_study(home), ObservationSource(path))
-    done = report.repair
-    sizes = {one.finding.placed.label: one.finding.size for one in done.rounds}
-    assert sizes == {
-        "foundation_rocking@base": pytest.approx(0.1, rel=0.1),
-        "added_mass@3F": pytest.approx(0.1, rel=0.1),
-    }
-    before, after = report.in_turn
-    assert before > 10.0 > 1.5 > after
-    told = report.as_dict()
-    assert [told[f"halves_chi2_{when}"] for when in ("before", "after")] == [before, after]
-    assert f"kept out in turn: error (chi2 a point) {before:.1f} -> " in "\n".join(
-        report.lines(details=True)
-    )
 
 
 def test_a_factor_that_ends_at_its_limit_is_told(diagnosed, study, tmp_path):

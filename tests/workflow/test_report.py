@@ -57,6 +57,9 @@ def test_the_page_says_what_the_study_holds(written, study):
     assert "A note with &lt;i&gt;markup&lt;/i&gt;" in html
     assert "record &lt;b&gt;.csv" in html
     assert "peak base shear over weight, %" in html
+    for words in ("What is assumed", "damping, law", "share of the mass", "counter(page)"):
+        assert words in html
+    assert "prefers-color-scheme" in html
     # The tower's file gives no heights.
     assert "drift ratio" not in html
 
@@ -100,6 +103,7 @@ def test_a_client_has_title_names_logo_and_own_sections(bare, tmp_path):
     assert "<p>Two walls were removed.</p>" in html
     assert "<li>A crack</li>" in html
     assert "Client: The city</p>" in html
+    assert "Author: Jo" in html
     assert '@top-left { content: "A \\22 tower\\22  \\3c 1\\3e "; }' in html
     assert html.count('alt="Logo"') == 1
 
