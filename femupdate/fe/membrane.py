@@ -62,9 +62,11 @@ def sample(plane: Floats, points: Floats) -> PlaneSamples:
     return PlaneSamples(inverse @ parent_derivatives(points), inverse, determinant)
 
 
-# Weight of the 2 x 2 part of the drilling penalty. The one-point part alone leaves hourglass
-# patterns of the drilling rotations free; a full 2 x 2 penalty locks curved shells.
-DRILLING_STABILISATION = 0.01
+# Shares of the shear modulus in the drilling penalty, at the centre and at 2 x 2 points. All of it
+# at the centre holds beams that end at the edge of a wall too firmly, a hundredth is too soft on
+# twisted strips. The centre alone leaves hourglass patterns of the drilling rotations free; more at
+# 2 x 2 points locks curved shells.
+_DRILLING, DRILLING_STABILISATION = 0.1, 0.001
 
 # Columns are grouped as u (4), v (4), rotation (4), internal modes of u (2) and v (2).
 _U, _V, _SPIN = slice(0, 4), slice(4, 8), slice(8, 12)
@@ -80,8 +82,8 @@ def membrane_stiffness(
 
     Four incompatible modes an element are condensed (Taylor, Beresford and Wilson 1976). The
     rotation is tied to the spin of the membrane, incompatible modes included, by a penalty with
-    the shear modulus (Hughes and Brezzi 1989), integrated at the centre, with one hundredth of it
-    at 2 x 2 points.
+    a tenth of the shear modulus (Hughes and Brezzi 1989, who leave its size free), integrated at
+    the centre, with one hundredth of that at 2 x 2 points.
 
     Args:
         plane: (n, 4, 2) corners in the element's plane, counter-clockwise, m.
@@ -111,7 +113,7 @@ def membrane_stiffness(
     stiffness += integrate(slip, slip, penalty)
     # At the centre the gradients of the internal modes vanish.
     slip = _slip(centre, CENTRE, np.zeros((len(plane), 1, 2, 2)))
-    penalty = 4.0 * (shear_modulus * thickness)[:, None] * centre.determinant
+    penalty = 4.0 * _DRILLING * (shear_modulus * thickness)[:, None] * centre.determinant
     stiffness += integrate(slip, slip, penalty)
     coupling = stiffness[:, _INTERNAL, _NODAL]
     relaxed = np.linalg.solve(stiffness[:, _INTERNAL, _INTERNAL], coupling)

@@ -27,10 +27,11 @@ _NODE_BY_NODE = np.arange(12).reshape(3, 4).T.ravel()
 _EDGES_ALONG_XI = ((0, 1), (3, 2))  # eta = -1, +1
 _EDGES_ALONG_ETA = ((0, 3), (1, 2))  # xi = -1, +1
 
-# Internal rotations 1 - xi^2 along xi, 1 - eta^2 along eta, and _SKEW times these that change
-# their sign across. All of _SKEW = 1 is too soft under a force at a node, 0 too stiff in clamped
-# plates; .15 was chosen by the rows of the benchmark `solver`: .1 and .2 reach fewer.
-_SKEW = 0.15
+# Internal rotations 1 - xi^2 along xi, 1 - eta^2 along eta, and these times a sign across, of which
+# the shear feels a part: _SKEW x (long side / short side)^_SLENDER. All of it is too soft under a
+# force at a node, none too stiff where sides differ and in clamped plates. Both were chosen by the
+# rows of the benchmark `solver`, and tried on rectangles of 1 : 2, 1 : 3 and 1 : 8.
+_SKEW, _SLENDER = 0.15, 2.0 / 3.0
 _XI, _ETA = GAUSS_POINTS.T
 _ONE, _NONE = np.ones(4), np.zeros(4)
 _INTERNAL_SLOPES = np.array(  # along xi and eta, (2, mode, g)
@@ -40,7 +41,7 @@ _INTERNAL_SLOPES = np.array(  # along xi and eta, (2, mode, g)
     ]
 ).transpose(2, 0, 1)
 _INTERNAL_SHEAR = (2.0 / 3.0) * np.array(  # their means along the sides, (2, mode, g)
-    [[_ONE, _NONE, _SKEW * _ETA, _NONE], [_NONE, _ONE, _NONE, _SKEW * _XI]]
+    [[_ONE, _NONE, _ETA, _NONE], [_NONE, _ONE, _NONE, _XI]]
 ).transpose(2, 0, 1)
 # Of the linked deflection in the mass, chosen by trial: modes 1, 2 and 4 of a thin square plate
 # on 16 x 16 elements err by -.23, -.14 and -.63 %, with all of it by -.39, -.54 and -1.26 %.
@@ -64,7 +65,8 @@ def plate_stiffness(
     Returns:
         (n, 12, 12) for w and the rotations about x and y, node by node.
     """
-    gauss, area = sample(plane, GAUSS_POINTS), determinants(jacobians(plane, CENTRE)) * 4.0
+    gauss, centre = sample(plane, GAUSS_POINTS), jacobians(plane, CENTRE)
+    area, sides = determinants(centre) * 4.0, np.linalg.norm(centre[:, 0], axis=2)
     # Curvatures (x, y, twice xy) per unit coordinate, of u = z ry, v = -z rx.
     curvature = np.zeros((*gauss.determinant.shape, 3, 16))
     along_x, along_y = gauss.gradients[:, :, 0], gauss.gradients[:, :, 1]
@@ -84,8 +86,10 @@ def plate_stiffness(
     below, above = (_edge_shear(plane, edge) for edge in _EDGES_ALONG_XI)
     left, right = (_edge_shear(plane, edge) for edge in _EDGES_ALONG_ETA)
     tied = np.stack([_between(below, above, _ETA), _between(left, right, _XI)], axis=2)
-    shear = np.concatenate([tied, np.broadcast_to(_INTERNAL_SHEAR, (len(plane), 4, 2, 4))], axis=3)
-    shear = gauss.inverse @ shear
+    inner = np.tile(_INTERNAL_SHEAR, (len(plane), 1, 1, 1))
+    skew = _SKEW * (sides.max(axis=1) / sides.min(axis=1)) ** _SLENDER
+    inner[..., 2:] *= np.minimum(skew, 1.0)[:, None, None, None]
+    shear = gauss.inverse @ np.concatenate([tied, inner], axis=3)
     rigidity = SHEAR_CORRECTION * thickness * 0.5 * youngs_modulus / (1.0 + poisson_ratio)
     stiffness += integrate(shear, rigidity[:, None, None, None] * shear, gauss.determinant)
     coupling = stiffness[:, _INTERNAL, _NODAL]
