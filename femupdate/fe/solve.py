@@ -178,7 +178,7 @@ def _lanczos(problem: _Problem, count: int, width: int) -> tuple[Floats, Floats]
     """Block Lanczos method that keeps all vectors (Golub and Underwood 1977)."""
     mass, apply = problem.mass, problem.factorization.apply
     weigh = partial(symmetric_times, mass)
-    size, most, look = mass.shape[0], 6 * (count + 2 * width), 1.4 * count
+    size, most, look = mass.shape[0], 10 * (count + 2 * width), 1.4 * count
     basis, small, done = np.empty((size, most), order="F"), np.zeros((most, most)), 0
     start = np.random.default_rng(20240).standard_normal((size, width))
     before, (block, image) = start[:, :0], orthonormal(apply(mass @ start), start[:, :0], weigh)
