@@ -87,9 +87,9 @@ def test_mass_of_a_flat_shell(nudge, side, thickness, seed):
     np.testing.assert_allclose(rigid[:3, 3:], expected, atol=1e-10 * total * side)
     thin = DENSITY * thickness * (np.trace(second) * np.eye(3) - second)
     rotary = total * thickness**2 / 12
-    # About in-plane axes rho t^3 / 12; about the normal only a thousandth of it, which keeps the
+    # About in-plane axes rho t^3 / 12; about the normal only the hundredth of it that keeps the
     # drilling rotation from being massless.
-    thick = rotary * (np.eye(3) - 0.999 * np.outer(normal, normal))
+    thick = rotary * (np.eye(3) - 0.99 * np.outer(normal, normal))
     np.testing.assert_allclose(rigid[3:, 3:], thin + thick, atol=1e-9 * total * max(side, 1) ** 2)
     assert np.linalg.eigvalsh(mass).min() > 0.0
 
