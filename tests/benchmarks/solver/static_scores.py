@@ -15,7 +15,15 @@ from .membranes import (
 )
 from .peers import COUPLED_LIMITS, coupled_wall_peers, static_peer
 from .score import ElementTest, Score, best_peer
-from .surfaces import Edges, Loading, hemisphere, pinched_cylinder, rectangular_plate, scordelis_lo
+from .surfaces import (
+    Edges,
+    Loading,
+    hemisphere,
+    pinched_cylinder,
+    raasch_hook,
+    rectangular_plate,
+    scordelis_lo,
+)
 from .walls import (
     coupled_wall,
     coupled_wall_frequencies,
@@ -49,6 +57,7 @@ PLATE_TARGETS: dict[tuple[int, Edges, Loading], float] = {
     (5, "cl", "p"): 7.23,
 }
 COOK, SCORDELIS_LO, HEMISPHERE, HEMISPHERE_LIMIT, PINCHED = 23.96, 0.3024, 0.0940, 0.0935, 1.8248e-5
+HOOK = 5.05
 
 _TRAPEZOIDS = (
     "no four-node element that passes the patch test bends in its plane as a trapezoid or a "
@@ -145,6 +154,11 @@ def _curved_shells() -> Iterator[Score]:
     yield test.score(case, "32x32", HEMISPHERE_LIMIT, hemisphere(32))
     test, counts = ElementTest("Pinched cylinder", "in", MACNEAL, _PINCHED), [4, 8, 16, 32]
     yield from _refined(test, case, PINCHED, pinched_cylinder, "pinched cylinder", counts)
+    limit = "extrapolated from 20-node bricks of OpenSees (5.022 and 5.039)"
+    test = ElementTest("Raasch's hook", "in", limit)
+    for across, along in ((1, 9), (3, 18), (5, 36), (10, 72), (20, 144)):
+        value, peer = raasch_hook(across, along), static_peer(f"hook {across}x{along}")
+        yield test.score("shear along the width", f"{across}x{along}", HOOK, value, peer)
 
 
 def _refined(

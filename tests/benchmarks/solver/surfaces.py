@@ -2,7 +2,8 @@
 
 Geometry and loads after MacNeal and Harder (1985); the three curved shells are those of the
 obstacle course of Belytschko, Stolarski, Liu, Carpenter and Ong, Computer Methods in Applied
-Mechanics and Engineering 51 (1985) 221-258.
+Mechanics and Engineering 51 (1985) 221-258. The hook is Raasch's, in Knight, AIAA Journal 35
+(1997) 375-381.
 """
 
 from typing import Literal
@@ -22,6 +23,7 @@ from .meshes import (
     displacement,
     grid,
     hold,
+    line_weights,
     model,
     shells,
     stack,
@@ -104,3 +106,18 @@ def pinched_cylinder(count: int) -> float:
     load[loaded, UZ] = -0.25
     u = displacement(model(points, fixed, shells=shells(quads, 3.0, 3e6, 0.3)), load)
     return float(-u[loaded, UZ].item())
+
+
+def raasch_hook(across: int, along: int) -> float:
+    """Arcs R = 14 and 46 of 60 and 150 degrees, a strip 20 x 2: tip across, under unit shear."""
+    s, t, quads = grid(along, across)
+    bend, turn = np.radians(60), np.radians(210) * s
+    small, back = turn <= bend * (1 + 1e-9), 2 * bend - turn
+    x = np.where(small, 14 * np.sin(turn), 60 * np.sin(bend) - 46 * np.sin(back))
+    y = np.where(small, -14 * np.cos(turn), -60 * np.cos(bend) + 46 * np.cos(back))
+    fixed = hold(len(s), (s == 0, ALL))
+    load = zeros(len(s))
+    load[:, UZ] = line_weights(s == 1, t)
+    strip = shells(quads, 2.0, 3300.0, 0.35)
+    u = displacement(model(stack(x, y, 20 * t), fixed, shells=strip), load)
+    return float(load[:, UZ] @ u[:, UZ])
