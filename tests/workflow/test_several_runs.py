@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 import torch
+from femupdate.benchmarks.calibration.cases import stated_likelihood
 
 from femupdate.building import load_building
 from femupdate.errors import MeasurementError
-from femupdate.inference import STATED, SmcSettings, base_logs, likelihood_of, load_posterior
-from femupdate.inference.likelihood import cost_of_scatter
+from femupdate.inference import SmcSettings, load_posterior
 from femupdate.simulation import SimulationSettings, simulate_observation, write_simulation
 from femupdate.study import Study, file_hash
 from femupdate.workflow import (
@@ -41,13 +41,6 @@ def tables(tmp_path_factory):
         noisy = clean + sd * rng.standard_normal(clean.shape)
         paths.append(write_table(folder / f"{name}.csv", noisy, sd))
     return paths
-
-
-def stated_likelihood(model, observation):
-    """That of FRFs under base motion as if the model were right and the noise as stated."""
-    data = base_logs(observation, model.system, table=STATED)
-    cost = cost_of_scatter(observation, data)
-    return likelihood_of((data,), model.system, model.parameters, cost)
 
 
 def source_of(*paths, **options):

@@ -27,6 +27,7 @@ from femupdate.fe.export_nastran import bulk_data
 from femupdate.simulation import fine_model
 
 from ..result import Job
+from . import make
 from .entries import KINDS, places_of
 from .frames import frame_modes
 from .make import EVERY, RATE_HZ, effect, motion, write_hammer, write_modes
@@ -199,7 +200,6 @@ def _hidden(
     """A stick with what is hidden, what its channels do, the effects, and words."""
     count, level = len(floors), int(rng.integers(1, len(floors) + 1))
     floor, story, change = floors[level - 1], stories[level - 1], np.ones(len(floors))
-    row = np.arange(count + 1) == level
     if kind == "clean":
         spread = rng.uniform(0.0, 0.02)
         change += spread * rng.standard_normal(count)
@@ -216,11 +216,8 @@ def _hidden(
         heavy = [effect("mass", *floors[first:last], size=size)]
         return replace(stick, mass=stick.mass * change), None, heavy, "one cause on several floors"
     if kind == "damper":
-        omega, shapes = stick.modes()
-        shape = np.append(0.0, shapes[:, 0])
-        size, modal = float(rng.uniform(0.015, 0.04)), float(stick.mass @ shape[1:] ** 2)
-        dashpot = 2.0 * size * omega[0] * modal / (shape[level] - shape[level - 1]) ** 2
-        damped = replace(stick, dashpots=((level - 1, level, dashpot),))
+        size = float(rng.uniform(0.015, 0.04))
+        damped = make.dashpot(level - 1, level, size)(stick)
         return damped, None, [effect("damper", story, size=size)], ""
     if kind == "brace":
         low = int(rng.integers(1, count - 1))
@@ -228,20 +225,17 @@ def _hidden(
         braced = replace(stick, springs=((low, low + 2, spring),))
         return braced, None, [effect("brace", f"{floors[low - 1]}-{floors[low + 1]}")], ""
     if kind == "appendage":
-        size, turning = float(rng.uniform(0.05, 0.12)), rng.uniform(0.8, 2.5) * stick.modes()[0][0]
-        kg = size * float(stick.mass[level - 1])
-        hung = (level, kg, kg * turning**2, 0.04 * kg * turning)
-        return replace(stick, appendage=hung), None, [effect("appendage", floor, size=size)], ""
+        size, tuning = float(rng.uniform(0.05, 0.12)), rng.uniform(0.8, 2.5)
+        hung = make.appendage(level, size, tuning, 0.02)(stick)
+        return hung, None, [effect("appendage", floor, size=size)], ""
     if kind == "delay":
-        shift = round(float(rng.uniform(0.0025, 0.008)) / STEP_S)
-        told = [effect("delay", floor, size=shift * STEP_S)]
-        return stick, lambda a: np.where(row[:, None], np.roll(a, shift, axis=1), a), told, ""
+        size = STEP_S * round(float(rng.uniform(0.0025, 0.008)) / STEP_S)
+        return stick, make.late(level, size), [effect("delay", floor, size=size)], ""
     if kind == "gain":
         size = float(rng.uniform(0.03, 0.08) * rng.choice([-1.0, 1.0]))
-        told = [effect("gain", floor, size=size)]
-        return stick, lambda a: a * (1.0 + size * row[:, None]), told, ""
+        return stick, make.gain(level, size), [effect("gain", floor, size=size)], ""
     if kind == "reversed":
-        return stick, lambda a: a * (1.0 - 2.0 * row[:, None]), [effect("reversed", floor)], ""
+        return stick, make.gain(level, -2.0), [effect("reversed", floor)], ""
     if kind == "exchanged":
         low = max(level - 1, 1)
         order = np.arange(count + 1)
@@ -264,13 +258,10 @@ def _hidden(
         struck = replace(stick, pounding=(level, gap, 0.3 * float(stick.stiffness[level - 1])))
         return struck, None, [], "pounding"
     # Yields at a share of the peak of the elastic drift, sharply or smoothly.
-    initial, ductility = float(stick.stiffness[level - 1]), float(rng.uniform(1.5, 4.0))
-    alpha, bend = float(rng.choice([0.05, 0.1, 0.2])), 0.5 * ductility / peak
-    law: tuple[Any, ...] = ("Steel01", initial * peak / ductility, initial, alpha)
-    if rng.uniform() < 0.5:
-        law = ("BoucWen", alpha, initial, 1.0, bend, bend, 1.0, 0.0, 0.0, 0.0)
-    yielding = replace(stick, materials={level - 1: law})
-    words = f"{law[0]}, {alpha} beyond 1/{ductility:.1f} of the elastic peak"
+    ductility, alpha = float(rng.uniform(1.5, 4.0)), float(rng.choice([0.05, 0.1, 0.2]))
+    law = make.hysteretic if rng.uniform() < 0.5 else make.bilinear
+    yielding = law(level - 1, peak / ductility, alpha)(stick)
+    words = f"{law.__name__}, {alpha} beyond 1/{ductility:.1f} of the elastic peak"
     return yielding, None, [effect("nonlinear", story)], words
 
 

@@ -80,7 +80,7 @@ def _heavier(**shares: float) -> Any:
     return lambda stick: replace(stick, mass=stick.mass * change)
 
 
-def _dashpot(low: int, high: int, share: float) -> Any:
+def dashpot(low: int, high: int, share: float) -> Any:
     """A damper between levels that adds so much to the first damping ratio."""
 
     def change(stick: Stick) -> Stick:
@@ -99,7 +99,7 @@ def _spring(low: int, high: int, share: float) -> Any:
     return lambda stick: replace(stick, springs=((low, high, size),))
 
 
-def _appendage(level: int, share: float, tuning: float, zeta: float) -> Any:
+def appendage(level: int, share: float, tuning: float, zeta: float) -> Any:
     """Something on a floor with a share of its mass, tuned to the first frequency."""
 
     def change(stick: Stick) -> Stick:
@@ -109,7 +109,7 @@ def _appendage(level: int, share: float, tuning: float, zeta: float) -> Any:
     return change
 
 
-def _hysteretic(story: int, yield_m: float, alpha: float) -> Any:
+def hysteretic(story: int, yield_m: float, alpha: float) -> Any:
     """A story of Bouc and Wen that is smooth about its yield displacement."""
 
     def change(stick: Stick) -> Stick:
@@ -121,7 +121,7 @@ def _hysteretic(story: int, yield_m: float, alpha: float) -> Any:
     return change
 
 
-def _bilinear(story: int, yield_m: float, alpha: float) -> Any:
+def bilinear(story: int, yield_m: float, alpha: float) -> Any:
     """A story that yields at once."""
 
     def change(stick: Stick) -> Stick:
@@ -132,14 +132,17 @@ def _bilinear(story: int, yield_m: float, alpha: float) -> Any:
     return change
 
 
-def _late(level: int, seconds: float) -> Any:
+def late(level: int, seconds: float) -> Any:
+    """Channels of which that of a level is late."""
+
     def change(seen: Floats) -> Floats:
         return _with(seen, level, np.roll(seen[level], round(seconds / STEP_S)))
 
     return change
 
 
-def _gain(level: int, share: float) -> Any:
+def gain(level: int, share: float) -> Any:
+    """Channels of which that of a level has a wrong gain."""
     return lambda seen: _with(seen, level, (1.0 + share) * seen[level])
 
 
@@ -183,25 +186,25 @@ TASKS = (
     Task(words="nothing but masses known to half a per cent", verdicts=_NONE,
          stick=_masses(0.005), building="stick6_one_per_cent.toml"),
     Task(words="nothing but masses known to one per cent, and a gain of .5 % at 4F",
-         verdicts=_NONE, stick=_masses(0.01), channels=_gain(3, 0.005), shaking=_WHITE,
+         verdicts=_NONE, stick=_masses(0.01), channels=gain(3, 0.005), shaking=_WHITE,
          building="stick6_one_per_cent.toml"),
     Task(words="the mass of 4F", stick=_heavier(f4F=0.12),
          missing=(effect("mass", "4F", size=0.12),)),
     Task(words="little mass at 5F, few sensors", stick=_heavier(f5F=0.04), noise=0.03,
          sensors=("3F", "5F", "RF"), missing=(effect("mass", "5F", size=0.04),)),
-    Task(words="a damper in the first story", stick=_dashpot(0, 1, 0.03), shaking=_WHITE,
+    Task(words="a damper in the first story", stick=dashpot(0, 1, 0.03), shaking=_WHITE,
          missing=(effect("damper", "S1", size=0.03),)),
     Task(words="a brace from 3F to 5F", stick=_spring(2, 4, 0.15),
          missing=(effect("brace", "3F-5F"),)),
-    Task(words="the roof's sensor is late", stick=_as_it_is, channels=_late(6, 0.004),
+    Task(words="the roof's sensor is late", stick=_as_it_is, channels=late(6, 0.004),
          missing=(effect("delay", "RF", size=0.004),)),
-    Task(words="something at 6F vibrates by itself", stick=_appendage(5, 0.09, 2.2, 0.02),
+    Task(words="something at 6F vibrates by itself", stick=appendage(5, 0.09, 2.2, 0.02),
          shaking=_WHITE, missing=(effect("appendage", "6F", size=0.09),)),
     Task(words="the mass of the roof, and a late sensor at 3F", stick=_heavier(fRF=0.1),
-         channels=_late(2, 0.005),
+         channels=late(2, 0.005),
          missing=(effect("mass", "RF", size=0.1), effect("delay", "3F", size=0.005))),
     Task(words="the mass of 3F, and a damper in the third story",
-         stick=_both(_heavier(f3F=0.15), _dashpot(2, 3, 0.02)), shaking=_WHITE,
+         stick=_both(_heavier(f3F=0.15), dashpot(2, 3, 0.02)), shaking=_WHITE,
          missing=(effect("mass", "3F", size=0.15), effect("damper", "S3", size=0.02))),
     Task(words="3F and 4F exchanged, 6F reversed", stick=_as_it_is, channels=_crossed,
          missing=(effect("exchanged", "3F", "4F"), effect("reversed", "6F"))),
@@ -209,9 +212,9 @@ TASKS = (
          stick=lambda stick: replace(stick, mass_proportional=True), shaking=_WHITE,
          missing=(effect("damping"),)),
     Task(words="a hysteretic first story", verdicts=_NONLINEAR, strength=3.0,
-         stick=_hysteretic(0, 0.008, 0.1), missing=(effect("nonlinear", "S1"),)),
+         stick=hysteretic(0, 0.008, 0.1), missing=(effect("nonlinear", "S1"),)),
     Task(words="a third story that yields", verdicts=_NONLINEAR, strength=3.0,
-         stick=_bilinear(2, 0.007, 0.2), missing=(effect("nonlinear", "S3"),)),
+         stick=bilinear(2, 0.007, 0.2), missing=(effect("nonlinear", "S3"),)),
     Task(words="a neighbour that 5F pounds against", verdicts=_OUTSIDE, strength=3.0,
          stick=lambda stick: replace(stick, pounding=(4, 0.004, 0.3 * _STIFFNESS[3]))),
     Task(words="a tie from 6F to the ground", verdicts=("unknown",),
