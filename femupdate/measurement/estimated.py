@@ -327,14 +327,14 @@ def estimator_of(
     values: list[list[Complexes]] = [[] for _ in inputs]
     width = int(np.ceil(reach / fine[1]))
     offsets = np.arange(-width, width + 1)
+    turns = np.exp(2j * np.pi * fine[1] * starts[:, None] * offsets)
     for some in np.array_split(used, max(1, len(used) // 512)):
         middle = np.rint(bin_hz[some] / fine[1]).astype(int)
         near = np.clip(middle[:, None] + offsets, 1, len(fine) - 1)
         inside = middle[:, None] + offsets == near
-        omega = 2.0 * np.pi * fine[near]
-        turn = np.exp(1j * omega[..., None] * starts)
-        together = np.einsum("bjs,sb->bj", turn, of_segments[:, some].conj())
-        apart = (2.0 * np.pi * bin_hz[some, None] - omega) * time_step
+        turn = np.exp(2j * np.pi * fine[1] * middle[:, None] * starts)
+        together = (turn * of_segments[:, some].conj().T) @ turns
+        apart = 2.0 * np.pi * time_step * (bin_hz[some, None] - fine[near])
         seen = _window_spectrum(apart, length)
         parts = [np.where(inside, together * spectrum[near] * seen, 0.0) for spectrum in spectra]
         # They add up to the power of the segments, but where what leaks in from beyond the reach

@@ -114,7 +114,9 @@ def estimate_frf(
     known = leaking, segments.effective, min(float(early), 1.0)
     alone, shared, share = _parts_of_noise(across, frf, spectra, at_grid, valid, *known)
     frf = frf * at_grid(1.0 / (1.0 - share))
-    peaks = _narrow_peaks(spectra, trusted.any(axis=0) & (spectra.frequency_hz >= grid[0]))
+    # Below, what the means that were taken off leak is higher than any peak.
+    above = spectra.frequency_hz >= max(grid[0], 2.0 / segments.seconds)
+    peaks = _narrow_peaks(spectra, trusted.any(axis=0) & above)
     estimator, holds = estimator_of(inputs, step, segments, grid, between, share, peaks)
     alone = np.where(holds, alone, np.maximum(alone, leaking**2))
     estimator = replace(estimator, shared=np.sqrt(np.maximum(np.nan_to_num(shared), 0.0)))
