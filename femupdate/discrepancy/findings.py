@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -134,7 +135,7 @@ class Finding:
         mass = "" if self.mass is None else f"; {mass_in_words(self.mass)}"
         return f"{said} ({effect.scatter(size, sd)}{mass})"
 
-    @property
+    @cached_property
     def told(self) -> tuple[float, float]:
         """Size and standard deviation as a reader is told them: shares of what all else is.
 

@@ -69,7 +69,11 @@ def normal_modes(stiffness: Tensor, mass: Tensor | None, sides: Tensor) -> tuple
         (N, s, r) the vectors' products with the shapes, and (N, r), largest first.
     """
     if mass is None:
-        squared, vectors = torch.linalg.eigh(stiffness)
+        alone = stiffness.device.type == "cpu" and len(stiffness) == 1
+        if alone and not stiffness.requires_grad:
+            squared, vectors = _solved(stiffness.shape[-1], stiffness.numpy().tobytes())
+        else:
+            squared, vectors = torch.linalg.eigh(stiffness)
         squared = torch.where(squared > 0.0, squared, torch.nan)
         return (sides @ vectors) * squared.rsqrt()[:, None, :], 1.0 / squared
     factor, failed = torch.linalg.cholesky_ex(stiffness)
@@ -80,6 +84,14 @@ def normal_modes(stiffness: Tensor, mass: Tensor | None, sides: Tensor) -> tuple
     seen = torch.linalg.solve_triangular(sound, sides.mT, upper=False).mT @ vectors
     inverse = torch.where((failed == 0)[:, None], inverse.clamp_min(0.0), torch.nan)
     return seen.flip(-1), inverse.flip(-1)
+
+
+@lru_cache(maxsize=8)
+def _solved(size: int, stiffness: bytes) -> tuple[Tensor, Tensor]:
+    """Eigenvalues (1, r) and vectors (1, r, r) of a matrix that most effects leave as it is."""
+    matrix = np.frombuffer(stiffness).reshape(1, size, size)
+    squared, vectors = torch.linalg.eigh(torch.from_numpy(matrix.copy()))
+    return squared, vectors
 
 
 def response(
