@@ -151,10 +151,9 @@ def _score_at(base: Fit, placed: Placed, start: tuple[float, ...], changed: Tens
     step = start[0] - size.neutral
     share = statistic / left**0.5
     estimate = size.neutral + step * share
-    if not size.lower <= estimate <= size.upper:
-        estimate = float(np.clip(estimate, size.lower, size.upper))
-        if estimate == size.neutral:
-            statistic = 0.0
+    estimate = float(np.clip(estimate, size.lower, size.upper))
+    if estimate == size.neutral:
+        statistic = 0.0
     strength = left**0.5 * size.scale / abs(step)
     return Score(placed, start, statistic, estimate, strength, absorbed, unit)
 
@@ -218,19 +217,19 @@ def _follow(problem: Likelihood, base: Fit, tests: list[Score]) -> tuple[Tensor,
         return base.residual - of.residuals(of.prior.steps.values(z[None]))[0]
 
     target = torch.stack(in_threads(change, tests))  # (t, n)
-    where = base.steps
     normal = base.jacobian.T @ base.jacobian
     ridge = 1e-9 * torch.diag(normal.diagonal().clamp_min(1e-12))
     inverse = torch.linalg.pinv(normal + ridge, hermitian=True)
     z = base.z.expand(len(tests), -1).clone()
-    remains = target.clone()
+    remains, moving = target.clone(), torch.arange(len(tests))
     for _ in range(6):
-        step = remains @ base.jacobian @ inverse
-        trial = torch.minimum(torch.maximum(z + step.clamp(-1.0, 1.0), where.lower), where.upper)
+        step = remains[moving] @ base.jacobian @ inverse
+        trial = base.steps.inside(z[moving] + step.clamp(-1.0, 1.0))
         followed = base.residual - base.likelihood.residuals(base.steps.values(trial))
-        better = (target - followed).norm(dim=1) < remains.norm(dim=1)
-        if not better.any():
+        left = target[moving] - followed
+        better = left.norm(dim=1) < remains[moving].norm(dim=1)
+        moving = moving[better]
+        if not len(moving):
             break
-        z = torch.where(better[:, None], trial, z)
-        remains = torch.where(better[:, None], target - followed, remains)
+        z[moving], remains[moving] = trial[better], left[better]
     return target, remains

@@ -69,11 +69,10 @@ def normal_modes(stiffness: Tensor, mass: Tensor | None, sides: Tensor) -> tuple
         (N, s, r) the vectors' products with the shapes, and (N, r), largest first.
     """
     if mass is None:
-        alone = stiffness.device.type == "cpu" and len(stiffness) == 1
-        if alone and not stiffness.requires_grad:
-            squared, vectors = _solved(stiffness.shape[-1], stiffness.numpy().tobytes())
-        else:
+        if len(stiffness) > 1 or stiffness.requires_grad or stiffness.is_cuda:
             squared, vectors = torch.linalg.eigh(stiffness)
+        else:
+            squared, vectors = once_solved(stiffness.shape, stiffness.numpy().tobytes())
         squared = torch.where(squared > 0.0, squared, torch.nan)
         return (sides @ vectors) * squared.rsqrt()[:, None, :], 1.0 / squared
     factor, failed = torch.linalg.cholesky_ex(stiffness)
@@ -87,11 +86,10 @@ def normal_modes(stiffness: Tensor, mass: Tensor | None, sides: Tensor) -> tuple
 
 
 @lru_cache(maxsize=8)
-def _solved(size: int, stiffness: bytes) -> tuple[Tensor, Tensor]:
-    """Eigenvalues (1, r) and vectors (1, r, r) of a matrix that most effects leave as it is."""
-    matrix = np.frombuffer(stiffness).reshape(1, size, size)
-    squared, vectors = torch.linalg.eigh(torch.from_numpy(matrix.copy()))
-    return squared, vectors
+def once_solved(shape: tuple[int, ...], stiffness: bytes) -> tuple[Tensor, Tensor]:
+    """Eigenvalues and vectors of a matrix that most effects leave as it is."""
+    matrix = np.frombuffer(stiffness).reshape(shape).copy()
+    return torch.linalg.eigh(torch.from_numpy(matrix))
 
 
 def response(

@@ -369,12 +369,11 @@ class System:
         moved = self._motion(excitation, (theta[rows], zeta[rows], sizes[rows]), omega, rest)[same]
         if not any(listed.effect.instrument for listed in self.placed):
             return moved
-        read = []
-        for column in range(moved.shape[2]):
-            # What the base's own instrument does shows over its translation alone.
-            over_base = column == 0 and not excitation.force
-            shown = moved[:, :, column], omega, sizes, over_base
-            read.append(observed(self.placed, self.floors, *shown))
+        # What the base's own instrument does shows over its translation alone.
+        read = [
+            observed(self.placed, self.floors, column, omega, sizes, not (k or excitation.force))
+            for k, column in enumerate(moved.unbind(dim=2))
+        ]
         return torch.stack(read, dim=2)
 
     def _sizes_of(self, sizes: Tensor, chosen: Sequence[bool]) -> Tensor:

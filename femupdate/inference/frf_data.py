@@ -223,30 +223,25 @@ class FrfData:
             seen, both = self.blocks[0].estimator, torch.cat([theta, sizes], dim=1).double()
             asked = self.frequency_hz if seen is None else torch.from_numpy(seen.frequency_hz)
             return system.log_frf(both, zeta.double(), asked, self.logs)
-        parts, first, last = [], 0, tuple[Tensor, ...]()
-        for block in self.blocks:
-            frequency = self.frequency_hz[first : first + block.points]
-            first += block.points
-            moved = system.at_level(theta, zeta, sizes, block.level)
-            if block.estimator is None:
-                parts.append(self._frf(system, *moved, sizes, frequency))
-                continue
-            known = *moved, sizes, torch.from_numpy(block.estimator.frequency_hz)
-            if block.estimator.inputs > 1:
-                parts.append(system.seen_frf(*known, block.estimator))
-                continue
-            # Parts of a run at levels that change nothing show one response.
-            if not last or any(not torch.equal(*both) for both in zip(known, last, strict=True)):
-                frf, last = self._frf(system, *known), known
-            parts.append(block.estimator(frf))
-        return torch.cat(parts, dim=2)
-
-    def _frf(
-        self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor, frequency_hz: Tensor
-    ) -> Tensor:
-        """Complex FRFs (N, f, k) of all floors, to the first column of the excitation."""
-        force = Excitation(self.excitation.force)
-        return system.respond(force, theta, zeta, sizes, frequency_hz, self.rest)[:, :, 0]
+        each = self.frequency_hz.split([block.points for block in self.blocks])
+        grids = [
+            some if block.estimator is None else torch.from_numpy(block.estimator.frequency_hz)
+            for some, block in zip(each, self.blocks, strict=True)
+        ]
+        columns = max(1 if b.estimator is None else b.estimator.inputs for b in self.blocks)
+        excitation, parts = replace(self.excitation, columns=columns), dict[int, Tensor]()
+        # Parts of a run at levels that change nothing show one response.
+        changing = any(listed.effect.needs_levels for listed in system.placed)
+        for level in dict.fromkeys(self.levels if changing else (0.0,)):
+            numbers = [k for k, its in enumerate(self.levels) if not changing or its == level]
+            frequency, places = torch.cat([grids[k] for k in numbers]).unique(return_inverse=True)
+            known = *system.at_level(theta, zeta, sizes, level), sizes, frequency
+            frf = system.respond(excitation, *known, self.rest)
+            for k, at in zip(numbers, places.split([len(grids[k]) for k in numbers]), strict=True):
+                shown = (frf if len(frequency) == len(at) else frf[..., at]).unbind(dim=2)
+                estimate = self.blocks[k].estimator
+                parts[k] = shown[0] if estimate is None else estimate(*shown)
+        return torch.cat([parts[k] for k in range(len(self.blocks))], dim=2)
 
     def as_logs(self, system: System, modes: int | None = MODES_KEPT) -> "FrfData":
         """The same of one record under base motion without phases, as fast as it can be had.
@@ -266,10 +261,10 @@ class FrfData:
     def drawn(self, system: System, theta: Tensor, zeta: Tensor, sizes: Tensor) -> Tensor:
         """Complex FRFs (f, k) of the observed floors at the first record's points, as they are."""
         block, sample = self.blocks[0], (theta, zeta, sizes)
-        frequency = self.frequency_hz[: block.points]
+        rows, frequency = list(self.rows), self.frequency_hz[: block.points]
         if self.forced:
-            return self._frf(system, *sample, frequency)[0, list(self.rows)]
-        return system.frf_beside(sample, frequency, block.beside)[0, list(self.rows)]
+            return system.respond(self.excitation, *sample, frequency, self.rest)[0, rows, 0]
+        return system.frf_beside(sample, frequency, block.beside)[0, rows]
 
     def read_with(self, predicted: Tensor, placed: Placed) -> Tensor:
         """FRFs (N, f, k) with channels exchanged or reversed."""

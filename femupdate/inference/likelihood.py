@@ -214,11 +214,8 @@ class Likelihood:
 
     def __call__(self, parameters: Tensor) -> Tensor:
         """Log likelihood (n,) of parameters (n, p)."""
-
-        def of_some(some: Tensor) -> Tensor:
-            return self.error.log_density(self._raw(some))
-
-        return self._in_batches(of_some, parameters) - self.constant
+        density = self._in_batches(lambda some: self.error.log_density(self._raw(some)), parameters)
+        return density - self.constant
 
     def raw(self, parameters: Tensor) -> Tensor:
         """Residuals (n, m) of parameters (n, p), observed less predicted, in the unit of noise."""
@@ -234,11 +231,9 @@ class Likelihood:
 
     def log_density(self, parameters: Tensor) -> Tensor:
         """Log density (n,) of parameters (n, p), were the row true, up to a constant."""
-
-        def of_some(some: Tensor) -> Tensor:
-            return -0.5 * self.whitened(self._raw(some)).square().sum(1)
-
-        return self._in_batches(of_some, parameters)
+        return -0.5 * self._in_batches(
+            lambda some: self.whitened(self._raw(some)).square().sum(1), parameters
+        )
 
     def log_densities(self, parameters: Tensor) -> tuple[Tensor, ...]:
         """Log density (n, g) of every kind of data by every row of its table of errors."""

@@ -496,10 +496,6 @@ class LearnedError:
         constant = constant - (factor.each(alone) + shared) + self._narrower[errs]
         return (constant[:, None] - 0.5 * squares).T
 
-    def log_density(self, residuals: Tensor) -> Tensor:
-        """Log density (n,) of residuals (n, f k), summed over the table."""
-        return torch.logsumexp(self.log_densities(residuals), dim=1)
-
     def tame(self, residuals: Tensor, row: int) -> Tensor:
         """Residuals (n, p f k) of which none is wilder than counts, were a row of the table true.
 
@@ -527,12 +523,16 @@ class LearnedError:
         """
         level = self.levels[row]
         errs = self._errs(row)
-        if level.common == level.own == 0.0 and not self.knows:
-            # Of all floors alone, and of what they share.
-            count = self._parts * (self.floors + 1) * self._wide.shape[3] + self._known.shape[1]
-            none = residuals.new_zeros(len(residuals), count, dtype=torch.float64)
-            return torch.cat([self._apart(residuals, errs) / level.noise, none], dim=1)
         left = self._apart(residuals, errs)
+        if level.common == level.own == 0.0:
+            # Harmonics of floors alone and of what they share count for nothing.
+            none = left.new_zeros(len(left), self._parts * self._wide.shape[3])
+            known, found = self._known[errs] / level.noise, left[:, :0]
+            if self.knows:
+                factor = self._factor((row,)).shared[0, : len(known), : len(known)]
+                found = torch.cholesky_solve(known @ left.T / level.noise, factor).T
+            beside = left / level.noise - found @ known
+            return torch.cat([beside, none.repeat(1, self.floors), found, none], dim=1)
         alone, shared = self._standard(left, row)
         left = left - self._along_back(*self._scaled((row,), alone, shared), errs)
         return torch.cat([left / level.noise, alone[0].flatten(0, 1).T, shared[0].T], dim=1)
@@ -656,7 +656,8 @@ class LearnedError:
         count = self._known.shape[1]
         common = shared[0, count:].unflatten(0, (self._parts, 1, -1))
         of_floors = alone[0].unflatten(0, (self._parts, -1)) + common  # (p, f, j, n)
-        back = (self._wide[errs] @ of_floors).permute(3, 0, 1, 2).flatten(1)
+        back = self._wide[errs] @ of_floors.permute(1, 2, 3, 0).flatten(2)  # (f, k, n p)
+        back = back.unflatten(2, (-1, self._parts)).permute(2, 3, 0, 1).flatten(1)
         return back + shared[0, :count].T @ self._known[errs]
 
 

@@ -392,8 +392,7 @@ def _window_spectrum(angle: Floats, total: int) -> Complexes:
     """sum w_t exp(-i angle t) of a Hann window of so many samples, by its closed form."""
 
     def kernel(shift: float) -> Complexes:
-        a = angle + shift
-        half = 0.5 * a
+        half = 0.5 * (angle + shift)
         small = np.abs(np.sin(half)) < 1e-12
         ratio = np.where(small, total, np.sin(total * half) / np.where(small, 1.0, np.sin(half)))
         return ratio * np.exp(-1j * half * (total - 1))

@@ -114,9 +114,7 @@ def estimate_frf(
     known = leaking, segments.effective, min(float(early), 1.0)
     alone, shared, share = _parts_of_noise(across, frf, spectra, at_grid, valid, *known)
     frf = frf * at_grid(1.0 / (1.0 - share))
-    # Below, what the means that were taken off leak is higher than any peak.
-    above = spectra.frequency_hz >= max(grid[0], 2.0 / segments.seconds)
-    peaks = _narrow_peaks(spectra, trusted.any(axis=0) & above)
+    peaks = _narrow_peaks(spectra, trusted, max(float(grid[0]), 2.0 / segments.seconds))
     estimator, holds = estimator_of(inputs, step, segments, grid, between, share, peaks)
     alone = np.where(holds, alone, np.maximum(alone, leaking**2))
     estimator = replace(estimator, shared=np.sqrt(np.maximum(np.nan_to_num(shared), 0.0)))
@@ -307,12 +305,15 @@ def _smooth(density: Floats) -> Floats:
     return np.asarray(convolve1d(density, kernel / kernel.sum(), axis=-1, mode="nearest"))
 
 
-def _narrow_peaks(spectra: Spectra, trusted: Flags) -> Floats:
-    """Frequencies (p,) of peaks of all floors together that are about as narrow as the window's."""
+def _narrow_peaks(spectra: Spectra, trusted: Flags, above_hz: float) -> Floats:
+    """Frequencies (p,) of peaks of all floors together that are about as narrow as the window's.
+
+    What the means that were taken off leak below is higher than any peak.
+    """
     from scipy.ndimage import maximum_filter1d
 
     power = np.square(np.abs(spectra.cross)).sum(axis=0) / np.maximum(spectra.base, _TINY) ** 2
-    power = np.where(trusted, power, 0.0)
+    power = np.where(trusted.any(axis=0) & (spectra.frequency_hz >= above_hz), power, 0.0)
     # A Hann window's own has a half-power width of 1.44 / T.
     half = round(1.25 * PADDING)
     away = np.pad(power, half)

@@ -452,7 +452,7 @@ def _moments(model: StudyModel, run: Observation, posterior: Posterior) -> Float
         # A row that is unlikely where least is left is so everywhere.
         best = left.square().sum(1).argsort()[:9]
         rows = error.counting(error.log_densities(left[best]))
-        return error.kept(rows).log_density(left)
+        return torch.logsumexp(error.kept(rows).log_densities(left), dim=1)
 
     # Four grids of 17 points each way, of ln, each about what the one before found. A damping ratio
     # that is known stays, and its deviation is infinite.
