@@ -425,6 +425,16 @@ def strained(fitted: Fit) -> str:
     return f" This takes more than twice the tolerance of {far}: look there." if far else ""
 
 
+def others_instead(first: Finding) -> str:
+    """What shows as a floor's mass does: without a force only ratios of masses count."""
+    forces = [data for data in first.fitted.likelihood.data if getattr(data, "forced", False)]
+    if first.placed.effect.name != "added_mass" or forces:
+        return ""
+    share = 1.0 / (1.0 + first.told[0]) - 1.0
+    than = f"{percent(abs(share), 1)} {'more' if share > 0.0 else 'less'}"
+    return f" Much the same shows where all other floors carry {than}."
+
+
 def share_in_words(share: float) -> str:
     """A share in per cent, or "none" and "all" where it is no less."""
     return "none" if share < LITTLE else percent(share) if share < 1.0 else "all"
@@ -460,14 +470,12 @@ def sentence_of(
             )
         return f"{text} {left.sentence}".rstrip()
     first = findings[0]
+    words = f"{first.in_words}. {first.placed.effect.sentence}"
     if verdict == NAMED:
-        return f"{first.in_words}. {first.placed.effect.sentence} {left.sentence}".rstrip()
+        return f"{words}{others_instead(first)} {left.sentence}".rstrip()
     if verdict == PARTLY:
         told = f"It removes {share_in_words(share)} of the misfit beyond the noise;"
         doubt = "" if share >= VERDICT.most else f" {STANDS_IN}"
-        return (
-            f"{first.in_words}. {first.placed.effect.sentence} {told} something else is missing "
-            f"as well.{doubt} {left.sentence}"
-        )
+        return f"{words} {told} something else is missing as well.{doubt} {left.sentence}"
     which = "sensors cannot" if verdict == INDISTINGUISHABLE else "data do not"
     return f"{'. Or: '.join([first.in_words, *twins])}. These {which} tell which."

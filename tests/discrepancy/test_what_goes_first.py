@@ -149,3 +149,16 @@ def test_two_effects_that_others_imitate_are_told_and_repaired_together():
     assert {one.placed.label: one.size for one in found.pair} == sizes
     done = repair(problem, base, found=found)
     assert {one.finding.placed.label: one.finding.size for one in done.rounds} == sizes
+
+
+def test_a_floors_mass_is_told_with_the_masses_of_all_others_that_show_the_same():
+    masses, theta, grid = np.ones(3), np.array([0.7, 1.3, 0.9]), 0.2 * np.arange(1, 103)
+    plain = Chain(masses, 1000.0 * theta, heights=np.arange(1.0, 4.0), zeta=0.02)
+    frf = plain.but(masses=masses * [1.0, 1.25, 1.0]).frf(grid)
+    others = plain.but(masses=masses * [0.8, 1.0, 0.8], springs=800.0 * theta).frf(grid)
+    np.testing.assert_allclose(others, frf, rtol=1e-9)
+    building = building_of(masses, np.full(3, 1000.0))
+    problem = pose(building, observe(("2F", "3F", "RF"), grid, frf, 0.001, 3))
+    found = diagnose(problem, among=frozenset({"added_mass@3F", "channel_gain@RF"}))
+    assert found.leading.placed.label == "added_mass@3F"
+    assert "Much the same shows where all other floors carry 20.0 % less." in found.sentence
