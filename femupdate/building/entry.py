@@ -129,8 +129,23 @@ def _sentence(problem: Any) -> tuple[str, str]:
 
 
 def as_building_error(error: ValidationError, document: Any, where: str) -> BuildingError:
-    """Return the first complaint of pydantic as one sentence with file, key and mend."""
-    problem = error.errors(include_url=False)[0]
+    """Return what pydantic complains of as sentences with file, key and mend.
+
+    It is the first complaint alone; where that is a missing key, all that its table lacks.
+    """
+    problems = error.errors(include_url=False)
+    first, *rest = problems
+    also = [
+        each for each in rest if each["type"] == "missing" and each["loc"][:-1] == first["loc"][:-1]
+    ]
+    told = [first, *also] if first["type"] == "missing" else [first]
+    others = len(problems) - len(told)
+    more = f" ({others} more to mend in this file)" if others else ""
+    return BuildingError(f"{where}: {'; '.join(_told(each, document) for each in told)}{more}")
+
+
+def _told(problem: Any, document: Any) -> str:
+    """Return the sentence on one problem, after its key."""
     below, sentence = _sentence(problem)
     # A path of pydantic names the tags of unions as well, which no file contains.
     path: list[str | int] = []
@@ -143,9 +158,7 @@ def as_building_error(error: ValidationError, document: Any, where: str) -> Buil
                 continue
         path.append(part)
     key = dotted([*path, below] if below else path)
-    others = error.error_count() - 1
-    more = f" ({others} more to mend in this file)" if others else ""
-    return BuildingError(f"{where}: {key + ': ' if key else ''}{sentence}{more}")
+    return f"{key + ': ' if key else ''}{sentence}"
 
 
 # Units tried when a building is written, in order of preference at equal length of the text, and

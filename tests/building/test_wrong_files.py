@@ -87,6 +87,8 @@ CASES = {
         "damping.xyz: unknown key; the known ones are"),
     "missing key": ('height = "2.8 m"\n', "", r"stories\[1\]\.height: the key is missing; add it"),
     "no grid": ("[frequency_grid]", "[provenance]", "frequency_grid: .*missing; add .*0.1 Hz"),
+    "two tables missing": (SMALL[SMALL.index("[frequency_grid]"):], "",
+        'frequency_grid: .*missing; .*; damping: .*missing; add .*ratio = 0.02, say$'),
     "missing unit": ('"2.8 m"', "2.8", r"stories\[1\]\.height: 2.8 has no unit.*such as \"1.5 m\""),
     "wrong unit": ('"25 GPa"', '"25 m"',
         "materials.concrete.youngs_modulus: unknown unit 'm' for stress; use one of Pa, kPa"),
