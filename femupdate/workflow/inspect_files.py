@@ -103,7 +103,10 @@ def inspect(
         try:
             if program_of(path):
                 words = model_words(path, unit)
-                wanted = unit or ("FORCE,LENGTH" if "say force and length" in words[-1] else "")
+                wanted = unit
+                if words[-1].startswith("Units: "):  # those are wrong: does the file tell them?
+                    unknown = model_words(path, None)[-1].startswith("Units: ")
+                    wanted = "FORCE,LENGTH" if unknown else None
                 units = f" --units {wanted}" if wanted else ""
                 command = f"femupdate build-model {path}{units} --draft {path.stem}.toml"
                 models.append((path, words, command))

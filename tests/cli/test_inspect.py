@@ -1,5 +1,7 @@
 """`femupdate inspect`: any measured file in words, as JSON and as a picture."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -50,3 +52,11 @@ def test_a_file_that_cannot_be_read_does_not_hide_the_others(table, tmp_path):
     assert f"Next: femupdate calibrate {table}" in done.out
     assert f"{bad}: the file is in none of the known" in femupdate("inspect", bad).complaint
     assert "no such file" in femupdate("inspect", tmp_path / "no.csv").complaint
+
+
+def test_wrong_units_of_a_model_are_not_proposed_again(tmp_path):
+    deck = Path(__file__).parents[2] / "examples" / "tower.bdf"
+    for wrong in ("kip,in", "m,N"):
+        done = femupdate("inspect", deck, "--units", wrong)
+        assert wrong in done.out.splitlines()[-2]
+        assert done.out.splitlines()[-1] == f"Next: femupdate build-model {deck} --draft tower.toml"
