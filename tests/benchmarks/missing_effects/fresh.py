@@ -395,4 +395,7 @@ def main(folder: Path, pattern: str = "*", seed: str = "0") -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), *sys.argv[2:])
+    if sys.argv[1:] in ([], ["--help"]):
+        print(__doc__)
+    else:
+        main(Path(sys.argv[1]), *sys.argv[2:])

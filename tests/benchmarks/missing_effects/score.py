@@ -120,5 +120,8 @@ def figures(scores: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, f
 
 
 if __name__ == "__main__":
-    scored = score(Path(sys.argv[1]))
-    print(json.dumps({"figures": figures(scored), "tasks": scored}, indent=1))
+    if sys.argv[1:] in ([], ["--help"]):
+        print(__doc__)
+    else:
+        scored = score(Path(sys.argv[1]))
+        print(json.dumps({"figures": figures(scored), "tasks": scored}, indent=1))
