@@ -404,7 +404,35 @@ def mode_findings(modes: Sequence[RecordedMode]) -> tuple[str, ...]:
         for k, m in combinations(range(len(modes)), 2)
         if alike(modes[k], modes[m])
     ]
+    if words := _without_signs(modes):
+        findings.append(words)
     return tuple(findings)
+
+
+def _without_signs(modes: Sequence[RecordedMode]) -> str:
+    """A sentence where no component of any shape is negative, though not all shapes rise."""
+    falling = []
+    for mode in modes:
+        along: dict[str, list[tuple[float, float]]] = {}
+        for sensor, value in zip(mode.sensors, np.asarray(mode.shape), strict=True):
+            if np.isnan(value):
+                continue
+            if np.iscomplex(value) or value.real < 0.0:
+                return ""
+            if (channel := parse_channel(sensor)) is not None:
+                place = channel.direction + channel.sensor
+                along.setdefault(place, []).append((floor_height(channel.floor), value.real))
+        lines = [np.array(sorted(each))[:, 1] for each in along.values() if len(each) > 2]
+        # In a mode that moves all floors one way none moves much less than one below it.
+        if any((line < 0.75 * np.maximum.accumulate(line)).any() for line in lines):
+            falling.append(mode.name or f"at {mode.frequency_hz:.4g} Hz")
+    if not falling or len(modes) < 2:
+        return ""
+    return (
+        f"no shape has a minus, though in mode {', '.join(falling)} floors move less than one"
+        " below: were amplitudes written without signs? Give a minus to the components of floors"
+        " that move against the others, or leave the shapes out"
+    )
 
 
 def mac(first: NDArray[np.inexact], second: NDArray[np.inexact]) -> float:

@@ -475,6 +475,11 @@ def parse_rows(
             cure = "fill in the measured value or remove the row or column"
             if position == 0 and ":" in cell:
                 cure = "write times as 2024-03-05 10:00:00.005, or in seconds"
+            elif position == 0 and names and cell.startswith(names[0] or cell):
+                cure = (
+                    "the header comes again, as where a logger starts anew: remove it where the"
+                    " times go on, else make each part a file"
+                )
             elif position == 0 and all(map(is_number, cells[1:])):
                 cure = "if channels are rows here, turn the table: a column for each"
             raise file.error(

@@ -249,6 +249,10 @@ REFUSED = {
         table(np.delete(printed("{:.2f}"), _LOST), np.delete(ROWS, _LOST, 1)),
         "the sampling is not uniform",
     ),
+    "a header in the middle": (
+        table(printed("{:.2f}"), ROWS).replace("\n0.50,", "\ntime_s,base,2F,3F,RF\n0.50,"),
+        "the header comes again, .*: remove it where the times go on, else make each part a file",
+    ),
     "channels as rows": (
         "\n".join(
             ",".join([name, *(f"{v:.4f}" for v in row)])

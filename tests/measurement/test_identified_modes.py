@@ -1,5 +1,7 @@
 """Identified modes in tables and universal files: read, put on floors, refused, inspected."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -145,6 +147,23 @@ def test_findings():
         " is hardly known: ±0.5 Hz",
         ": every component of the shape is zero",
     ]
+
+
+@pytest.mark.parametrize("count", [3, 6])
+def test_shapes_without_signs_are_told(count):
+    """Modes of a chain of equal stories, with the signs that they have and with none."""
+    stiffness = 2.0 * np.eye(count) - np.eye(count, k=1) - np.eye(count, k=-1)
+    stiffness[-1, -1] = 1.0
+    squared, shapes = np.linalg.eigh(stiffness)
+    floors = (*(f"{k}F" for k in range(2, count + 1)), "RF")
+    modes = [
+        RecordedMode(frequency_hz=np.sqrt(value), sensors=floors, shape=shape, name=str(k))
+        for k, (value, shape) in enumerate(zip(squared, shapes.T, strict=True), start=1)
+    ][:3]
+    assert mode_findings(modes) == ()
+    (said,) = mode_findings([replace(mode, shape=np.abs(mode.shape)) for mode in modes])
+    assert said.startswith("no shape has a minus, though in mode 2, 3 floors move less")
+    assert mode_findings([replace(mode, shape=np.abs(mode.shape)) for mode in modes[:1]]) == ()
 
 
 HEAD = "mode,frequency_hz,damping,2F,RF\n"
