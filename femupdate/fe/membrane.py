@@ -63,9 +63,9 @@ def sample(plane: Floats, points: Floats) -> PlaneSamples:
 
 
 # Shares of the shear modulus in the drilling penalty, at the centre and at 2 x 2 points. All of it
-# at the centre holds beams that end at the edge of a wall too firmly: the tower of 8,640 shells of
-# the benchmark `solver` errs by .37 % in its first mode, by .24 % with a twentieth. The centre alone
-# leaves hourglass patterns of the drilling rotations free; more at 2 x 2 points locks curved shells.
+# at the centre holds beams at the edge of a wall too firmly: the benchmark's tower of 8,640 shells
+# errs by .37 % in its first mode, by .24 % with a twentieth. The centre alone leaves hourglass
+# patterns of the drilling rotations free; more at 2 x 2 points locks curved shells.
 _DRILLING, DRILLING_STABILISATION = 0.05, 0.01
 
 # Columns are grouped as u (4), v (4), rotation (4), internal modes of u (2) and v (2).
