@@ -139,26 +139,25 @@ def as_building_error(error: ValidationError, document: Any, where: str) -> Buil
         each for each in rest if each["type"] == "missing" and each["loc"][:-1] == first["loc"][:-1]
     ]
     told = [first, *also] if first["type"] == "missing" else [first]
+    sentences = []
+    for problem in told:
+        below, sentence = _sentence(problem)
+        # A path of pydantic names the tags of unions as well, which no file contains.
+        path: list[str | int] = []
+        missing = len(problem["loc"]) - 1 if problem["type"] == "missing" else -1
+        inside = document
+        for number, part in enumerate(problem["loc"]):
+            try:
+                inside = inside[part]
+            except (KeyError, IndexError, TypeError):
+                if number != missing:
+                    continue
+            path.append(part)
+        key = dotted([*path, below] if below else path)
+        sentences.append(f"{key + ': ' if key else ''}{sentence}")
     others = len(problems) - len(told)
     more = f" ({others} more to mend in this file)" if others else ""
-    return BuildingError(f"{where}: {'; '.join(_told(each, document) for each in told)}{more}")
-
-
-def _told(problem: Any, document: Any) -> str:
-    """Return the sentence on one problem, after its key."""
-    below, sentence = _sentence(problem)
-    # A path of pydantic names the tags of unions as well, which no file contains.
-    path: list[str | int] = []
-    missing = len(problem["loc"]) - 1 if problem["type"] == "missing" else -1
-    for number, part in enumerate(problem["loc"]):
-        try:
-            document = document[part]
-        except (KeyError, IndexError, TypeError):
-            if number != missing:
-                continue
-        path.append(part)
-    key = dotted([*path, below] if below else path)
-    return f"{key + ': ' if key else ''}{sentence}"
+    return BuildingError(f"{where}: {'; '.join(sentences)}{more}")
 
 
 # Units tried when a building is written, in order of preference at equal length of the text, and
