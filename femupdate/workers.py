@@ -69,11 +69,16 @@ def in_threads(
             return [piece.result() for piece in pieces]
     finally:
         torch.set_num_threads(threads)
-        # The allocator of glibc keeps what threads have freed for threads to come: hundreds of MB
-        # after a reduction.
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
-        if trim is not None:
-            trim(0)
+
+
+def return_memory() -> None:
+    """Return to the system what threads have freed, hundreds of MB after a reduction.
+
+    The allocator of glibc keeps it for threads to come.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(0)
 
 
 def processor_count() -> int:

@@ -18,6 +18,7 @@ from scipy.sparse import csc_matrix
 from femupdate.arrays import Complexes, Floats, Singles
 from femupdate.fe.products import symmetric_times
 from femupdate.seeds import even_points
+from femupdate.workers import return_memory
 
 # Samples from which the basis is taken, at least, and for every parameter: with them 200 shapes of
 # the six-story frame err by .0041 rms, and by .0036 with 48.
@@ -113,6 +114,7 @@ def compressed(mass: csc_matrix, shapes: Sequence[Floats | Singles], size: int) 
         shapes: parts (n, c) each, which are never copied into one array: they may fill GB. Single
             precision does: energies go down to 1e-13 of the largest with it.
     """
+    return_memory()  # of the threads that made the shapes
     count = sum(block.shape[1] for block in shapes)
     # At least 40 combinations more than the basis has shapes.
     width, rng = min(size + max(size // 2, 40), count), np.random.default_rng(11)
