@@ -55,7 +55,7 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.workers import in_threads
+from femupdate.workers import in_threads, return_memory
 
 def held():
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
@@ -67,6 +67,7 @@ def task(number):
 list(in_threads(task, [0]))
 before = held()
 found = list(in_threads(task, range(8)))
+return_memory()
 print(held() - before)
 """
 
