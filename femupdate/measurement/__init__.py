@@ -6,7 +6,7 @@ __all__, __getattr__ = public(
     __name__,
     {
         "ambient": "identify_modes",
-        "checks": "channel_findings pair_findings shape_findings",
+        "checks": "channel_findings pair_findings response_findings shape_findings",
         "estimated": "effective_averages mean_estimator noise_of_lines Segments",
         "frf": "estimate_frf LEAST_NOISE observation_for on_grid",
         "frf_table": "in_band",

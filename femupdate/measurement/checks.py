@@ -191,6 +191,46 @@ class _Response:
         return np.sqrt((1.0 - seen) / (2.0 * seen * self.averages))
 
 
+def response_findings(
+    frequency_hz: Floats, responses: Complexes | Floats, floors: Sequence[str], force: str
+) -> Iterator[str]:
+    """Yield sentences on responses that are not of what they are said to be.
+
+    Args:
+        responses: (f, m) accelerations over that of the base or a force, where the sign of all or
+            a factor of frequency does not matter; amplitudes do for a base.
+        force: floor at which the force acts; empty for the base.
+    """
+    sizes = np.nan_to_num(np.abs(responses))
+    least = frequency_hz[frequency_hz > 0.0].min(initial=np.inf)
+    low = (frequency_hz >= least) & (frequency_hz < 2.01 * least)
+    begin = sizes[:, low]
+    if not force and low.sum() >= _LEAST_BINS and begin.min() > 0.0 and begin.max() < 0.5:
+        # Of motions relative to the base they are, at the roof, 1.1 to 1.6 times the square of
+        # frequency over that of the first mode.
+        slopes, levels = np.polyfit(np.log(frequency_hz[low] / least), np.log(begin).T, 1)
+        roof, peak = np.unravel_index(sizes.argmax(), sizes.shape)
+        near = 0.6 < least * np.exp(-0.5 * levels[roof]) / frequency_hz[peak] < 1.1
+        if near and (np.abs(slopes - 2.0) < 0.4).all():
+            yield (
+                "at low frequency the floors' response to the base falls to 0, where that of"
+                " absolute accelerations is 1: are they relative to the base? Give floor plus base"
+                " instead."
+            )
+    if force not in floors or not np.iscomplexobj(responses):
+        return
+    # A force does work where it acts in every mode: the imaginary part there has one sign.
+    part = np.nan_to_num(responses.imag)
+    whole = np.maximum(np.abs(part).sum(axis=1), 1e-300)
+    against = 0.5 - 0.5 * np.abs(part.sum(axis=1)) / whole
+    others = [floor for floor, share in zip(floors, against, strict=True) if share < 0.02]
+    if against[list(floors).index(force)] > 0.1 and len(others) == 1:
+        yield (
+            f"{force} moves against the force in some modes, which the floor where it acts never"
+            f" does, and {others[0]} in none: was it at {others[0]}? Then name that as its floor."
+        )
+
+
 _PLACES = re.compile(
     r"\b(?:\d+(?:st|nd|rd|th)?|roof|floor|flr?|level|stor(?:e?y|ies)|ground|base(?:ment)?|RF|\d+F)\b"
 )
@@ -259,7 +299,7 @@ def _of_group(group: Sequence[_Sensor]) -> Iterator[str]:
     if mode is not None:
         levels = {s.number: _level(group[0], s, mode) for s in group[1:]}
         order = list(_out_of_order(group[0], group[1:], levels, mode))
-        if order and "the base?" in order[0]:
+        if order and "the base" in order[0]:
             yield from order
             return
     seconds = group[0].values.size * group[0].channel.time_step
@@ -536,7 +576,7 @@ def _out_of_order(
         ratio = sizes[quiet.number] / sizes[reference.number]
         yield (
             f"{quiet.title} moves {ratio:.2g} times as much as {reference.title} {at}: is it the"
-            " base?"
+            " base, or is it relative to the base?"
         )
         return
     for sensor in others:

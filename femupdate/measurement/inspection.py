@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from femupdate.measurement.checks import channel_findings, pair_findings
+from femupdate.measurement.checks import channel_findings, pair_findings, response_findings
 from femupdate.measurement.frf_table import SOMEWHERE, response_functions, unnamed_functions
 from femupdate.measurement.modes import mode_findings, modes_in_table
 from femupdate.measurement.names import (
@@ -454,6 +454,17 @@ def inspect_file(
         peak = None if si is None else float(np.abs(channel.values).max()) * si
         findings = channel_findings(channel, si)
         channels.append(InspectedChannel(number, channel, peak, floor, findings))
+    odd: list[str] = []
+    for reference in dict.fromkeys(each.reference for each in functions):
+        force = reference.removeprefix("a force at ")
+        if reference in (BASE, f"a force at {force}"):
+            those = [each for each in functions if each.reference == reference]
+            values = np.array([each.values for each in those])
+            if (found := force_unit(those[0].unit or "")) and found[0] == 1:  # a mobility
+                values = 1j * values
+            places = [each.response for each in those]
+            force = "" if reference == BASE else force
+            odd += response_findings(those[0].frequency_hz, values, places, force)
     return Inspection(
         path=path,
         reads=readers()[recording.format].READS,
@@ -461,7 +472,11 @@ def inspect_file(
         channels=tuple(channels),
         functions=functions,
         modes=modes,
-        findings=(*pair_findings(histories, floors, placed=placed), *mode_findings(modes)),
+        findings=(
+            *pair_findings(histories, floors, placed=placed),
+            *mode_findings(modes),
+            *odd,
+        ),
         rotation=(*done, *_rotation(recording, channels, placed, unit)),
         step=_step(path, recording, histories, functions, modes, unit, columns),
     )

@@ -17,7 +17,7 @@ from femupdate.effects.structure import structure_of
 from femupdate.errors import MeasurementError
 from femupdate.inference.frf_data import FrfData, base_logs, forced_data, log_responses
 from femupdate.inference.mode_data import ModalErrors
-from femupdate.measurement.checks import pair_findings, shape_findings
+from femupdate.measurement.checks import pair_findings, response_findings, shape_findings
 from femupdate.measurement.frf import observation_for, with_halves
 from femupdate.measurement.frf_table import in_band
 from femupdate.measurement.modes import IdentifiedModes
@@ -202,9 +202,16 @@ def with_rest(study: Study, model: StudyModel, measured: Measured, progress: Pro
 
 
 def _wrong_channels(
-    read: Histories, direction: str, asked: Sequence[str], chain: bool
+    read: Histories | Observation, direction: str, asked: Sequence[str], chain: bool
 ) -> Iterator[str]:
     """Yield sentences on what looks wrong in channels of a run that are used, and between them."""
+    if isinstance(read, Observation):
+        logs = read.log_frf if read.phase is None else read.log_frf + 1j * read.phase
+        yield from response_findings(
+            read.frequency_hz, np.exp(logs), read.floors, read.excitation.force
+        )
+        return
+    asked = asked or read.floors
     rows = zip(read.channels, read.acceleration, strict=True)
     along = [(to, row) for to, row in rows if to.direction == direction]
     how: dict[str, Any] = {"time_step": read.time_step, "unit": "m/s2"}
@@ -254,14 +261,15 @@ def measured_of(
                     seen = with_halves(seen, direction)
                 else:
                     seen = in_band(given, building.floors, band)
+                said = _wrong_channels(seen, direction, asked, building.is_chain)
+                doubts += [f"{path.name}: {words}" for words in said]
                 wanted = [name for name in seen.floors if name in (asked or seen.floors)]
                 level = level_above_first(strengths, path)
                 forced += [replace(select_floors(seen, wanted), level=level)] if wanted else []
         else:
             base.append((path, found[0]))
-            if isinstance(read, Histories):
-                said = _wrong_channels(read, direction, asked or read.floors, building.is_chain)
-                doubts += [f"{path.name}: {words}" for words in said]
+            said = _wrong_channels(found[0], direction, asked, building.is_chain)
+            doubts += [f"{path.name}: {words}" for words in said]
     stated = source.mode_error
     errors = ModalErrors() if stated is None else ModalErrors(model_frequency=stated)
     others = Measured(

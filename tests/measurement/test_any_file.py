@@ -228,7 +228,7 @@ def test_channels_under_each_other_s_names_are_told(write, order):
         assert "are they swapped? (Beside each other" in finding
     else:
         assert f"channel {order.index(0) + 1} (" in finding
-        assert finding.endswith("is it the base?")
+        assert finding.endswith("or is it relative to the base?")
 
 
 @pytest.mark.parametrize(("row", "number", "words"), WRONG.values(), ids=WRONG)

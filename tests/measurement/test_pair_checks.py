@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, cont2discrete, lfilter, sosfilt, ss2tf
 
-from femupdate.measurement import RecordedChannel, pair_findings
+from femupdate.measurement import RecordedChannel, pair_findings, response_findings
 
 STEP = 0.01
 FLOORS = ("base", "2F", "3F", "RF")
@@ -80,6 +80,47 @@ def test_a_step_at_the_end_is_no_drift():
         for each, side in zip(building(10)[0], sides, strict=True)
     ]
     assert pair_findings(stepped, FLOORS) == ()
+
+
+def test_accelerations_relative_to_the_base_are_told():
+    told = 0
+    for seed in range(10):
+        (base, *floors), _ = building(seed)
+        lower = [replace(each, values=each.values - base.values) for each in floors]
+        found = pair_findings([base, *lower], FLOORS)
+        told += len(found) == 1 and found[0].endswith("or is it relative to the base?")
+    assert told >= 9
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_responses_that_are_of_another_excitation_are_told(seed):
+    """Of chains of three to six stories, from a tenth of the first mode to above the last."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(3, 7))
+    stiffness = rng.uniform(0.6, 1.6, count)
+    K = np.diag(stiffness + np.append(stiffness[1:], 0.0))
+    K -= np.diag(stiffness[1:], 1) + np.diag(stiffness[1:], -1)
+    squared, shapes = np.linalg.eigh(K)
+    frequency = np.linspace(0.1, 1.2 * np.sqrt(squared[-1] / squared[0]), 400)
+    omega = frequency[:, None] * np.sqrt(squared[0])
+    below = squared - omega**2 + 2j * rng.uniform(0.01, 0.05) * np.sqrt(squared) * omega
+    floors = (*(f"{k}F" for k in range(2, count + 1)), "RF")
+
+    def noisy(loads):
+        """Accelerations of floors under loads (f,) of unit masses, with noise of 3 %."""
+        H = shapes @ (omega**2 / below * (shapes.T @ loads)).T
+        return H * (1.0 + 0.03 * rng.normal(size=H.shape) + 0.03j * rng.normal(size=H.shape))
+
+    relative = noisy(np.ones(count))
+    (said,) = response_findings(frequency, np.abs(relative), floors, "")
+    assert "are they relative to the base?" in said
+    assert list(response_findings(frequency, 1.0 + relative, floors, "")) == []
+    for at, floor in enumerate(floors):
+        under = -noisy(np.eye(count)[at])
+        for named in floors:
+            found = list(response_findings(frequency, under, floors, named))
+            assert len(found) == (named != floor), (floor, named)
+            assert all(f"and {floor} in none: was it at {floor}?" in text for text in found)
 
 
 def test_swapped_reversed_late_and_drifting_channels_are_told():
