@@ -219,12 +219,14 @@ def response_findings(
             )
     if force not in floors or not np.iscomplexobj(responses):
         return
-    # A force does work where it acts in every mode: the imaginary part there has one sign.
-    part = np.nan_to_num(responses.imag)
+    # A force does work where it acts in every mode: the imaginary part there has one sign. Squares
+    # count little of the noise between peaks: on a real frame .0002 at the floor, .16 elsewhere;
+    # both limits tell every floor of 300 random chains.
+    part = np.nan_to_num(responses.imag * np.abs(responses.imag))
     whole = np.maximum(np.abs(part).sum(axis=1), 1e-300)
     against = 0.5 - 0.5 * np.abs(part.sum(axis=1)) / whole
-    others = [floor for floor, share in zip(floors, against, strict=True) if share < 0.02]
-    if against[list(floors).index(force)] > 0.1 and len(others) == 1:
+    others = [floor for floor, share in zip(floors, against, strict=True) if share < 0.002]
+    if against[list(floors).index(force)] > 0.01 and len(others) == 1:
         yield (
             f"{force} moves against the force in some modes, which the floor where it acts never"
             f" does, and {others[0]} in none: was it at {others[0]}? Then name that as its floor."
