@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femupdate.building import load_building, mesh_building
+from femupdate.building import load_building, mesh_building, shipped_buildings
 from femupdate.fe import assemble, lowest_modes
 
 
@@ -22,3 +22,8 @@ def test_example_building(name, tonnes, linked_beams, band):
     assert len(joints) == linked_beams
     first = lowest_modes(operators, np.ones(operators.parameters), 1).frequency_hz[0]
     assert band[0] < first < band[1]
+
+
+@pytest.mark.parametrize("name", shipped_buildings())
+def test_a_shipped_building_is_read_by_its_name(name):
+    assert load_building(name).name == name

@@ -170,7 +170,7 @@ def all_runs(folders: Folders) -> Iterator[Run]:
     yield from _six_story_posterior(folders)
     yield from _finder_cases(folders)
     yield from _six_story_finder(folders)
-    yield from (_model(name) for name in ("twelve_story_core", "six_story_members"))
+    yield _model("twelve_story_core")
     # The usual data set, and one pass over it: memory does not depend on the number of passes.
     train = ("train", "--fresh", "--epochs", "1", "--study", "six_train", "--building", SIX)
     yield Run("six train", train, read_nothing)
