@@ -12,59 +12,29 @@ from femupdate.measurement.text import TextFile
 
 _DECIMALS = 9  # of times that are looked at, at most
 BRIDGED = 3  # samples without a value, that are interpolated
-# Months in English, German, French, Spanish, Italian and Portuguese.
-_MONTHS = (
-    *("jan|ene|gen", "feb|fev|fév", "mar|mär|mrz", "apr|avr|abr", "may|mai|mag", "jun|giu|juin"),
-    *("jul|lug|juil", "aug|ago|aoû", "sep|set", "oct|okt|ott|out", "nov", "dec|dez|dic|déc"),
-)
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _DATE = r"(?P<first>\d{1,4})[-/.](?P<second>\d{1,2}|[^\W\d_]{3,10})[-/.](?P<third>\d{1,4})"
 _TIME = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<sec>\d{2}))?(?:[.,:](?P<part>\d{1,9}))?"
     r"\s*(?P<half>[AaPp])?(?(half)\.?[Mm]\.?)\s*(?P<zone>Z|UTC|GMT|[-+]\d{2}:?\d{2})?"
 )
 _MOMENT = re.compile(rf"(?:{_DATE})?[T ,_]*{_TIME}")
-# Also 20240305T235950, 2024年3月5日, Tue Mar 5 10:00 2024, March 5, 2024, 5 March 2024, 23-59-50.
-_LETTERS = r"([^\W\d_]{3,10})\.?"
-_SPELLINGS = (
-    (r"^(\d{4})(\d\d)(\d\d)[T _-]?(\d\d)(\d\d)(\d\d)", r"\1-\2-\3 \4:\5:\6"),
-    (r"^(\d+)年(\d+)月(\d+)日", r"\1-\2-\3"),
-    (rf"^(?:{_LETTERS},? )?{_LETTERS} +(\d+) ([\d:.]+) (\d{{4}})$", r"\3-\2-\5 \4"),
-    (rf"^(?:{_LETTERS},? )?{_LETTERS} (\d+)(?:st|nd|rd|th)?,? (\d{{4}})", r"\3-\2-\4"),
-    (rf"^(?:{_LETTERS},? )?(\d+)\.? (?:de )?{_LETTERS} (?:de )?(\d{{4}})", r"\2-\3-\4"),
-    (r"[ _T](\d\d)[-h](\d\d)[-m](\d\d)(?=\D|$)s?", r" \1:\2:\3"),
-)
-_YEAR_DAY = re.compile(r"^(\d{4})[-:/,. ](\d{3})(?=[T :,])[T :,]+")
-
-
-def _moment(text: str) -> re.Match[str] | None:
-    """The parts of a time of day with or without a date, however it is spelt; None of others."""
-    match = _MOMENT.fullmatch(text)
-    if match or len(text) > 60 or not re.search(r"\d\d", text):
-        return match
-    for spelt, plain in _SPELLINGS:
-        text = re.sub(spelt, plain, text)
-    of_year = _YEAR_DAY.match(text)
-    if of_year and 0 < int(of_year[2]) < 367 and int(of_year[1]):
-        day = date.fromordinal(date(int(of_year[1]), 1, 1).toordinal() + int(of_year[2]) - 1)
-        if day.year == int(of_year[1]):
-            text = f"{day} {text[of_year.end() :]}"
-    return _MOMENT.fullmatch(text)
 
 
 def is_moment(text: str) -> bool:
     """Whether a text is a time of day, with or without a date."""
-    return _moment(text) is not None
+    return _MOMENT.fullmatch(text) is not None
 
 
 def seconds_of(texts: Sequence[str]) -> Floats | int:
     """Seconds since the first of some moments; the position of the first that there cannot be.
 
-    A day may end within times without dates, a minute may have a leap second, and of days and
-    months that could be either, the order is taken in which time runs evenly.
+    A day may end within times without dates, and of days and months that could be either, the
+    order is taken in which time runs evenly.
     """
     found: list[dict[str, str | None]] = []
     for text in texts:
-        if (match := _moment(text)) is None:
+        if (match := _MOMENT.fullmatch(text)) is None:
             return len(found)
         found.append(match.groupdict())
     orders = [_in_order(found, day_first) for day_first in (False, True)]
@@ -72,21 +42,6 @@ def seconds_of(texts: Sequence[str]) -> Floats | int:
     if not readings:
         return max(each for each in orders if isinstance(each, int))
     return min(readings, key=lambda each: float(np.ptp(np.diff(each, prepend=each[0]))))
-
-
-def impossible_days(lines: Sequence[str]) -> tuple[str, ...]:
-    """Sentences on days that there are not, such as a 30 February, in the first lines of a file."""
-    days = {
-        day[0]: number
-        for number in range(min(len(lines), 60), 0, -1)
-        for day in re.finditer(rf"(?<![\w./-]){_DATE}(?![\d./-])", lines[number - 1])
-        if re.search(r"\d{4}|[^\W\d]", day[0])  # no version 30.2.1
-        and not re.search(r"\b(3[2-9]|[4-9]\d)\b", day[0])  # no number 2024-30-77
-        and {"29", "30", "31"} & {*day.groups()}
-        and isinstance(seconds_of([f"{day[0]} 0:00"]), int)
-    }
-    told = reversed(days.items())
-    return tuple(f"Line {number}: there is no day {day}; correct it." for day, number in told)
 
 
 def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats | int:
@@ -99,8 +54,7 @@ def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats
             days[written] = 0
             a, b, c = (part or "" for part in written)
             if b.isalpha():
-                named = [re.match(month, b, re.IGNORECASE) is not None for month in _MONTHS]
-                b = str([*named, True].index(True) + 1)
+                b = str((*_MONTHS, b[:3].lower()).index(b[:3].lower()) + 1)
                 year, month, day = (a, b, c) if len(a) == 4 else (c, b, a)
             elif len(a) == 4:
                 year, month, day = a, b, c
@@ -120,15 +74,12 @@ def _in_order(found: Sequence[dict[str, str | None]], day_first: bool) -> Floats
         away = int(zone[:3]) * 3600 + int(zone[0] + zone[3:]) * 60 if zone[0] in "-+" else 0
         midnight = hour == 24 and minute == sec == 0  # at the end of a day
         most = 12 if of["half"] else 24 if midnight else 23
-        if hour > most or minute > 59 or sec > 60 or abs(away) > 15 * 3600:
+        if hour > most or max(minute, sec) > 59 or abs(away) > 15 * 3600:
             return k
         if of["half"]:
             hour = hour % 12 + (12 if of["half"] in "Pp" else 0)
         whole = (days[written] - next(iter(days.values()))) * 86400 + hour * 3600 + minute * 60
         seconds[k] = whole + sec - away + int(part) / 10 ** len(part)
-    leap = [k for k, of in enumerate(found) if of["sec"] == "60"]
-    if leap:
-        seconds[leap[-1] + 1 :] += 1.0
     # Without dates a clock goes back by a day at midnight, one of twelve hours by half a day,
     # one of minutes and seconds by an hour.
     if found[0]["first"] is None:

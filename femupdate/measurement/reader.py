@@ -12,7 +12,6 @@ from typing import Any, Protocol
 
 from femupdate.errors import MeasurementError
 from femupdate.measurement import readers as folder
-from femupdate.measurement.clock import impossible_days
 from femupdate.measurement.frf_table import frfs_in_table, table_of_functions
 from femupdate.measurement.modes import IdentifiedModes, identified_modes
 from femupdate.measurement.names import TIME
@@ -88,8 +87,7 @@ def read_measured(path: str | Path) -> Recording:
         )
     recording = read_as(name, path)
     channels = in_step(recording.file, dict(enumerate(recording.channels)))
-    notes = (*recording.notes, *impossible_days(recording.file.lines))
-    return replace(recording, channels=tuple(channels.values()), format=name, notes=notes)
+    return replace(recording, channels=tuple(channels.values()), format=name)
 
 
 def read_as(name: str, path: Path) -> Recording:

@@ -38,10 +38,9 @@ def cells_of(line: str, delimiter: str | None) -> list[str]:
     return [cell.strip().strip('"').strip() for cell in line.split(delimiter)]
 
 
-# Cells without a value, as people and programs write them; what only Fortran writes, and marks of
-# thousands and of the sign that typesetters write.
+# Cells without a value, as people and programs write them; and what only Fortran writes.
 BLANKS = ("", "-", "--", "–", "nan", "n/a", "#n/a", "na", "null", "none")
-_FORTRAN, _THOUSANDS_MARK = r"(?<=[\d.])[dD](?=[-+]?\d)", r"(?<=\d)['’\u00a0\u202f](?=\d{3}(?!\d))"
+_FORTRAN = r"(?<=[\d.])[dD](?=[-+]?\d)"
 _COUNTER = re.compile(r"#|no|nr|num(ber)?|idx|index|samples?|row|point|pt|scan|count(er)?|", re.I)
 
 
@@ -448,8 +447,6 @@ def parse_rows(
     texts = [text for _, text in rows]
     if re.search(_FORTRAN, texts[-1]):
         texts = [re.sub(_FORTRAN, "e", text) for text in texts]
-    if not (joined := "\n".join(texts)).isascii() or "'" in joined:
-        texts = [re.sub(_THOUSANDS_MARK, "", text).replace("−", "-") for text in texts]
     if delimiter != ",":
         if any(re.search(r"\d,\d{3}\.", text) for text in texts):  # 1,234.5
             texts = [text.replace(",", "") for text in texts]

@@ -15,12 +15,13 @@ import numpy as np
 
 from femupdate import __version__
 from femupdate.arrays import Floats
+from femupdate.building.common import EffectEntry
 from femupdate.building.document import Building, mechanics_hash
 from femupdate.building.kinds import FrameBuilding, require_heights
 from femupdate.building.parameters import factor_ranges
 from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
-from femupdate.effects.registry import effect_named
+from femupdate.effects.registry import building_effects, check_places, effect_named
 from femupdate.effects.structure import structure_of
 from femupdate.errors import BuildingError, MeasurementError, StructureError
 from femupdate.measurement.names import BASE, FloorChannel, channel_name, vertical_channel
@@ -360,15 +361,6 @@ def parse_effect(
             f"{building.name}: {name} shows between two levels of motion; simulate each with its "
             "own --theta, --zeta and --rms"
         )
-    # A coarse mesh is enough to know the places of effects.
-    size = 2.0 * building.mesh.size if isinstance(building, FrameBuilding) else None
-    structure = structure_of(building, size)
-    places = effect.places(structure)
-    if place not in (*places, *effect.points(structure)):
-        raise BuildingError(
-            f"{building.name}: {name} cannot sit at {place!r}; it can at "
-            f"{', '.join(places) or 'no place here'}"
-        )
     parameters = effect.parameters
     if len(values) > len(parameters):
         raise BuildingError(
@@ -379,10 +371,11 @@ def parse_effect(
         raise BuildingError(
             f"{label}: give its {parameters[0].name}, such as {label}={parameters[0].scale:g}"
         )
-    for parameter, value in zip(parameters, values, strict=False):
-        if not parameter.lower <= value <= parameter.upper:
-            raise BuildingError(
-                f"{label}: {parameter.name} {value:g} must lie from "
-                f"{parameter.lower:g} to {parameter.upper:g}"
-            )
-    return Placed(effect, place), (*values, *(p.neutral for p in parameters[len(values) :]))
+    sizes = {p.name: value for p, value in zip(parameters, values, strict=False)}
+    entry = EffectEntry.model_construct(name=name, place=place, parameters=sizes)
+    alone = building.model_copy(update={"effects": (entry,), "tolerances": None})
+    listed = building_effects(alone)
+    # A coarse mesh is enough to know the places of effects.
+    coarse = 2.0 * building.mesh.size if isinstance(building, FrameBuilding) else None
+    check_places(structure_of(building, coarse), listed)
+    return listed.placed[0], listed.values

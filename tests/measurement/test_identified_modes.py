@@ -205,11 +205,9 @@ def test_wrong_tables(write, text, message):
         read(write(text, "m.csv"))
 
 
-def test_modes_not_numbered_by_frequency_and_a_day_of_none_are_said(write):
-    path = write("date,T1,T2\n2024-02-30,.1,.26\n2024-30-77,.11,.27\n", "m.csv")
-    _, order, day = read_measured(path).notes
-    assert order == "The modes are not numbered by frequency."
-    assert day == "Line 2: there is no day 2024-02-30; correct it."
+def test_modes_not_numbered_by_frequency_are_said(write):
+    path = write("date,T1,T2\n2024-02-20,.1,.26\n2024-03-07,.11,.27\n", "m.csv")
+    assert read_measured(path).notes[1:] == ("The modes are not numbered by frequency.",)
 
 
 def test_circular_frequencies_and_letters_of_modes(write):
