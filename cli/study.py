@@ -92,7 +92,7 @@ def report(study: Study, output: Path | None, bars: Bars, **more: Any) -> Answer
       femupdate report --study house -o house.html
       femupdate report --study house --client "City of Kobe" --logo logo.png --add site.md
     """
-    from femupdate.workflow.report import write_report
+    from femupdate.workflow.page import write_report
 
     if output is None:
         study.check_writable()

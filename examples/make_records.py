@@ -13,7 +13,7 @@ from scipy.signal import lsim
 
 from femupdate.building.files import load_building
 from femupdate.building.mesh import mesh_building
-from femupdate.building.model_draft import write_draft
+from femupdate.building.model_files import write_draft
 from femupdate.building.shipped import building_text
 from femupdate.fe.export_nastran import bulk_data
 from femupdate.measurement.record import read_record

@@ -61,8 +61,8 @@ if _TYPE_CHECKING:
     from femupdate.workflow.build import build_model
     from femupdate.workflow.demo import run_demo as demo
     from femupdate.workflow.inspect_files import identify, inspect
+    from femupdate.workflow.page import write_report
     from femupdate.workflow.render import render_study as render
-    from femupdate.workflow.report import write_report
     from femupdate.workflow.shipped import copy_examples
     from femupdate.workflow.shipped import list_all as catalogue
 

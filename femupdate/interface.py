@@ -452,6 +452,6 @@ _OF_WORKFLOW = {
     "identify": "inspect_files",
     "inspect": "inspect_files",
     "render": "render:render_study",
-    "write_report": "report",
+    "write_report": "page",
 }
 __getattr__ = lazily("femupdate.workflow", _OF_WORKFLOW)

@@ -7,12 +7,11 @@ __all__, __getattr__ = public(
     {
         "building_mesh": "self_mass",
         "common": "EffectEntry",
-        "document": "from_document mechanics_hash to_document",
+        "document": "factor_titles from_document mechanics_hash to_document",
         "files": "load_building save_building",
         "kinds": "FrameBuilding shear_operators",
         "mesh": "mesh_building",
         "mesh_import": "import_mesh",
-        "parameters": "factor_titles",
         "sections": "Section",
         "shipped": "building_text shipped_buildings",
     },

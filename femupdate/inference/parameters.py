@@ -11,8 +11,7 @@ import torch
 from torch import Tensor
 
 from femupdate.arrays import Floats
-from femupdate.building.document import Building
-from femupdate.building.parameters import factor_ranges
+from femupdate.building.document import Building, factor_ranges
 from femupdate.dynamics.snapshots import ReductionTarget
 from femupdate.dynamics.system import parameters_of
 from femupdate.effects.effect import Placed

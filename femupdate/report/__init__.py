@@ -9,9 +9,9 @@ __all__, __getattr__ = public(
         "geometry": "drawn Geometry Glyphs",
         "page": "Section items_of kept_items page_html",
         "page_scene": "scene_content thinned_geometry",
+        "plot_building": "stick_mode_shapes",
         "plot_curves": "frf_fit",
         "plot_posterior": "posterior_pairs theta_intervals",
-        "plot_sticks": "stick_mode_shapes",
         "scale": "plus_minus",
     },
 )

@@ -16,9 +16,8 @@ import numpy as np
 from femupdate import __version__
 from femupdate.arrays import Floats
 from femupdate.building.common import EffectEntry
-from femupdate.building.document import Building, mechanics_hash
+from femupdate.building.document import Building, factor_ranges, mechanics_hash
 from femupdate.building.kinds import FrameBuilding, require_heights
-from femupdate.building.parameters import factor_ranges
 from femupdate.dynamics.damping import damping_law
 from femupdate.effects.effect import Placed
 from femupdate.effects.registry import building_effects, check_places, effect_named

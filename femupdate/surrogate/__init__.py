@@ -5,13 +5,14 @@ from femupdate.lazy import public
 __all__, __getattr__ = public(
     __name__,
     {
-        "dataset": "compute_dataset",
         "network": "LatentMixture ModalDecoder Mvae NetworkSizes Visibility",
         "soap": "Soap",
         "storage": (
             "find_surrogate load_surrogate require_surrogate save_surrogate Surrogate "
             "SurrogateInfo TRAINED"
         ),
-        "training": ("proposal reconstruction train_mvae TrainingSettings TrainingTask"),
+        "training": (
+            "compute_dataset proposal reconstruction train_mvae TrainingSettings TrainingTask"
+        ),
     },
 )

@@ -10,7 +10,7 @@ from femupdate.arrays import Floats
 from femupdate.building.document import Building, mechanics_hash
 from femupdate.building.files import load_building
 from femupdate.building.mesh import BuildingMesh, mesh_building
-from femupdate.building.model_draft import asks, write_draft
+from femupdate.building.model_files import asks, write_draft
 from femupdate.dynamics.reduction import CONFIDENCE
 from femupdate.dynamics.tracking import FullModes, mesh_modes
 from femupdate.effects.structure import structure_of

@@ -12,8 +12,7 @@ import torch
 from numpy.random import default_rng
 
 from femupdate.arrays import Floats
-from femupdate.building.document import Building
-from femupdate.building.parameters import factor_ranges, factor_titles
+from femupdate.building.document import Building, factor_ranges, factor_titles
 from femupdate.dynamics.system import System
 from femupdate.effects.effect import EffectParameter, Placed
 from femupdate.effects.registry import CATALOGUE

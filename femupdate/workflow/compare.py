@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.document import factor_titles
 from femupdate.building.files import load_building
-from femupdate.building.parameters import factor_titles
 from femupdate.errors import InferenceError, StudyError
 from femupdate.inference.change import NAMED, Changes, changes
 from femupdate.inference.posterior import Posterior, load_posterior

@@ -9,7 +9,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from femupdate.building.parameters import factor_titles
+from femupdate.building.document import factor_titles
 from femupdate.progress import SILENT, Progress
 from femupdate.report.quantities import quantity_tables
 from femupdate.report.scale import plus_minus

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femupdate.building.model_draft import model_words
+from femupdate.building.model_files import model_words
 from femupdate.building.shipped import program_of
 from femupdate.errors import BuildingError, MeasurementError
 from femupdate.measurement.ambient import ORDER, AmbientModes, identify_modes

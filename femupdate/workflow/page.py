@@ -1,38 +1,66 @@
-"""The sections of the page: a summary, the building, what every result tells, how all was made."""
+"""report: everything that a study says, on one page to hand on.
 
+Its sections: a summary, the building, what every result tells, how all was made.
+"""
+
+import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from femupdate.building.document import to_document
-from femupdate.building.parameters import factor_titles
+from femupdate import __version__
+from femupdate.building.document import factor_titles, to_document
 from femupdate.discrepancy.findings import NAMED, PARTLY
 from femupdate.dynamics.tracking import mean_shape, node_displacements
 from femupdate.effects.effect import DrawnBuilding, Placed
 from femupdate.effects.registry import building_effects
 from femupdate.effects.structure import Structure, structure_of
 from femupdate.effects.tolerances import tolerances_of
+from femupdate.errors import StudyError
+from femupdate.progress import SILENT, Progress
 from femupdate.report.figure import DOTS_PER_INCH
 from femupdate.report.geometry import Geometry, Glyphs, drawn
-from femupdate.report.page import DOTS, Block, Image, Scene, Section, items_of
+from femupdate.report.page import (
+    DOTS,
+    Block,
+    Image,
+    Scene,
+    Section,
+    added_section,
+    items_of,
+    write_page,
+)
 from femupdate.report.page_scene import scene_content, thinned_geometry
 from femupdate.report.prediction import Prediction
 from femupdate.report.quantities import heights_of
 from femupdate.report.scale import interval_text, mass_scale, plus_minus
-from femupdate.result import Item, Note, Notes, Picture, Result
-from femupdate.study import BUILDING_FILE, REPAIRED, Artefact, Study, file_hash
+from femupdate.result import Item, Note, Notes, Picture, Result, Told
+from femupdate.study import BUILDING_FILE, REPAIRED, Artefact, Study, file_hash, study_of
 from femupdate.tables import Table
 from femupdate.units import capital, percent
-from femupdate.workflow.calibration_report import CalibrationReport, placed_effect
-from femupdate.workflow.model import StudyModel
+from femupdate.workflow.calibration_report import CalibrationReport, kept_calibration, placed_effect
+from femupdate.workflow.model import StudyModel, open_study
 from femupdate.workflow.modes import StudyMode, find_modes, mode_table, posterior_modes
 from femupdate.workflow.observed import direction_of
-from femupdate.workflow.status import StatusReport, files_beside_of, found, lacking, sources_of
+from femupdate.workflow.predict import kept_prediction
+from femupdate.workflow.status import (
+    DAMAGED,
+    MISSING,
+    PAGE,
+    STALE,
+    StatusReport,
+    files_beside_of,
+    found,
+    lacking,
+    sources_of,
+    study_status,
+)
 
 _DRAWN = ("grid", "effects", "provenance", "prior", "frequency_grid", "observation", "reduction")
 
@@ -431,3 +459,73 @@ def _sources(artefact: Artefact) -> list[tuple[str, str]]:
     hashes += [recorded.get(option, "") for option in beside]
     pairs = zip((*sources, *beside.values()), hashes, strict=True)
     return [(Path(name).name, digest[:_SHORT]) for name, digest in pairs]
+
+
+def write_report(
+    study: Study | Path | str,
+    path: Path | str | None = None,
+    *,
+    title: str | None = None,
+    author: str | None = None,
+    client: str | None = None,
+    logo: Path | str | None = None,
+    add: Sequence[Path | str] = (),
+    progress: Progress = SILENT,
+) -> Told:
+    """Write everything that a study says on one HTML page; nothing else in it changes.
+
+    Args:
+        study: with a building at least.
+        path: of the page; by default `report.html` in the study.
+        title: of the page; by default that of the building.
+        author, client: who stand below the title.
+        logo: PNG or JPEG file beside it.
+        add: pictures (PNG, JPEG) and texts (.md, .txt), a section of the page each.
+
+    Raises:
+        StudyError: the study holds no building, or what the page shows is damaged.
+        ReportError: the page cannot be written or is too large, or a file cannot stand on it.
+    """
+    started, study = time.monotonic(), study_of(study)
+    if not study.path(BUILDING_FILE).exists():
+        raise StudyError(
+            f"the study {study.folder} holds no building; run `{study.made_by('calibrate')}` first"
+        )
+    status = study_status(study)
+    model = open_study(study, None, progress)
+    whole = status.state(study.key("posterior")) not in (None, MISSING, DAMAGED)
+    page = PageStudy(
+        study,
+        model,
+        status,
+        kept_calibration(study, model) if whole else None,
+        None if status.state(study.key("prediction")) is None else kept_prediction(study, model),
+    )
+    names = {"Client": client, "Author": author}
+    credits = tuple(f"{role}: {name}" for role, name in names.items() if name)
+    picture = None if logo is None else Image.of(Path(logo))
+    extra = [added_section(Path(file), f"added-{k}") for k, file in enumerate(add, 1)]
+    progress.start("Writing the page", 2)
+    sections = (*page_sections(page), *extra, appendix(page))
+    progress.advance()
+    building = model.building
+    written = write_page(
+        Path(path or study.result(PAGE)),
+        sections,
+        title=title or building.title or building.name,
+        subtitle="Stiffness from measured vibration, with its uncertainty",
+        made=f"femupdate {__version__}, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        credits=credits,
+        logo=picture,
+    )
+    size, seconds = written.stat().st_size, time.monotonic() - started
+    shown = tuple(section.title for section in sections if section.blocks)
+    stale = tuple(f"{held.name}: {held.state}" for held in status.holds if held.state == STALE)
+    text = f"Report of {len(shown)} sections, {size / 1e6:.1f} MB, {seconds:.1f} s"
+    return Told(
+        (
+            Note(text, {"bytes": size, "sections": shown, "seconds": seconds}),
+            Notes(stale, key="stale"),
+            Note(f"  {written}", {"report": written}),
+        )
+    )

@@ -17,7 +17,7 @@ from femupdate.measurement.write import write_modes_uff
 from femupdate.progress import SILENT, Progress
 from femupdate.report.figure import save_pictures
 from femupdate.report.geometry import Geometry
-from femupdate.report.plot_sticks import stick_mode_shapes
+from femupdate.report.plot_building import stick_mode_shapes
 from femupdate.report.scale import plus_minus
 from femupdate.report.scenes import mode_shape_figure
 from femupdate.result import Note, Notes, Picture, Told

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from femupdate.arrays import Floats
-from femupdate.building.document import Building, without_effects
+from femupdate.building.document import Building, factor_titles, without_effects
 from femupdate.building.files import save_building
-from femupdate.building.parameters import factor_titles
 from femupdate.discrepancy.evidence import missed_in_turn
 from femupdate.discrepancy.findings import STANDS_IN, Diagnosis
 from femupdate.discrepancy.fit import Fit, likelihood_about, parameters_at

@@ -13,7 +13,6 @@ from femupdate.progress import SILENT, Progress
 from femupdate.result import Item, Note, Told, first_lines
 from femupdate.seeds import DATA_SET, stream
 from femupdate.study import BUILDING_FILE, Study, typed
-from femupdate.surrogate.dataset import ModalDataset, compute_dataset, modes_kept
 from femupdate.surrogate.network import NetworkSizes
 from femupdate.surrogate.storage import (
     TRAINED,
@@ -22,9 +21,12 @@ from femupdate.surrogate.storage import (
     find_surrogate,
 )
 from femupdate.surrogate.training import (
+    ModalDataset,
     TrainingSettings,
     TrainingTask,
     check_samples,
+    compute_dataset,
+    modes_kept,
     train_mvae,
 )
 from femupdate.workflow.effects import with_finer_mesh

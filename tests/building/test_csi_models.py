@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building, mesh_building
-from femupdate.building.model_draft import write_draft
+from femupdate.building.model_files import write_draft
 from femupdate.dynamics import mesh_modes
 from femupdate.effects import structure_of
 from femupdate.fe import assemble

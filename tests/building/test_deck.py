@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building, mechanics_hash, mesh_building, save_building
-from femupdate.building.model_draft import draft_text, write_draft
+from femupdate.building.model_files import draft_text, write_draft
 from femupdate.dynamics import choose_members
 from femupdate.errors import BuildingError, StructureError
 from femupdate.fe import assemble, lowest_modes

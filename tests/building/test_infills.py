@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import from_document, mesh_building
-from femupdate.building.infill_struts import strut_width
+from femupdate.building.blocks import strut_width
 from femupdate.effects import CATALOGUE, structure_of
 from femupdate.fe import Beams, assemble, lowest_modes, opensees_script, static_displacement
 from tests.building.frames import make_document

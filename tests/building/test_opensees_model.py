@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building, mesh_building
-from femupdate.building.model_draft import write_draft
+from femupdate.building.model_files import write_draft
 from femupdate.errors import BuildingError
 from femupdate.fe import assemble, lowest_modes
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from femupdate.building import load_building, mesh_building
-from femupdate.building.model_draft import write_draft
+from femupdate.building.model_files import write_draft
 from femupdate.errors import BuildingError, FemupdateError
 from femupdate.interface import build_model
 from tests.building.csi_texts import etabs, sap2000

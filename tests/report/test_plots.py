@@ -393,7 +393,7 @@ def assert_texts_inside(figure: Figure) -> None:
 def test_drawing_needs_no_pyplot_and_importing_no_vtk():
     code = (
         "import sys, femupdate.report.scenes, femupdate.report.curves;"
-        "import femupdate.report.plot_curves, femupdate.report.plot_sticks;"
+        "import femupdate.report.plot_curves, femupdate.report.plot_building;"
         "import femupdate.report.plot_posterior;"
         "found = {'matplotlib.pyplot', 'pyvista', 'torch'} & set(sys.modules);"
         "sys.exit(', '.join(found) or 0)"
