@@ -78,32 +78,25 @@ def place_masses(
 def _refuse_soft_springs(
     model: FiniteElementModel, masses: PointMasses, base: Integers, supports: Supports
 ) -> None:
-    """Raise Complaint for a footing on whose springs the whole building would hardly stand."""
+    """Raise Complaint for springs at the base on which the whole building would hardly stand."""
     middle = model.nodes[base].mean(axis=0)
     mass = np.concatenate([masses.mass[:, 0], *(part.mass(model.nodes) for part in model.elements)])
     points = [model.nodes[part.nodes].mean(axis=1) for part in model.elements]
     arm = np.concatenate([model.nodes[masses.node], *points]) - middle
     turned = mass @ (np.sum(arm**2, axis=1, keepdims=True) - arm**2)
     inertia = np.concatenate([np.full(3, mass.sum()), turned])
-    for key, spring, moved in zip(SPRING_KEYS, supports.springs, inertia, strict=True):
-        # Isolated buildings and tall towers move at .1 Hz and more.
-        if spring is not None and (hz := np.sqrt(spring / moved) / (2.0 * np.pi)) < 0.05:
-            text = f"the whole building would move at {hz:.1g} Hz on this spring"
-            raise Complaint(
-                f"supports.{key}", f"{text}, and no foundation is that soft; is the unit wrong?"
-            )
-
-
-def _refuse_soft_isolation(model: FiniteElementModel, masses: PointMasses, base: Integers) -> None:
-    """Raise Complaint for springs under single columns on which the building would hardly stand."""
-    mass = masses.mass.sum() + sum(part.mass(model.nodes).sum() for part in model.elements)
+    named = [f"supports.{key}" for key in SPRING_KEYS]
+    rates = list(zip(named, supports.springs, inertia, strict=True))
     at_base = np.isin(model.springs.nodes[:, 0], base)
-    for way in range(3):
-        total = model.springs.stiffness[at_base & (model.springs.direction == way)].sum()
-        free = len(base) and not model.fixed[base, way].any()
-        if free and total and (hz := np.sqrt(total / mass) / (2.0 * np.pi)) < 0.05:
-            text = f"the whole building would move at {hz:.1g} Hz on these springs"
-            raise Complaint(f"springs[0].{SPRING_KEYS[way]}", f"{text}; is the unit wrong?")
+    for way in range(3):  # of springs under single columns, together
+        if not model.fixed[base, way].any():
+            total = model.springs.stiffness[at_base & (model.springs.direction == way)].sum()
+            rates.append((f"springs[0].{SPRING_KEYS[way]}", total, inertia[way]))
+    for key, spring, moved in rates:
+        # Isolated buildings and tall towers move at .1 Hz and more.
+        if spring and (hz := np.sqrt(spring / moved) / (2.0 * np.pi)) < 0.05:
+            text = f"the whole building would move at {hz:.1g} Hz on its springs"
+            raise Complaint(key, f"{text}, and no foundation is that soft; is the unit wrong?")
 
 
 def sprung(
@@ -198,9 +191,8 @@ def finished(
         dead: walls without stiffness, on the model's nodes.
     """
     masses = place_masses(building, model, dead)
-    _refuse_soft_springs(model, masses, base, building.supports)
     held = connected(model, base, building.supports, sprung(building, model, base), diaphragms)
-    _refuse_soft_isolation(held, masses, base)
+    _refuse_soft_springs(held, masses, base, building.supports)
     whole = replace(held, masses=masses)
     return described(building, whole, base, floor_nodes, parts=parts, notes=notes)
 

@@ -52,7 +52,7 @@ CASES = {
     "isolators of one newton": (
         '[[walls]]\nalong = "P"\nfrom = "A"\nto = "B"\nthickness = "150 mm"',
         '[[springs]]\nkx = "1 N/m"',
-        r"springs\[0\]\.kx: the whole building would move at 0.0.* Hz on these springs",
+        r"springs\[0\]\.kx: the whole building would move at 0.0.* Hz on its springs",
     ),
     "infill in a bay without a column": ('[[columns]]\nsection = "column"\n',
         f'{INFILL}[[columns]]\nsection = "column"\nat = ["A-P", "C-P", "A-Q", "B-Q", "C-Q"]\n',
@@ -72,7 +72,7 @@ CASES = {
     "story of 2800 m": ('"2.8 m"', '"2800 m"',
         "stories: high is 2800 m high: is the unit wrong. Correct its height"),
     "springs of one newton": ("[mesh]", '[supports]\nbase = "springs"\nkx = "1 N/m"\n\n[mesh]',
-        "supports.kx: the whole building would move at 0.0.* Hz on this spring"),
+        "supports.kx: the whole building would move at 0.0.* Hz on its springs"),
     "path with backslashes": ('name = "small"', 'name = "C:\\temp"',
         "name: 'C:.temp' is not what was meant: TOML reads a backslash .*write / or single quotes"),
     "path that is no TOML": ('name = "small"', 'name = "C:\\models"',
