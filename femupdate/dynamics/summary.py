@@ -1,14 +1,14 @@
 """Bands, peaks and story stiffness of many histories, and how they compare with measured floors."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
-from femupdate.arrays import Flags, Floats
+from femupdate.arrays import Floats
 from femupdate.dynamics.history import ResponseHistories, join_histories
 from femupdate.errors import StructureError
 from femupdate.tables import Table
@@ -121,32 +121,8 @@ def story_stiffness(shear: Floats, drift: Floats) -> Floats:
     return np.einsum("...n,...n->...", shear, centred) / power
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """Prediction against floors that were measured in the same motion."""
-
-    floors: tuple[str, ...]  # that were measured
-    # (f,) rms of the best estimate less measurement over rms of the measurement
-    relative_error: Floats
-    correlation: Floats  # (f,) of the two histories
-    peak_ratio: Floats  # (f,) peak of the best estimate over the measured peak
-    within_band: Floats  # (f,) share of the instants at which the measurement lies within 2 sd
-    # (f,) continuous ranked probability score over the rms of the measurement, the lower the
-    # better: what bands cost that are too wide as well as too narrow
-    score: Floats
-    peak_within: Flags  # (f,) whether the measured peak lies in its 90 % interval
-
-    def as_dict(self) -> dict[str, dict[str, float]]:
-        """The figures of every floor."""
-        names = [field.name for field in fields(self) if field.name != "floors"]
-        return {
-            floor: {name: getattr(self, name)[k].item() for name in names}
-            for k, floor in enumerate(self.floors)
-        }
-
-
 def score_table(kept: Mapping[str, Mapping[str, float]]) -> Table:
-    """What `Comparison.as_dict` holds."""
+    """What `compare` gives."""
     rows = [
         (
             floor,
@@ -169,12 +145,22 @@ def score_table(kept: Mapping[str, Mapping[str, float]]) -> Table:
     )
 
 
-def compare(summary: HistorySummary, estimate: Floats, measured: Floats) -> Comparison:
+def compare(
+    summary: HistorySummary, estimate: Floats, measured: Floats
+) -> dict[str, dict[str, float]]:
     """Predictions against measured floor accelerations (f, n), NaN for floors without any.
 
     Args:
         summary: of the next measurement.
         estimate: (f, n) the best one, of what is known of building and model.
+
+    Returns:
+        Scores of every floor that was measured. `relative_error` is the rms of estimate less
+        measurement over that of the measurement, and `correlation` that of the two histories;
+        `peak_ratio` is of their peaks, `within_band` the share of instants at which the measurement
+        lies within 2 sd, and `peak_within` whether its peak lies in the 90 % interval. `score` is
+        the continuous ranked probability score over the rms of the measurement, the lower the
+        better: what bands cost that are too wide as well as too narrow.
     """
     seen = np.isfinite(measured).all(axis=1)
     mean, sd, truth = summary.acceleration_mean[seen], summary.acceleration_sd[seen], measured[seen]
@@ -190,12 +176,15 @@ def compare(summary: HistorySummary, estimate: Floats, measured: Floats) -> Comp
     score = wide * (away * (2.0 * ndtr(away) - 1.0) + 2.0 * density - np.pi**-0.5)
     peak = np.abs(truth).max(axis=1)
     low, high = np.quantile(summary.peak_acceleration[:, seen], [0.05, 0.95], axis=0)
-    return Comparison(
-        tuple(summary.floors[row] for row in np.flatnonzero(seen)),
-        error,
-        correlation,
-        np.abs(best).max(axis=1) / peak,
-        (np.abs(mean - truth) <= 2.0 * sd).mean(axis=1),
-        np.asarray(score.mean(axis=1) / np.sqrt((truth**2).mean(axis=1))),
-        (low <= peak) & (peak <= high),
-    )
+    columns = {
+        "relative_error": error,
+        "correlation": correlation,
+        "peak_ratio": np.abs(best).max(axis=1) / peak,
+        "within_band": (np.abs(mean - truth) <= 2.0 * sd).mean(axis=1),
+        "score": np.asarray(score.mean(axis=1) / np.sqrt((truth**2).mean(axis=1))),
+        "peak_within": (low <= peak) & (peak <= high),
+    }
+    return {
+        summary.floors[row]: {name: values[k].item() for name, values in columns.items()}
+        for k, row in enumerate(np.flatnonzero(seen))
+    }

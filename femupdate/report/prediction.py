@@ -14,7 +14,6 @@ from femupdate.dynamics.history import ResponseHistories
 from femupdate.dynamics.members import MemberForces
 from femupdate.dynamics.spectra import FloorSpectra
 from femupdate.dynamics.summary import (
-    Comparison,
     HistorySummary,
     Statistics,
     compare,
@@ -95,7 +94,7 @@ class Prediction(Result):
         return statistics(self.alone.story_stiffness)
 
     @property
-    def comparison(self) -> Comparison | None:
+    def comparison(self) -> dict[str, dict[str, float]] | None:
         """With measured floors, where there are any."""
         return None if self.measured is None else compare(self.summary, self.best, self.measured)
 
@@ -122,8 +121,7 @@ class Prediction(Result):
         stories = [str(k) for k in range(1, len(self.story_stiffness.mean) + 1)]
         state = "to be used with care" if self.warnings else "predicted"
         verdict = f"Verdict: {state} ({self.motion.title}, peak {self.motion.peak:.2f} m/s²"
-        if self.comparison is not None:
-            figures = self.comparison.as_dict()
+        if (figures := self.comparison) is not None:
             error = max(figures.values(), key=lambda scores: scores["relative_error"])
             held = sum(scores["peak_within"] for scores in figures.values())
             verdict += f"; {held:.0f} of {len(figures)} measured peaks lie in their intervals, the "
@@ -153,7 +151,7 @@ class Prediction(Result):
         if spectra is not None:
             yield Note(content={"floor_spectra": spectra.as_dict(floors)})
             yield spectra.table(floors)
-        if self.comparison is not None:
+        if figures is not None:
             yield Note(content={"comparison": figures})
             yield replace(score_table(figures), detail=True)
         yield Note(content={"notes": self.notes})

@@ -201,8 +201,8 @@ def _record(
     }
     if measured is not None:
         origin["measured"], used["measured"] = file_hash(measured), str(measured)
-    if report.comparison is not None:
-        used["against_measured"] = report.comparison.as_dict()
+    if (scores := report.comparison) is not None:
+        used["against_measured"] = scores
     study.record("prediction", "prediction.nc", "predict", origin, used)
 
 

@@ -196,7 +196,7 @@ def _predicted(plan: MeasuredPlan, event: Event, other: Event) -> list[Predictio
             measured.floors, zip(*event.rival.scores(measured, direction), strict=True), strict=True
         )
     )
-    rows = [found.summary.floors.index(floor) for floor in scores.floors]
+    rows = [found.summary.floors.index(floor) for floor in scores]
     motion = found.motion
     true = floor_spectra(seen[None, rows], motion.acceleration, motion.time_step, spectra.damping)
     low, high = spectra.acceleration.q05[rows], spectra.acceleration.q95[rows]
@@ -209,17 +209,17 @@ def _predicted(plan: MeasuredPlan, event: Event, other: Event) -> list[Predictio
             predicted=other.name,
             floor=floor,
             unseen=floor == plan.leave_out,
-            within=float(scores.within_band[k]),
-            peak_within=bool(scores.peak_within[k]),
+            within=scores[floor]["within_band"],
+            peak_within=bool(scores[floor]["peak_within"]),
             peak_ratio=float(peaks[k]),
             spectrum_within=float(inside[k]),
-            score=float(scores.score[k]),
+            score=scores[floor]["score"],
             filter_score=float(filters[floor][1]),
-            error=float(scores.relative_error[k]),
+            error=scores[floor]["relative_error"],
             free=float(free[floor]),
             filter_error=float(filters[floor][0]),
         )
-        for k, floor in enumerate(scores.floors)
+        for k, floor in enumerate(scores)
     ]
 
 
