@@ -18,7 +18,7 @@ __all__, __getattr__ = public(
         "reader": "kind_in read_measured read_observation_file",
         "record": "GroundMotion read_record without_offset",
         "recording": "azimuth_of RecordedChannel RecordedMode",
-        "runs": "agreement pooled",
+        "runs": "agreement differences pooled",
         "text": "TextFile",
         "write": "write_modes write_observation_histories",
     },

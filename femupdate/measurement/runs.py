@@ -10,8 +10,7 @@ The last sum is the same for all models; the observation keeps it as `scatter`, 
 Whether they agree is told without any model, by the chi-square of their differences.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from itertools import pairwise, product
 
 import numpy as np
@@ -144,76 +143,18 @@ def _phase(runs: Sequence[Observation], precision: Floats) -> Floats | None:
     return np.angle(np.exp(1j * (middle + _mean(away, precision))))
 
 
-@dataclass(frozen=True)
-class Difference:
-    """Difference of one run from the others together, at one floor in one band.
-
-    Attributes:
-        mean: of the difference in ln|H|, run less others, weighted by precision.
-        ratio: rms of the difference over the noise of both.
-        independent: points that err independently.
-        p_value: probability that noise alone makes it as large.
-    """
-
-    source: str
-    others: str
-    floor: str
-    band_hz: tuple[float, float]
-    mean: float
-    ratio: float
-    independent: float
-    p_value: float
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """How well some runs agree.
-
-    Attributes:
-        ratio: rms of all differences over their noise; NaN where no floor is common.
-        differences: every run against the others, floor by floor and band by band.
-    """
-
-    ratio: float
-    differences: tuple[Difference, ...]
-
-    @property
-    def beyond_chance(self) -> tuple[Difference, ...]:
-        """Differences that noise does not explain, the least likely first."""
-        # Runs that agree are said to differ once in a thousand times.
-        limit = 1e-3 / max(len(self.differences), 1)
-        # The noise is an estimate itself: nothing is said below 1.3 times it.
-        large = [d for d in self.differences if d.p_value < limit and d.ratio > 1.3]
-        return tuple(sorted(large, key=lambda d: (d.p_value, -d.ratio)))
-
-    def sentence(self) -> str:
-        """The agreement in a sentence for the user."""
-        if np.isnan(self.ratio):
-            return (
-                "No floor was measured in more than one of them: whether they agree cannot be told "
-                "without a model."
-            )
-        large = self.beyond_chance
-        if not large:
-            return f"They agree: their differences are {self.ratio:.2f} times the noise (rms)."
-        first = large[0]
-        others = "" if len(large) == 1 else f", and so in {len(large) - 1} more places"
-        return (
-            f"They do not agree: {first.source} differs from {first.others} at {first.floor}, "
-            f"{first.band_hz[0]:.3g} to {first.band_hz[1]:.3g} Hz, by {first.ratio:.1f} times the "
-            f"noise of both (rms; {100.0 * np.expm1(first.mean):+.0f} % on average){others}. The "
-            "posterior is that of their mean; calibrate each alone to see how they differ. Was the "
-            "motion stronger in one (`femupdate diagnose` of both takes each at its level), a "
-            "sensor moved, the building changed?"
-        )
-
-
-def agreement(runs: Sequence[Observation], floors: Sequence[str]) -> Agreement:
-    """Compare every run with all others, pooled, by the chi-square of their differences.
+def differences(
+    runs: Sequence[Observation], floors: Sequence[str]
+) -> Iterator[tuple[float, float, float, float, str]]:
+    """Every run against the others, pooled, floor by floor and band by band.
 
     Of two runs, the second is compared with the first.
+
+    Yields:
+        Probability that noise alone makes the difference as large; its rms over the noise of both;
+        points that err independently; its mean in ln|H|, run less others, weighted by precision;
+        and which runs differ where, in words.
     """
-    found: list[Difference] = []
     compared = range(1, 2) if len(runs) == 2 else range(len(runs))
     for number in compared:
         others = [run for k, run in enumerate(runs) if k != number]
@@ -232,18 +173,33 @@ def agreement(runs: Sequence[Observation], floors: Sequence[str]) -> Agreement:
                 continue
             weight = 1.0 / variance[row, seen]
             square = float((weight * difference[row, seen] ** 2).mean())
-            found.append(
-                Difference(
-                    run.source,
-                    rest.source,
-                    floor,
-                    (float(low), float(high)),
-                    float((weight * difference[row, seen]).sum() / weight.sum()),
-                    square**0.5,
-                    independent,
-                    float(chdtrc(independent, independent * square)),
-                )
-            )
-    total = sum(d.independent for d in found)
-    squares = sum(d.independent * d.ratio**2 for d in found)
-    return Agreement(float(np.sqrt(squares / total)) if total else float("nan"), tuple(found))
+            mean = float((weight * difference[row, seen]).sum() / weight.sum())
+            words = f"{run.source} differs from {rest.source} at {floor}, {low:.3g} to {high:.3g}"
+            chance = float(chdtrc(independent, independent * square))
+            yield chance, square**0.5, independent, mean, f"{words} Hz"
+
+
+def agreement(runs: Sequence[Observation], floors: Sequence[str]) -> str:
+    """Whether runs agree, by the chi-square of their differences, in a sentence for the user."""
+    found = list(differences(runs, floors))
+    if not found:
+        return (
+            "No floor was measured in more than one of them: whether they agree cannot be told "
+            "without a model."
+        )
+    # Runs that agree are said to differ once in a thousand times. The noise is an estimate itself:
+    # nothing is said below 1.3 times it.
+    large = [each for each in found if each[0] < 1e-3 / len(found) and each[1] > 1.3]
+    if not large:
+        _, ratios, points, _, _ = (np.array(column) for column in zip(*found, strict=True))
+        ratio = np.sqrt((points @ ratios**2) / points.sum())
+        return f"They agree: their differences are {ratio:.2f} times the noise (rms)."
+    _, ratio, _, mean, words = min(large, key=lambda each: (each[0], -each[1]))
+    others = "" if len(large) == 1 else f", and so in {len(large) - 1} more places"
+    return (
+        f"They do not agree: {words}, by {ratio:.1f} times the noise of both (rms; "
+        f"{100.0 * np.expm1(mean):+.0f} % on average){others}. The posterior is that of their "
+        "mean; calibrate each alone to see how they differ. Was the motion stronger in one "
+        "(`femupdate diagnose` of both takes each at its level), a sensor moved, the building "
+        "changed?"
+    )

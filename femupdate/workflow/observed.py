@@ -130,7 +130,7 @@ def as_one(building: Building, runs: Sequence[Observation]) -> Observation:
     if len(runs) == 1:
         return runs[0]
     together = f"{len(runs)} runs are explained together: {', '.join(r.source for r in runs)}."
-    said = agreement(runs, building.floors).sentence()
+    said = agreement(runs, building.floors)
     notes = [f"{run.source}: {note}" for run in runs for note in run.notes]
     halves = tuple(pooled(runs[number::2], building.floors) for number in (0, 1))
     pool = pooled(runs, building.floors)
