@@ -317,13 +317,17 @@ def compare(
         InferenceError: they come from the same measurement.
         MeasurementError: files are of no modes, or share no two floors.
     """
-    from femupdate.workflow.compare import compare_states, find_state
+    from femupdate.workflow.compare import (
+        compare_frfs,
+        compare_modes,
+        compare_states,
+        find_state,
+    )
 
     opened, files = study_of(study), [Path(name) for name in (before, after)]
     measured = [file for file in files if file.is_file() and file.suffix != ".nc"]
     if measured:
         from femupdate.measurement.reader import read_measured
-        from femupdate.workflow.compare_tests import compare_frfs, compare_modes
 
         for name in {before, after} - set(map(str, measured)):
             find_state(name, opened)

@@ -22,8 +22,7 @@ from femupdate.building.blocks import (
     slab_blocks,
     wall_blocks,
 )
-from femupdate.building.building_mesh import BuildingMesh, finished
-from femupdate.building.connections import face_lines
+from femupdate.building.building_mesh import BuildingMesh, face_lines, finished
 from femupdate.building.document import Building
 from femupdate.building.entry import Complaint, complaining
 from femupdate.building.kinds import CLOSEST_LINES, FrameBuilding, MeshBuilding

@@ -17,8 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from femupdate.arrays import Flags, Floats, Integers
 from femupdate.building.blocks import ElementBlock, by_element, joined
-from femupdate.building.building_mesh import BuildingMesh, described, finished, sprung
-from femupdate.building.connections import with_springs
+from femupdate.building.building_mesh import BuildingMesh, described, finished, sprung, with_springs
 from femupdate.building.entry import ALL, Complaint, complaining, unknown
 from femupdate.building.kinds import MeshBuilding, Part
 from femupdate.building.mesh_check import (

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from femupdate.arrays import Flags, Floats, Integers, Strings
-from femupdate.building.connections import diaphragm_links
+from femupdate.building.building_mesh import diaphragm_links
 from femupdate.building.entry import ALL, Complaint
 from femupdate.building.kinds import MeshBuilding
 from femupdate.building.mesh_check import LEVEL, cell_kinds, check_elements, loose_pieces, place

@@ -7,8 +7,7 @@ __all__, __getattr__ = public(
     {
         "figure": "draw save_figure",
         "geometry": "drawn Geometry Glyphs",
-        "page": "Section items_of kept_items page_html",
-        "page_scene": "scene_content thinned_geometry",
+        "page": "Section items_of kept_items page_html scene_content thinned_geometry",
         "plot_building": "stick_mode_shapes",
         "plot_curves": "frf_fit",
         "plot_posterior": "posterior_pairs theta_intervals",

@@ -34,9 +34,10 @@ from femupdate.report.page import (
     Section,
     added_section,
     items_of,
+    scene_content,
+    thinned_geometry,
     write_page,
 )
-from femupdate.report.page_scene import scene_content, thinned_geometry
 from femupdate.report.prediction import Prediction
 from femupdate.report.quantities import heights_of
 from femupdate.report.scale import interval_text, mass_scale, plus_minus
