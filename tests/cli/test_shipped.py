@@ -1,5 +1,9 @@
-"""list and examples: what comes with femupdate."""
+"""What is shipped, and the archive of a station from file to prediction."""
 
+import shlex
+import zipfile
+
+import numpy as np
 import pytest
 
 from femupdate.building import load_building, shipped_buildings
@@ -51,3 +55,47 @@ def test_the_measured_example_comes_with_its_building_and_its_licence(tmp_path):
         assert set(seen.floors) == {"3F", "RF"} <= set(building.floors)
         base = seen.acceleration[[c.floor for c in seen.channels].index("base")]
         assert abs(base).max() == pytest.approx(peak, rel=0.05)
+
+
+PLACES = {"base": "Basement", "2F": "2nd floor, north wall", "RF": "Roof"}
+
+
+def esm(values, time_step, place):
+    head = {
+        "EVENT_NAME": "SIMULATED",
+        "STATION_NAME": place,
+        "SAMPLING_INTERVAL_S": f"{time_step:.6f}",
+        "NDATA": len(values),
+        "UNITS": "cm/s^2",
+        "STREAM": "HNE",
+    }
+    lines = [*(f"{key}: {value}" for key, value in head.items()), *(f"{v:.6f}" for v in values)]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def archive(tmp_path, tower_observation):
+    data = read_observation_file(tower_observation.path)
+    path = tmp_path / "station.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for number, (channel, row) in enumerate(zip(data.channels, data.acceleration, strict=True)):
+            text = esm(100.0 * row, data.time_step, PLACES[channel.floor])
+            packed.writestr(f"{number}.asc", text)
+    return path
+
+
+def test_inspect_proposes_the_command_that_calibrates(
+    archive, tower_file, tower_observation, tmp_path
+):
+    (one,) = femupdate("inspect", archive, "--json").answer["files"]
+    assert one["next"] == f"femupdate calibrate {archive} --columns base=1,2F=2,RF=3"
+    options = ("--building", tower_file, "--exact", "--particles", 200, "--chains", 1, "--json")
+    answers = [
+        femupdate(*words, *options, "--study", tmp_path / f"study {number}").answer
+        for number, words in enumerate(
+            [shlex.split(one["next"])[1:], ["calibrate", tower_observation.path]]
+        )
+    ]
+    assert answers[0]["floors"] == ["2F", "RF"]
+    # The same numbers but for their printed digits.
+    np.testing.assert_allclose(answers[0]["mean"], answers[1]["mean"], rtol=1e-3)

@@ -1,9 +1,12 @@
 """Every record format, written from known values and read back."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from femupdate.measurement import read_measured, read_record
+from femupdate.errors import MeasurementError
+from femupdate.measurement import GroundMotion, read_measured, read_record
 from femupdate.measurement.reader import readers
 from femupdate.units import STANDARD_GRAVITY
 from tests.measurement import written
@@ -136,3 +139,93 @@ def test_unit_option(write, wave, unit, factor):
 def test_rounded_times_give_the_exact_rate(write, wave, rate, decimals):
     path = write(table(wave, step=1 / rate, decimals=decimals))
     assert read_record(path, unit="gal").time_step == 1 / rate
+
+
+MIDDLE = 6.0
+
+
+def tone(frequency: float, time: np.ndarray) -> np.ndarray:
+    """A tone that starts and ends gently, so that its spectrum is narrow."""
+    envelope = np.exp(-(((time - MIDDLE) / 1.5) ** 2))
+    return np.sin(2 * np.pi * frequency * time + 0.3) * envelope
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [(0.01, 0.005), (0.01, 0.02), (1 / 120, 0.005), (0.02, 0.001), (0.005, 1 / 128)]
+)
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.9])
+def test_resampling_keeps_a_tone_in_place_and_size(old, new, share):
+    frequency = share * 0.5 / max(old, new)
+    time = np.arange(round(2 * MIDDLE / old)) * old
+    resampled = GroundMotion(tone(frequency, time), old).resampled(new)
+    assert resampled.time_step == new
+    assert resampled.duration == pytest.approx(time[-1], abs=max(old, new))
+    # The docstring's passband: flat within 0.1 % up to 0.9 of the lower Nyquist frequency.
+    exact = tone(frequency, resampled.time)
+    np.testing.assert_allclose(resampled.acceleration, exact, atol=1e-3)
+
+
+def test_resampling_removes_what_the_new_step_cannot_show():
+    time = np.arange(2400) * 0.005
+    high = GroundMotion(tone(40.0, time), 0.005)
+    # 40 Hz lies above the new Nyquist frequency of 25 Hz and must not fold down to 10 Hz.
+    assert high.resampled(0.02).peak < 1e-3
+
+
+@pytest.mark.parametrize("step", [0.0, -0.01, np.nan, np.inf, 0.01 / np.sqrt(2), 1e-9])
+def test_resampling_to_an_impossible_step(step):
+    with pytest.raises(MeasurementError, match="cannot be resampled"):
+        GroundMotion(np.ones(20_000), 0.01).resampled(step)
+
+
+def test_scaled():
+    motion = GroundMotion(np.r_[np.full(50, 2.0), np.arange(50.0)], 0.01)
+    np.testing.assert_array_equal(motion.scaled(-0.1).acceleration, -0.1 * motion.acceleration)
+    assert motion.peak == 49.0
+    named = GroundMotion(motion.acceleration, 0.01, name="kobe", channel="NS")
+    assert named.title == "kobe NS"
+    assert named.scaled(0.5).scaled(0.2).title == "kobe NS, scaled by 0.1"
+    for factor in (0.0, np.nan):
+        with pytest.raises(MeasurementError, match=f"cannot be scaled by {factor:g}"):
+            motion.scaled(factor)
+
+
+@pytest.mark.parametrize(
+    "values", [[1.0], [1.0, np.nan], [1.0, np.inf], np.ones((2, 3)), []], ids=repr
+)
+def test_what_is_no_motion(values):
+    with pytest.raises(MeasurementError, match="one row of at least two"):
+        GroundMotion(np.array(values), 0.01)
+
+
+RECORD = "records/ridgecrest_2019_clc.v1"
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples/records/ridgecrest_2019_clc_90.csv"
+
+
+# What the file's own headers state (three decimals of g).
+@pytest.mark.parametrize(
+    ("channel", "count", "peak_g", "at_s"),
+    [(1, 31932, 0.344, 234.36), ("360 Deg", 32080, 0.511, 235.70)],
+)
+def test_header_peak_comes_out(shared_file, channel, count, peak_g, at_s):
+    motion = read_record(shared_file(RECORD), channel=channel)
+    assert motion.acceleration.size == count
+    assert motion.time_step == 0.01
+    at = int(np.argmax(np.abs(motion.acceleration)))
+    assert motion.peak / STANDARD_GRAVITY == pytest.approx(peak_g, abs=5e-4)
+    assert motion.time[at] == pytest.approx(at_s, abs=1e-9)
+
+
+def test_the_vertical_channel_is_refused(shared_file):
+    with pytest.raises(MeasurementError, match="'Up' is vertical, as the file says"):
+        read_record(shared_file(RECORD), channel="up")
+
+
+def test_shipped_part_is_the_original_less_its_quiet_mean(shared_file):
+    whole = read_record(shared_file(RECORD), channel="90 Deg")
+    part = read_record(EXAMPLE)
+    inside = whole.acceleration[20_000:29_001]
+    expected = inside - inside[:2401].mean()
+    assert (part.time_step, part.channel) == (0.01, "90 Deg")
+    # Written with nine significant digits.
+    np.testing.assert_allclose(part.acceleration, expected, rtol=5e-9)
