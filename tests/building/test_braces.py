@@ -124,15 +124,15 @@ def test_wrong_braces_are_named(changes, words):
     assert words in str(caught.value)
 
 
-HEIGHT, WIDTH = 3.2, 4.0
+STORY, BAY = 3.2, 4.0
 MASONRY = {"youngs_modulus": 3e9, "poisson_ratio": 0.2, "density": 1800.0}
-CLEAR = HEIGHT - 0.4, WIDTH - 0.3  # under a beam .4 m deep, between columns .3 m wide
+CLEAR = STORY - 0.4, BAY - 0.3  # under a beam .4 m deep, between columns .3 m wide
 
 
 @pytest.fixture
 def document():
     """Two bays by one without slabs, an infill in the first bay of Y0."""
-    document = make_document([HEIGHT], ([WIDTH, 3.0], [5.0]), 10.0)
+    document = make_document([STORY], ([BAY, 3.0], [5.0]), 10.0)
     document["materials"]["masonry"] = MASONRY
     document["sections"] = {
         "column": {"shape": "rectangle", "width": 0.3, "depth": 0.5, "material": "concrete"},
@@ -152,7 +152,7 @@ def document():
 )
 def test_width_and_stiffness_by_hand(document, formula, width):
     ratio = 3e9 * 0.2 / (25e9 * 0.5 * 0.3**3 / 12)
-    found = strut_width(formula, *CLEAR, column_height=HEIGHT, stiffness_ratio=ratio)
+    found = strut_width(formula, *CLEAR, column_height=STORY, stiffness_ratio=ratio)
     assert found == pytest.approx(width, rel=1e-4)
     document["infills"][0]["formula"] = formula
     mesh = mesh_building(from_document(document))
@@ -171,8 +171,8 @@ def test_width_and_stiffness_by_hand(document, formula, width):
     infilled = mesh_building(from_document(document))
     own = infilled.model.elements_of(Beams)
     area = own.area[own.kind == "infill"].sum()
-    length = np.hypot(WIDTH, HEIGHT)
-    expected = 3e9 * area / length * (WIDTH / length) ** 2
+    length = np.hypot(BAY, STORY)
+    expected = 3e9 * area / length * (BAY / length) ** 2
     bare = mesh_building(from_document(document | {"infills": []}))
     assert _sway(infilled) - _sway(bare) == pytest.approx(expected, rel=2e-3)
 
@@ -180,7 +180,7 @@ def test_width_and_stiffness_by_hand(document, formula, width):
 def _sway(mesh):
     """Force along x at the head of the column X0-Y0, over its displacement."""
     nodes = mesh.model.nodes
-    (top,) = np.flatnonzero((np.abs(nodes - [0.0, 0.0, HEIGHT]) < 1e-9).all(axis=1))
+    (top,) = np.flatnonzero((np.abs(nodes - [0.0, 0.0, STORY]) < 1e-9).all(axis=1))
     load = np.zeros((len(nodes), 6))
     load[top, 0] = 1.0
     return 1.0 / static_displacement(assemble(mesh.model), np.ones(1), load.ravel())[6 * top]
@@ -211,7 +211,7 @@ def test_their_stiffness_is_an_effect(document):
 def test_a_cantilever_column_with_rigid_ends_by_hand():
     """The head moves by bending and shear of what lies between, and turns on the rigid head."""
     foot, head, load = 0.3, 0.5, 1e4
-    document = make_document([HEIGHT], ([WIDTH], [5.0]), 10.0)
+    document = make_document([STORY], ([BAY], [5.0]), 10.0)
     document["slabs"] = []
     document["columns"] = [{"section": "column", "rigid_ends": [foot, head]}]
     document["beams"] = [{"section": "beam", "hinges": "both"}]
@@ -220,14 +220,14 @@ def test_a_cantilever_column_with_rigid_ends_by_hand():
         document["mesh"]["size"] = size
         model = mesh_building(from_document(document)).model
         top = np.flatnonzero(
-            np.isclose(model.nodes[:, 2], HEIGHT)
-            & np.isin(model.nodes[:, 0], [0.0, WIDTH])
+            np.isclose(model.nodes[:, 2], STORY)
+            & np.isin(model.nodes[:, 0], [0.0, BAY])
             & np.isin(model.nodes[:, 1], [0.0, 5.0])
         )
         loads = np.zeros((len(model.nodes), 6))
         loads[top, 0] = load
         moved = static_displacement(assemble(model), np.full(1, 0.5), loads.ravel())
-        soft, bending = HEIGHT - foot - head, 0.5 * 25e9 * 0.6 * 0.4**3 / 12
+        soft, bending = STORY - foot - head, 0.5 * 25e9 * 0.6 * 0.4**3 / 12
         shear = 0.5 * 25e9 / 2.4 * 5 / 6 * 0.24
         bent = (soft**3 / 3 + soft**2 * head + soft * head**2) / bending
         # The rigid ends stay rigid at a factor of .5.

@@ -180,7 +180,7 @@ def test_an_impossible_property_is_refused_by_name(name, position, value):
         shells(2, *properties).matrices(np.concatenate([SQUARE, SQUARE + 1]))
 
 
-E, NU, THICKNESS = 1e6, 0.25, 0.001
+MODULUS, POISSON, THICKNESS = 1e6, 0.25, 0.001
 # Membrane over bending stiffness is 1e5 here: a turned patch keeps 1e-16 * 1e5 and a little more.
 EXACT = 1e-9
 
@@ -194,9 +194,13 @@ def test_inner_nodes_follow_the_field_exactly(name, seed):
 @pytest.mark.parametrize("seed", [None, 3])
 def test_constant_stress_gives_the_exact_energy(seed):
     rotation = np.eye(3) if seed is None else meshes.random_rotation(seed)
-    shells = meshes.shells(membranes.PATCH_QUADS, THICKNESS, E, NU)
+    shells = meshes.shells(membranes.PATCH_QUADS, THICKNESS, MODULUS, POISSON)
     matrices = shells.matrices(membranes.PATCH @ rotation.T)
-    elasticity = E / (1 - NU**2) * np.array([[1, NU, 0], [NU, 1, 0], [0, 0, (1 - NU) / 2]])
+    elasticity = (
+        MODULUS
+        / (1 - POISSON**2)
+        * np.array([[1, POISSON, 0], [POISSON, 1, 0], [0, 0, (1 - POISSON) / 2]])
+    )
     area = 0.24 * 0.12
     for name, generalised, rigidity in (
         ("membrane", [1e-3, 1e-3, 1e-3], THICKNESS),
@@ -226,7 +230,7 @@ def test_pure_in_plane_bending_of_a_rectangle_is_exact():
     assert u[s == 1, 5].mean() == pytest.approx(0.5 * 3.0 / (2e5 * inertia), rel=1e-9)
 
 
-E = 30e9
+CONCRETE = 30e9
 
 
 @pytest.mark.parametrize("count", [1, 3])
@@ -237,10 +241,10 @@ def test_a_strip_in_cylindrical_bending_is_exact_as_a_beam_is(count, thickness):
     s, t, quads = meshes.grid(count, 1)
     points = meshes.stack(length * s, width * t, 0 * s)
     held = meshes.hold(len(s), (s == 0, range(6)), (s >= 0, (3, 5)))
-    model = meshes.model(points, held, shells=meshes.shells(quads, thickness, E, 0.0))
+    model = meshes.model(points, held, shells=meshes.shells(quads, thickness, CONCRETE, 0.0))
     load = meshes.zeros(len(s))
     load[s == 1, 2] = 0.5 * force
-    bending = E * width * thickness**3 / 12
-    shear = 5 / 6 * width * thickness * E / 2
+    bending = CONCRETE * width * thickness**3 / 12
+    shear = 5 / 6 * width * thickness * CONCRETE / 2
     expected = force * (length**3 / (3 * bending) + length / shear)
     np.testing.assert_allclose(meshes.displacement(model, load)[s == 1, 2], expected, rtol=1e-9)

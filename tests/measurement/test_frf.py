@@ -263,7 +263,7 @@ def test_real_bench_top_frame_peaks(shared_file, run, peaks):
     assert observation.valid[:, in_band].mean() > 0.75
 
 
-STEP, GRID = 0.02, np.arange(1, 201) * 0.05
+STEP, FINE = 0.02, np.arange(1, 201) * 0.05
 
 
 def frf(frequency_hz, zeta, own_hz=3.0):
@@ -304,11 +304,11 @@ def missed(observation, values):
 @pytest.mark.parametrize("zeta", [0.01, 0.03])
 def test_a_shock_is_estimated_of_the_model_as_of_its_response(zeta):
     """The FRF itself is off by percents; through the base motion's own means it is not."""
-    observation = estimate_frf(shaken(zeta), GRID)
+    observation = estimate_frf(shaken(zeta), FINE)
     seen = observation.estimator
     asked = torch.from_numpy(frf(seen.frequency_hz, zeta))[None, None]
     through = missed(observation, seen(asked)[0, 0].numpy())
-    itself = missed(observation, frf(GRID, zeta))
+    itself = missed(observation, frf(FINE, zeta))
     assert max(through) < 0.004
     assert min(itself) > 4.0 * max(through)
 
@@ -340,7 +340,7 @@ def test_peaks_narrower_than_the_window_are_resolved(seed):
 
 
 def test_an_frf_that_is_one_everywhere_stays_one():
-    seen = estimate_frf(shaken(0.02), GRID).estimator
+    seen = estimate_frf(shaken(0.02), FINE).estimator
     one = torch.ones(1, 1, len(seen.frequency_hz), dtype=torch.complex128)
     np.testing.assert_allclose(seen(one)[0, 0].numpy(), 1.0, rtol=1e-9)
 
@@ -418,13 +418,13 @@ def test_errors_of_estimates_are_those_stated_and_floors_share_what_the_base_has
 
 
 def test_runs_together_are_the_means_of_their_estimates():
-    parts = [estimate_frf(shaken(0.02, seed), GRID).estimator for seed in (0, 1)]
-    shares = np.stack([np.linspace(0.2, 0.8, GRID.size), np.linspace(0.8, 0.2, GRID.size)])
+    parts = [estimate_frf(shaken(0.02, seed), FINE).estimator for seed in (0, 1)]
+    shares = np.stack([np.linspace(0.2, 0.8, FINE.size), np.linspace(0.8, 0.2, FINE.size)])
 
     def estimate(part):
         return part(torch.from_numpy(frf(part.frequency_hz, 0.02))[None, None])[0, 0].numpy()
 
-    together = estimate(mean_estimator(parts, shares, GRID))
+    together = estimate(mean_estimator(parts, shares, FINE))
     expected = sum(share * estimate(part) for share, part in zip(shares, parts, strict=True))
     np.testing.assert_allclose(together, expected, rtol=1e-9)
-    assert mean_estimator([None, None], shares, GRID) is None
+    assert mean_estimator([None, None], shares, FINE) is None

@@ -179,7 +179,7 @@ def test_heights_are_asked_for_before_anything_is_written(home, tmp_path):
     assert not study.folder.exists()
 
 
-THETA, ZETA = (0.8, 1.2), 0.02
+FACTORS, DAMPING = (0.8, 1.2), 0.02
 
 
 def unsymmetric():
@@ -210,13 +210,13 @@ def test_floors_follow_as_a_direct_solution_says():
     structure, ratio = structure_of(from_document(unsymmetric())), 0.03
     frequency = np.array([0.7, 3.0, 5.2, 9.0])
     full = driven_system(
-        structure, [], np.array(THETA), np.zeros(0), 20.0, ConstantDamping(), columns=3
+        structure, [], np.array(FACTORS), np.zeros(0), 20.0, ConstantDamping(), columns=3
     )
     none = torch.zeros(1, 0, dtype=torch.float64)
     zeta = torch.tensor([ratio], dtype=torch.float64)
     asked = none, zeta, none, torch.from_numpy(frequency)
     found = full.system.respond(Excitation(columns=3), *asked)[0, :, 2].numpy()
-    K, M = structure.stiffness(THETA).toarray(), structure.mass.toarray()
+    K, M = structure.stiffness(FACTORS).toarray(), structure.mass.toarray()
     inverse, shapes = eigh(M, K)  # of unit stiffness, so that what has no mass has zeros
     moving = inverse > 1e-12
     of_mass = M @ shapes[:, moving] / np.sqrt(inverse[moving])
@@ -231,7 +231,13 @@ def test_floors_follow_as_a_direct_solution_says():
 
 def shaken_across(seed):
     asked = {"duration_s": 60.0, "sampling_hz": 60.0, "band_hz": (0.3, 20.0), "mesh_size": 2.5}
-    asked |= {"theta": THETA, "zeta": ZETA, "across_rms": 0.3, "sensors": ("B-2",), "seed": seed}
+    asked |= {
+        "theta": FACTORS,
+        "zeta": DAMPING,
+        "across_rms": 0.3,
+        "sensors": ("B-2",),
+        "seed": seed,
+    }
     return simulate_observation(from_document(unsymmetric()), SimulationSettings(**asked)).histories
 
 
@@ -264,7 +270,7 @@ def test_what_comes_across_is_an_input_and_not_noise(place):
     assert any("base is an input" in note for note in both.notes)
     assert any("without a column base it counts as noise" in note for note in alone.notes)
     theta, seen = both.posterior.samples, both.posterior.observation
-    assert np.abs((theta.mean(axis=0) - THETA) / theta.std(axis=0)).max() < 2.5
+    assert np.abs((theta.mean(axis=0) - FACTORS) / theta.std(axis=0)).max() < 2.5
     used = seen.valid & alone.posterior.observation.valid
     ratio = alone.posterior.observation.noise_sd[used] / seen.noise_sd[used]
     assert np.median(ratio) > 1.5
