@@ -15,7 +15,7 @@ from femupdate.building.files import load_building
 from femupdate.building.mesh import mesh_building
 from femupdate.building.model_files import write_draft
 from femupdate.building.shipped import building_text
-from femupdate.fe.export_nastran import bulk_data
+from femupdate.fe import bulk_data
 from femupdate.measurement.record import read_record
 from femupdate.measurement.recording import RecordedMode
 from femupdate.measurement.write import write_modes, write_modes_uff

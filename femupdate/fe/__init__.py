@@ -10,7 +10,7 @@ __all__, __getattr__ = public(
         "elements.beam": "Beams",
         "elements.shell": "Shells",
         "elements.triangle": "Triangles",
-        "export_opensees": "opensees_script",
+        "export": "bulk_data opensees_script",
         "factorization": "factorize",
         "joints": "edge_joints joint_links",
         "model": "Elements FiniteElementModel PointMasses RigidLinks Springs",

@@ -15,8 +15,7 @@ from femupdate.dynamics.reduction import CONFIDENCE
 from femupdate.dynamics.tracking import FullModes, mesh_modes
 from femupdate.effects.structure import structure_of
 from femupdate.errors import BuildingError, FemupdateError, StructureError, StudyError
-from femupdate.fe.export_nastran import bulk_data
-from femupdate.fe.export_opensees import opensees_script
+from femupdate.fe.export import bulk_data, opensees_script
 from femupdate.progress import SILENT, Progress
 from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
 from femupdate.study import BUILDING_FILE, Study, atomic_path, study_of, typed, write_text

@@ -166,8 +166,12 @@ class RepairReport(Result):
 
     def figures(self) -> Iterator[Picture]:
         """Maps of residuals before and after, and the picture that tells the whole story."""
-        from femupdate.report.plot_diagnosis import ResidualMap, residual_pictures
-        from femupdate.report.plot_repair import gap_story, repair_headline
+        from femupdate.report.plot_diagnosis import (
+            ResidualMap,
+            gap_story,
+            repair_headline,
+            residual_pictures,
+        )
 
         done = self.repair
         added = [step.finding.placed for step in done.rounds]

@@ -7,8 +7,7 @@ from femupdate.building import load_building, mesh_building
 from femupdate.building.model_files import write_draft
 from femupdate.dynamics import mesh_modes
 from femupdate.effects import structure_of
-from femupdate.fe import assemble
-from femupdate.fe.export_nastran import bulk_data
+from femupdate.fe import assemble, bulk_data
 from tests.building.csi_texts import KG, etabs, sap2000
 from tests.building.test_deck import frequencies, mass
 

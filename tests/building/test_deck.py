@@ -9,8 +9,7 @@ from femupdate.building import load_building, mechanics_hash, mesh_building, sav
 from femupdate.building.model_files import draft_text, write_draft
 from femupdate.dynamics import choose_members
 from femupdate.errors import BuildingError, StructureError
-from femupdate.fe import assemble, lowest_modes
-from femupdate.fe.export_nastran import bulk_data
+from femupdate.fe import assemble, bulk_data, lowest_modes
 from femupdate.interface import inspect
 
 

@@ -8,8 +8,7 @@ from femupdate.benchmarks.frame_coverage import BUILDING
 from femupdate.building import load_building, mesh_building
 from femupdate.building.split_mesh import split_mesh
 from femupdate.effects.structure import structure_of
-from femupdate.fe import RigidLinks, assemble
-from femupdate.fe.export_nastran import bulk_data
+from femupdate.fe import RigidLinks, assemble, bulk_data
 from tests.building.test_deck import frequencies
 
 

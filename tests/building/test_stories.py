@@ -11,8 +11,7 @@ import pytest
 from femupdate.building import from_document, load_building, mesh_building
 from femupdate.effects import CATALOGUE, structure_of
 from femupdate.errors import BuildingError
-from femupdate.fe import assemble, lowest_modes, opensees_script
-from femupdate.fe.export_nastran import bulk_data
+from femupdate.fe import assemble, bulk_data, lowest_modes, opensees_script
 from tests.documents import towers
 
 THETA = np.array([0.8, 1.1, 1.3, 0.7, 0.6, 1.2])

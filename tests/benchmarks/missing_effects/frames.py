@@ -15,8 +15,7 @@ from femupdate.effects import CATALOGUE, Effect
 from femupdate.effects.catalogue.added_mass import AddedMass
 from femupdate.effects.families import MemberStiffness
 from femupdate.effects.structure import Structure
-from femupdate.fe import Beams, Elements, FiniteElementModel, PointMasses, assemble
-from femupdate.fe.export_nastran import bulk_data
+from femupdate.fe import Beams, Elements, FiniteElementModel, PointMasses, assemble, bulk_data
 from femupdate.fe.model import DOF_PER_NODE
 from femupdate.simulation import fine_model
 

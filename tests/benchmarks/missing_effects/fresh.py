@@ -23,7 +23,7 @@ from scipy.signal import resample_poly
 import femupdate
 from femupdate.arrays import Floats
 from femupdate.building import load_building
-from femupdate.fe.export_nastran import bulk_data
+from femupdate.fe import bulk_data
 from femupdate.simulation import fine_model
 
 from ..result import Job
