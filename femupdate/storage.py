@@ -156,6 +156,17 @@ def write_bytes(path: Path | str, content: bytes) -> None:
         temporary.write_bytes(content)
 
 
+def write_text(path: Path | str, text: str, failure: type[FemupdateError] = StudyError) -> Path:
+    """Write a UTF-8 text file atomically, and return its path.
+
+    Raises:
+        FemupdateError: of that kind, where it cannot be written.
+    """
+    with atomic_path(path, failure) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+    return Path(path)
+
+
 def remove_parts(folder: Path) -> None:
     """Remove what killed processes have left of files that they were writing into a folder.
 

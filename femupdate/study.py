@@ -17,7 +17,7 @@ from typing import Any, Generic, TypeVar
 
 from femupdate import __version__
 from femupdate.errors import InferenceError, MeasurementError, StudyError, brief
-from femupdate.storage import atomic_path, read_file, remove_parts, write_failure
+from femupdate.storage import read_file, remove_parts, write_failure, write_text
 
 MANIFEST = "study.json"
 BUILDING_FILE = "building.toml"
@@ -34,12 +34,6 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,40}")
 
 _RUNNING: ContextVar[tuple[str, ...]] = ContextVar("words of the running command", default=())
 _READING = ("--unit", "--columns", "--sensors", "--band", "--force", "--mode-error")
-
-
-def write_text(path: Path | str, text: str) -> None:
-    """Write a UTF-8 text file atomically."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def file_hash(path: Path | str) -> str:

@@ -1,7 +1,6 @@
 """Measured files as text: decoding, headers, numbers, and errors that say where."""
 
 import codecs
-import difflib
 import importlib
 import math
 import re
@@ -10,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from femupdate.errors import MeasurementError
+from femupdate.errors import MeasurementError, close
 from femupdate.storage import read_file
 
 if TYPE_CHECKING:  # commands read heads of files before anything heavy is imported
@@ -98,9 +97,8 @@ def read_head(path: str | Path) -> str:
 
 def closest(name: str, known: Iterable[str]) -> str:
     """Return " (did you mean 'x'?)" for the known name nearest to `name`, or an empty string."""
-    folded = {item.casefold(): item for item in known}
-    near = difflib.get_close_matches(name.casefold(), folded, n=1, cutoff=0.6)
-    return f" (did you mean {folded[near[0]]!r}?)" if near else ""
+    hint = close(name, known)
+    return f" ({hint[2:]})" if hint else ""
 
 
 def read_bytes(path: str | Path, limit: int = -1) -> bytes:

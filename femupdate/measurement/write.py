@@ -11,7 +11,7 @@ from femupdate.measurement.modes import DAMPING, DAMPING_SD, FREQUENCY_SD, MODE
 from femupdate.measurement.names import FREQUENCY, TIME
 from femupdate.measurement.observation import Histories, Observation
 from femupdate.measurement.recording import RecordedMode
-from femupdate.storage import atomic_path
+from femupdate.storage import write_text
 
 _TIME_FORMAT = "%.10g"
 
@@ -34,7 +34,7 @@ def write_observation_histories(
     time = np.arange(values.shape[1]) * histories.time_step
     formats = [_TIME_FORMAT, *[f"%.{digits}g"] * len(names)]
     np.savetxt(buffer, np.column_stack([time, values.T]), fmt=formats, delimiter=",")
-    return _write_text(path, buffer.getvalue())
+    return write_text(path, buffer.getvalue(), MeasurementError)
 
 
 def write_frfs(path: str | Path, seen: Observation) -> Path:
@@ -48,7 +48,7 @@ def write_frfs(path: str | Path, seen: Observation) -> Path:
         names, columns = [*names, f"{floor}_sd"], [*columns, noise]
     buffer = io.StringIO()
     np.savetxt(buffer, np.column_stack(columns), "%.9g", ",", header=",".join(names), comments="")
-    return _write_text(path, buffer.getvalue())
+    return write_text(path, buffer.getvalue(), MeasurementError)
 
 
 def write_modes(
@@ -72,7 +72,7 @@ def write_modes(
     for mode, row in zip(modes, rows, strict=True):
         cells = ["" if value is None else f"{value:.6g}" for value in row]
         lines.append(",".join([mode.name, *cells]))
-    return _write_text(path, "\n".join(lines) + "\n")
+    return write_text(path, "\n".join(lines) + "\n", MeasurementError)
 
 
 def write_modes_uff(
@@ -104,11 +104,4 @@ def write_modes_uff(
             lines += [f"{point:10d}", "".join(f"{each:13.5E}" for each in row)]
         blocks.append(lines)
     parted = (line for block in blocks for line in ("    -1", *block, "    -1"))
-    return _write_text(path, "\n".join(parted) + "\n")
-
-
-def _write_text(path: str | Path, text: str) -> Path:
-    target = Path(path)
-    with atomic_path(target, MeasurementError) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
-    return target
+    return write_text(path, "\n".join(parted) + "\n", MeasurementError)

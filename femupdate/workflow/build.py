@@ -18,7 +18,8 @@ from femupdate.errors import BuildingError, FemupdateError, StructureError, Stud
 from femupdate.fe.export import bulk_data, opensees_script
 from femupdate.progress import SILENT, Progress
 from femupdate.result import Item, Note, Notes, Picture, Result, first_lines
-from femupdate.study import BUILDING_FILE, Study, atomic_path, study_of, typed, write_text
+from femupdate.storage import atomic_path
+from femupdate.study import BUILDING_FILE, Study, study_of, typed, write_text
 from femupdate.tables import Column, Table
 from femupdate.units import percent
 from femupdate.workflow.model import (
