@@ -233,8 +233,8 @@ def _heights(building: Building) -> Iterator[str]:
         return
     total = sum(height or np.nan for height in heights)
     if isinstance(building, ShearBuilding) and building.masses_known and total == total:
-        operators = shear_operators(building)
-        terms = operators.stiffness_terms.sum(axis=0) / np.diag(operators.mass)[:, None]
+        stiffness, mass = shear_operators(building)
+        terms = stiffness.sum(axis=0) / np.diag(mass)[:, None]
         first = float(np.sqrt(np.linalg.eigvals(terms).real.min())) / (2.0 * np.pi)
         usual = 46.0 / total  # Ellis (1980), Proc. ICE 69, of 163 buildings
         if not 0.02 * usual <= first <= 10.0 * usual:

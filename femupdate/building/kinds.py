@@ -1,7 +1,6 @@
 """Buildings of three kinds, as their files have them: frames on grid lines, sticks, own meshes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -243,19 +242,12 @@ class ShearBuilding(Building):
             )
 
 
-@dataclass(frozen=True)
-class ShearOperators:
-    """K(theta) = sum_i theta_i stiffness_terms[i], in displacements relative to the base."""
+def shear_operators(building: Building) -> tuple[Floats, Floats]:
+    """Return the matrices of a building of kind "shear", in displacements relative to the base.
 
-    stiffness_terms: Floats  # (p, n, n) one a story, N/m
-    mass: Floats  # (n, n) diagonal, kg
-
-
-def shear_operators(building: Building) -> ShearOperators:
-    """Return the matrices of a building of kind "shear".
-
-    The spring of story i acts on the difference between the floor above and the one below it
-    (Clough and Penzien, 1993, section 11-1). BuildingError for a frame.
+    They are one of stiffness a story (p, n, n), N/m, and that of the masses (n, n), kg, which is
+    diagonal. The spring of story i acts on the difference between the floor above and the one below
+    it (Clough and Penzien, 1993, section 11-1). BuildingError for a frame.
     """
     if not isinstance(building, ShearBuilding):
         raise BuildingError(
@@ -265,10 +257,8 @@ def shear_operators(building: Building) -> ShearOperators:
     count = len(building.stories)
     drift = np.eye(count) - np.eye(count, k=-1)  # row i: floor above less floor below
     springs = np.array([story.spring for story in building.stories])
-    return ShearOperators(
-        stiffness_terms=springs[:, None, None] * drift[:, :, None] * drift[:, None, :],
-        mass=np.diag([story.mass for story in building.stories]),
-    )
+    terms = springs[:, None, None] * drift[:, :, None] * drift[:, None, :]
+    return terms, np.diag([story.mass for story in building.stories])
 
 
 def require_heights(building: Building) -> None:

@@ -310,18 +310,18 @@ def structure_of(
         BuildingError, StructureError: the building cannot be meshed or stand.
     """
     if isinstance(building, ShearBuilding):
-        lumped = shear_operators(building)
-        count = len(lumped.mass)
+        terms, mass = shear_operators(building)
+        count = len(mass)
         heights = np.cumsum([story.height or 1.0 for story in building.stories])
         shapes = np.column_stack([np.ones(count), heights, np.zeros(count)])
-        masses = np.diag(lumped.mass)
+        masses = np.diag(mass)
         position = np.column_stack([np.zeros((count, 2)), heights])
         axis = np.zeros(count, dtype=np.int64)
         return Structure(
             building=building,
-            stiffness_terms=tuple(csc_matrix(term) for term in lumped.stiffness_terms),
+            stiffness_terms=tuple(csc_matrix(term) for term in terms),
             stiffness_constant=csc_matrix((count, count)),
-            mass=csc_matrix(lumped.mass),
+            mass=csc_matrix(mass),
             rigid_shapes=shapes,
             rigid_force=masses[:, None] * shapes,
             rigid_mass=shapes.T @ (masses[:, None] * shapes),

@@ -78,9 +78,9 @@ class Shear4dof:
 
 def equivalent_theta(model: StudyModel, theta: ArrayLike) -> Floats:
     """Factors (m, p) in the prior's box with the roof response of theta (p,)."""
-    operators = shear_operators(model.building)
-    springs = np.array([np.abs(term).max() for term in operators.stiffness_terms])
-    found = equivalent_stiffness(springs * np.asarray(theta), np.diag(operators.mass)) / springs
+    terms, mass = shear_operators(model.building)
+    springs = np.array([np.abs(term).max() for term in terms])
+    found = equivalent_stiffness(springs * np.asarray(theta), np.diag(mass)) / springs
     low, high = model.prior.lower.numpy(), model.prior.upper.numpy()
     return found[((found > low) & (found < high)).all(axis=1)]
 
