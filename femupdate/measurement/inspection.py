@@ -562,8 +562,14 @@ def _step(
         options += columns_option(columns)
         advice = _FORCE if silent else "" if known else "Put in the unit of the responses."
         return NextStep(f"{calibrate}{options}", advice)
-    if any(function.kind == "frequency response" for function in functions):
-        return NextStep(f"{calibrate} --columns 2F/RF=NUMBER", _FRFS)
+    told = [(at, f) for at, f in enumerate(functions, 1) if f.kind == "frequency response"]
+    if told:
+        ends = [floors_of([f.response for _, f in told]), floors_of([f.reference for _, f in told])]
+        pairs = [f"{floor}/{force}" for floor, force in zip(*ends, strict=True) if floor and force]
+        if len(set(pairs)) < len(told):
+            return NextStep(f"{calibrate} --columns 2F/RF=NUMBER", _FRFS)
+        told_columns = {pair: str(at) for pair, (at, _) in zip(pairs, told, strict=True)}
+        return NextStep(calibrate + columns_option(told_columns), _CHECK)
     if functions:
         return NextStep("", "Spectra alone do not tell a response; give the histories.")
     return NextStep("", _POINTS)

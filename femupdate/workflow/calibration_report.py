@@ -220,7 +220,8 @@ class CalibrationReport(Result):
         told = [f"{len(factors)} stiffness factors in the table"] * many
         shown = {n: v for n, v in draws.items() if not (many and n in factors)}
         told += [f"{titles.get(name, name)} {range_text(v)}" for name, v in shown.items()]
-        return f"Verdict: {verdict} ({of}).", f"Intervals (90 %): {', '.join(told)}."
+        exact = "; masses, gains and clocks taken as exact" * (building.tolerances is None)
+        return f"Verdict: {verdict} ({of}).", f"Intervals (90 %{exact}): {', '.join(told)}."
 
     @property
     def story_stiffness(self) -> DrawnQuantity | None:

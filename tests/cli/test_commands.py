@@ -102,7 +102,8 @@ def test_a_calibration_without_a_surrogate_says_three_things_first(
     assert first[0].startswith("Verdict: the data are explained (tower, 2F, RF of ")
     told = " ".join(line.strip() for line in first)
     interval = r"[\d.]+ to [\d.]+"
-    lines = rf".*\. Intervals \(90 %\): story low {interval}, story high {interval}, "
+    lines = r".*\. Intervals \(90 %; masses, gains and clocks taken as exact\): "
+    lines += rf"story low {interval}, story high {interval}, "
     lines += rf"damping ratio {interval}\. Next: `femupdate predict --record RECORD --study .*"
     assert re.fullmatch(lines, told)
     assert f" --study {tmp_path}`, or" in told

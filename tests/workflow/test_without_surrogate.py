@@ -66,7 +66,7 @@ def test_a_building_with_effects_is_calibrated_by_its_data(calibrated):
     values = np.concatenate([posterior.values, posterior.values[..., 3:6]], axis=2)  # 9 and damping
     posterior = replace(posterior, parameters=posterior.parameters + more, values=values)
     told = replace(report, posterior=posterior).first[1]
-    assert told.startswith("Intervals (90 %): 3 stiffness factors in the table, Added mass at 3F")
+    assert "exact): 3 stiffness factors in the table, Added mass at 3F" in told
     pictures = draw(report, study.result("pictures"))
     assert {path.name for path in pictures} >= {"frf_fit.png", "posterior.png"}
 

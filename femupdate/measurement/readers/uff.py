@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from femupdate.measurement.clock import even_step, interpolated
-from femupdate.measurement.names import force_unit, is_acceleration
+from femupdate.measurement.names import force_unit, is_acceleration, parse_channel
 from femupdate.measurement.recording import (
     RecordedChannel,
     RecordedFunction,
@@ -234,7 +234,10 @@ def _function(file: TextFile, dataset: Mapping[str, Any], si: bool) -> RecordedF
 
 
 def _place(dataset: Mapping[str, Any], end: str) -> str:
-    """`point 3 +X`, empty where the file does not say."""
+    """The name of a floor, else `point 3 +X`; empty where the file does not say."""
+    name = _text(dataset[f"{end}_ent_name"])
+    if parse_channel(name):
+        return name
     node, direction = int(dataset[f"{end}_node"]), _DIRECTIONS.get(dataset[f"{end}_dir"], "")
     return f"point {node} {direction}".strip() if node else ""
 
