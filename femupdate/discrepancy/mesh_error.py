@@ -121,7 +121,7 @@ class MeshError:
         common = MESH_ERROR.open_factor * self.share_sd * np.asarray(self.mean)
         alike = np.full(len(self.labels), MESH_ERROR.of_all)
         kinds = np.array([label.partition("@")[0] for label in self.labels])
-        sizes = np.where(kinds == "slab_participation", MESH_ERROR.of_slabs, MESH_ERROR.of_kind)
+        sizes = np.array([MESH_ERROR.of_kinds[kind] for kind in kinds])
         of_kind = (np.unique(kinds)[:, None] == kinds) * sizes
         each = np.diag(np.hypot(open_, MESH_ERROR.formulation))
         return np.vstack([each, alike, common, of_kind])
