@@ -117,13 +117,12 @@ class MeshError:
         Each member's own, what another program would do to all of them alike and to all of a kind,
         and how far off the limit is to which the model is corrected.
         """
-        open_ = MESH_ERROR.open_factor * np.asarray(self.sd)
-        common = MESH_ERROR.open_factor * self.share_sd * np.asarray(self.mean)
+        common = self.share_sd * np.asarray(self.mean)
         alike = np.full(len(self.labels), MESH_ERROR.of_all)
         kinds = np.array([label.partition("@")[0] for label in self.labels])
         sizes = np.array([MESH_ERROR.of_kinds[kind] for kind in kinds])
         of_kind = (np.unique(kinds)[:, None] == kinds) * sizes
-        each = np.diag(np.hypot(open_, MESH_ERROR.formulation))
+        each = np.diag(np.hypot(self.sd, MESH_ERROR.formulation))
         return np.vstack([each, alike, common, of_kind])
 
     def of_mesh(self, ratio: float) -> "MeshError":
