@@ -326,7 +326,7 @@ def test_the_posterior_and_its_responses(calibrated, tower_observation, tower_fi
     words = ["calibrate", tower_observation.path, "--exact", "--particles", 200, "--no-pictures"]
     done = CliRunner().invoke(group, [*map(str, words), "--study", str(calibrated)])
     assert done.exit_code == 0, done.output
-    assert "story high" in done.stdout
+    assert "story high" in " ".join(done.stdout.split())
     rows = rows_of(calibrated / "tables" / "posterior.csv")
     assert [row["of"] for row in rows] == ["story low", "story high", "damping ratio"]
     draws = load_posterior(calibrated / "posterior.nc").samples
