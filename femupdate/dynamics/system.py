@@ -9,6 +9,7 @@ instruments do last of all.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -437,14 +438,13 @@ class System:
         """K (N, r, r), M (N, r, r) or None for the identity, forces (N, r, 3), mass (N, 3, 3)."""
         count, size, mass = len(theta), self.model.size, None
         terms, constant, *forces = (part.to(theta) for part in self.model.tensors[:4])
-        stiffness = constant + (theta @ terms).reshape(count, size, size)
+        stiffness, factors = constant + (theta @ terms).reshape(count, size, size), []
         force, rigid = (part.expand(count, -1, -1) for part in forces)
         for added, values in zip(self.terms, by_effect, strict=True):
             own_size = values[:, 0] if values.shape[1] else theta.new_ones(count)
-            for story, matrix, series in added.stiffness:
+            for story, _, series in added.stiffness:
                 factor = own_size / (1.0 + series * own_size)
-                factor = factor if story == UNSCALED else factor * theta[:, story]
-                stiffness = stiffness + factor[:, None, None] * matrix.to(theta)
+                factors.append(factor if story == UNSCALED else factor * theta[:, story])
             if added.hinges is not None:
                 stiffness = stiffness - added.hinges.softening(theta, own_size)
             if added.mass is not None:
@@ -453,7 +453,15 @@ class System:
                 mass = mass + weight * added.mass.matrix.to(theta)
                 force = force + weight * torch.as_tensor(added.mass.force).to(theta)
                 rigid = rigid + weight * torch.as_tensor(added.mass.rigid).to(theta)
+        if factors:
+            whole = torch.stack(factors, dim=1) @ self._added.to(theta)
+            stiffness = stiffness + whole.reshape(count, size, size)
         return stiffness, mass, force, rigid
+
+    @cached_property
+    def _added(self) -> Tensor:
+        """(a, r r) stiffness that the effects add, at sizes and factors of one."""
+        return torch.stack([m.flatten() for terms in self.terms for _, m, _ in terms.stiffness])
 
     def _base_motion(self, theta: Tensor, by_effect: Sequence[Tensor]) -> Tensor:
         """(N, 3, 3) motion of the base, by the columns of its acceleration."""
