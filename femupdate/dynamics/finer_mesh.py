@@ -7,6 +7,7 @@ little (inverse iteration; Bathe 2014, Finite Element Procedures, section 11.2).
 projection of the finer mesh on these shapes does the rest.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -14,25 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags, eye_array
 
-from femupdate.arrays import Floats, Singles
+from femupdate.arrays import Floats
+from femupdate.building.building_mesh import BuildingMesh
 from femupdate.dynamics.reduced import ReducedModel, ReducedStructure, reduced_on
-from femupdate.dynamics.reduction import Space
-from femupdate.dynamics.snapshots import STATIC_WEIGHT, FeltModes, ReductionTarget, compressed
+from femupdate.dynamics.reduction import Space, moved_by
+from femupdate.dynamics.snapshots import STATIC_WEIGHT, ReductionTarget, compressed
 from femupdate.effects.structure import ACROSS, TRANSLATION, Structure
 from femupdate.fe.model import DOF_PER_NODE
-from femupdate.fe.products import combined
+from femupdate.fe.products import symmetric_times
 from femupdate.progress import SILENT, Progress
-from femupdate.workers import in_threads
+from femupdate.workers import in_threads, return_memory
 
 _DIGITS = 6  # decimals of a metre in which lines of two meshes are the same
 # Shapes, over those of the coarse mesh: of the six-story frame, read back from a deck, posterior
 # means moved by .17 sd with as many, by .14 with 1.15 times, .07 with 1.22, and .04 with 1.3 times,
 # when the demo took a fifth more processor time.
 _SHAPES = 1.22
+_AT_ONCE = 32  # shapes, or all of them on all nodes would fill gigabytes
 
 
 def on_finer_mesh(
-    coarse: Structure,
+    coarse: BuildingMesh,
     reduced: ReducedModel,
     fine: Structure,
     target: ReductionTarget,
@@ -42,7 +45,7 @@ def on_finer_mesh(
     """Return the structure of a finer mesh on more shapes than the coarse one has.
 
     Args:
-        coarse: the building on its mesh.
+        coarse: the building's own mesh.
         reduced: of it, with the displacement of its nodes.
         fine: the building on a finer mesh.
         target: what `reduced` reproduces.
@@ -54,23 +57,27 @@ def on_finer_mesh(
     weights = [weight for weight, _ in reduced.driving]
     static = STATIC_WEIGHT * fine.rigid_force[:, columns] * weights
     held = STATIC_WEIGHT * fine.dashpot_forces.T  # which lag behind what floors do
-    loads = _loads(coarse, reduced.node_shapes, fine)
     # Inside of the parts half of the shapes, those that count most, do: with all of 230 ln|H| of
     # the six-story frame differs by 6e-6 (rms).
-    space = Space.of_forces(fine, np.column_stack([loads[:, : reduced.size // 2], static, held]))
-    forces = space.condensed(np.column_stack([loads, static, held]))
-    task = partial(_moved, space, reduced, forces, target)
+    loads = _loads(coarse, reduced.node_shapes[:, :, : reduced.size // 2], fine)
+    space = Space.of_forces(fine, np.column_stack([*loads, static, held]))
+    inertia = [space.condensed(some) for some in _loads(coarse, reduced.node_shapes, fine)]
+    others = space.condensed(np.column_stack([static, held]))
+    forces = np.column_stack([*inertia, others])
+    task = partial(moved_by, space, reduced, forces, target)
     shapes = in_threads(task, list(thetas), progress)
     size = round(_SHAPES * reduced.size)
     basis = space.expanded(compressed(space.mass, shapes, size))
+    del loads, space, inertia, forces, task, shapes  # for a basis that fills gigabytes
+    return_memory()
     return reduced_on(fine, basis, crosses=reduced.across is not None)
 
 
-def on_nodes_of(coarse: Structure, reduced: ReducedStructure) -> ReducedModel:
+def on_nodes_of(coarse: BuildingMesh, reduced: ReducedStructure) -> ReducedModel:
     """The reduced model of a split mesh, whose first nodes those of the coarse one are."""
     shapes = reduced.model.node_shapes
     assert shapes is not None
-    return replace(reduced.model, node_shapes=shapes[: len(_nodes(coarse))])
+    return replace(reduced.model, node_shapes=shapes[: len(coarse.model.nodes)].copy())
 
 
 def interpolation(known: Floats, wanted: Floats) -> csr_matrix:
@@ -113,40 +120,16 @@ def _between(
     return (below, 1.0 - share), (below + 1, share)
 
 
-def _nodes(structure: Structure) -> Floats:
-    return structure.meshed[0].model.nodes
-
-
-def _loads(coarse: Structure, shapes: NDArray[np.float32], fine: Structure) -> Floats:
-    """Inertial forces (n, r) on the finer mesh per unit acceleration of each coarse shape."""
+def _loads(coarse: BuildingMesh, shapes: NDArray[np.float32], fine: Structure) -> Iterator[Floats]:
+    """Inertial forces (n, c) on the finer mesh per unit acceleration of coarse shapes (N, 3, r)."""
     mesh, operators = fine.meshed
     nodes = mesh.model.nodes
     between = mesh.of_coarser
     if between is None:
-        between = interpolation(_nodes(coarse), nodes)
-    forces = np.zeros((operators.mass_full.shape[0], shapes.shape[2]))
-    for axis in range(3):
-        moved = between @ shapes[:, axis].astype(np.float64)
-        forces += operators.mass_full[axis::DOF_PER_NODE].T @ moved
-    return operators.gather(forces)
-
-
-def _moved(
-    space: Space, reduced: ReducedModel, forces: Floats, target: ReductionTarget, theta: Floats
-) -> Singles:
-    """Weighted shapes (q, c) of the finer mesh at a theta (p,), to take a basis from.
-
-    Args:
-        forces: (q, r + s) of the coarse shapes' inertia, then those whose own shapes are wanted.
-    """
-    squared, vectors = np.linalg.eigh(reduced.stiffness(theta))
-    omega, floors = np.sqrt(np.maximum(squared, 0.0)), reduced.floor_shapes @ vectors
-    dashpots = None if reduced.dashpots is None else reduced.dashpots @ vectors
-    # Responses of less energy, of the largest, are left out.
-    weights = [
-        FeltModes(omega, scale * force @ vectors, floors, dashpots).combinations(target, 1e-5)
-        for scale, force in reduced.driving
-    ]
-    inertia, others = np.hsplit(forces, [reduced.size])
-    moving = combined(inertia, (vectors * squared) @ np.column_stack(weights))
-    return space.at(theta).apply(np.column_stack([moving, others])).astype(np.float32)
+        between = interpolation(coarse.model.nodes, nodes)
+    for start in range(0, shapes.shape[2], _AT_ONCE):
+        some = shapes[:, :, start : start + _AT_ONCE].astype(np.float64)
+        moved = np.zeros((len(nodes), DOF_PER_NODE, some.shape[2]))
+        moved[:, :3] = (between @ some.reshape(len(some), -1)).reshape(len(nodes), 3, -1)
+        forces = symmetric_times(operators.mass_full, moved.reshape(operators.dof, -1))
+        yield operators.gather(forces)

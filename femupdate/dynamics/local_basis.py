@@ -21,7 +21,6 @@ from femupdate.dynamics.snapshots import STATIC_WEIGHT, FeltModes, ReductionTarg
 from femupdate.effects.effect import Placed, Terms
 from femupdate.effects.registry import CATALOGUE
 from femupdate.effects.structure import TRANSLATION, Structure
-from femupdate.fe.assembly import with_terms
 from femupdate.fe.driven import Factored
 from femupdate.fe.factorization import Factorization
 from femupdate.fe.mechanism import factorize_held
@@ -73,8 +72,8 @@ def local_structure(
     unit = even_points(8, len(theta), 3)
     questions += [(sets[0], near) for near in theta * np.exp(SPREAD * (2.0 * unit - 1.0))]
     middle = equations_at(structure, theta, sets[0])
-    changed = replace(structure.operators, stiffness_constant=middle.stiffness, mass=middle.mass)
-    alone = with_terms(changed, ())  # without stiffness factors
+    parts = {"stiffness_terms": (), "stiffness_constant": middle.stiffness, "mass": middle.mass}
+    alone = replace(structure.operators, **parts)
     factors = factorize_held(alone, middle.stiffness)
     modes = modes_below(alone, np.zeros(0), target.top_hz, factors)
     shapes: list[Floats | Singles] = []

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
+from weakref import ref
 
 import numpy as np
 import torch
@@ -202,8 +203,8 @@ class ReducedModel:
         )
 
 
-# The matrix is kept with its projection, so that no other takes its identity.
-Projections = dict[int, tuple[csc_matrix, Tensor]]
+# Of matrices by their identity, which another may take once the first is no more.
+Projections = dict[int, tuple[ref[csc_matrix], Tensor]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,9 +293,11 @@ def reduce_terms(basis: Floats, terms: Terms, matrices: Projections | None = Non
     done = {} if matrices is None else matrices
 
     def once(matrix: csc_matrix) -> Tensor:
-        if id(matrix) not in done:
-            done[id(matrix)] = matrix, torch.from_numpy(projected(basis, matrix))
-        return done[id(matrix)][1]
+        known = done.get(id(matrix))
+        if known is None or known[0]() is not matrix:
+            known = ref(matrix), torch.from_numpy(projected(basis, matrix))
+            done[id(matrix)] = known
+        return known[1]
 
     port = None
     if terms.port is not None:
@@ -359,8 +362,10 @@ def reduced_on(
     force = basis.T @ structure.rigid_force
     rigid, nodes = structure.story_rigid, None
     if structure.operators is not None:
-        full = structure.operators.expand(basis).reshape(-1, DOF_PER_NODE, basis.shape[1])
-        nodes = full[:, :3].astype(np.float32)
+        nodes = np.empty((structure.operators.dof // DOF_PER_NODE, 3, basis.shape[1]), np.float32)
+        for start in range(0, basis.shape[1], 32):  # all at once may fill gigabytes
+            some = structure.operators.expand(basis[:, start : start + 32])
+            nodes[:, :, start : start + 32] = some.reshape(len(nodes), DOF_PER_NODE, -1)[:, :3]
     model = ReducedModel(
         stiffness_terms=np.stack([projected(basis, term) for term in structure.stiffness_terms]),
         stiffness_constant=projected(basis, structure.stiffness_constant),

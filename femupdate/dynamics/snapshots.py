@@ -22,7 +22,7 @@ from femupdate.workers import return_memory
 
 # Samples from which the basis is taken, at least, and for every parameter: with them 200 shapes of
 # the six-story frame err by .0041 rms, and by .0036 with 48.
-_SAMPLES, _SAMPLES_EACH = 32, 2
+SAMPLES, _SAMPLES_EACH = 32, 2
 TOP = 1.3  # times the top of the grid: up to where responses are right that shapes are taken from
 STATIC_WEIGHT = 1e-2  # of the static response among the shapes
 _LEAST_NEW = 1e-13  # energy of a shape, of the largest, that is kept
@@ -151,7 +151,7 @@ def log_even_samples(target: ReductionTarget, stories: int | None = None) -> Flo
         stories: p; all parameters are factors where None.
     """
     size = len(target.lower)
-    count = target.samples or max(_SAMPLES, _SAMPLES_EACH * size)
+    count = target.samples or max(SAMPLES, _SAMPLES_EACH * size)
     unit = even_points(count, size, target.seed)
     even = target.lower + (target.upper - target.lower) * unit
     low, high = np.log(target.lower[:stories]), np.log(target.upper[:stories])

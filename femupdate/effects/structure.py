@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.spatial import cKDTree
 
-from femupdate.arrays import Flags, Floats, Integers
+from femupdate.arrays import Flags, Floats, Integers, Singles
 from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.document import Building
 from femupdate.building.kinds import FrameBuilding, MeshBuilding, ShearBuilding, shear_operators
@@ -140,31 +140,36 @@ class Structure:
         """(s, n) force of inertia above the middle of each story, per unit acceleration, kg."""
         if self.operators is None:
             return np.asarray(self._above[:, : len(self.axis)] * self.points.mass)
-        weighted = (self.operators.mass_full @ self._above.T).T
-        return self.operators.gather(weighted.T).T
+        found = np.empty((len(self._above), len(self.axis)))
+        for row, above in zip(found, self._above, strict=True):
+            row[:] = self.operators.gather(self.operators.mass_full @ above)
+        return found
 
     @cached_property
     def story_rigid(self) -> Floats:
         """(s, 2) mass above the middle of each story, and its moment about the base."""
         if self.operators is None:
             return self.story_inertia @ self.rigid_shapes
-        return np.asarray((self.operators.mass_full @ self._above.T).T @ self.points.rigid)
+        return np.asarray(self._above @ (self.operators.mass_full @ self.points.rigid))
 
     @cached_property
-    def _above(self) -> Floats:
+    def _above(self) -> Singles:
         """(s, m) share of each point's motion that each story carries above its middle.
 
         A point at mid-height carries as much from above as from below: rounding must not decide.
         """
         middle, height = 0.5 * (self.levels + self.feet), self.building.over_foot(self.levels)
-        apart = self.points.position[:, 2] - middle[:, None]
+        along = np.flatnonzero(self.points.axis == self.direction)
+        apart = self.points.position[along, 2] - middle[:, None]
         share = np.where(np.abs(apart) < 1e-6 * height[:, None], 0.5, apart > 0.0)
         if self._story_of is not None:
             # what stands on a story, and itself
             carried = np.linalg.inv(self.building.over_foot(np.eye(len(height)))).T > 0.5
-            inside = self._story_of == np.arange(len(height))[:, None]
-            share = np.where(inside, share, carried[:, self._story_of])
-        return np.where(self.points.axis == self.direction, share, 0.0)
+            inside = self._story_of[along] == np.arange(len(height))[:, None]
+            share = np.where(inside, share, carried[:, self._story_of[along]])
+        above = np.zeros((len(share), len(self.points.axis)), dtype=np.float32)
+        above[:, along] = share
+        return above
 
     def inertia_above(self, values: Floats) -> tuple[Floats, Floats]:
         """The same two of point masses (m,) alone, (s, n) and (s, 2)."""
@@ -275,11 +280,7 @@ class Structure:
         """Stiffness of the members of some kinds, such as "wall", one (n, n) matrix a story."""
 
         def make() -> tuple[csc_matrix, ...]:
-            twice = self.meshed[0].model.mapped(
-                lambda part: part.scaled(np.where(np.isin(part.kind, kinds), 2.0, 1.0))
-            )
-            pairs = zip(assemble(twice).stiffness_terms, self.stiffness_terms, strict=True)
-            return tuple(csc_matrix(new - old) for new, old in pairs)
+            return self.meshed[1].terms_of(lambda block: np.isin(block.kind, kinds))
 
         return self.once(("members", kinds), make)
 

@@ -1,8 +1,8 @@
 """From the model to sparse operators, affine in the stiffness parameters theta."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, identity
@@ -13,6 +13,7 @@ from femupdate.fe.links import link_expansion, slave_dof
 from femupdate.fe.model import (
     CONSTANT,
     DOF_PER_NODE,
+    Elements,
     FiniteElementModel,
     PointMasses,
     Springs,
@@ -74,7 +75,7 @@ def summed(parts: Iterable[Entries], size: int) -> csc_matrix:
     matrix = coo_matrix((np.concatenate(values), where), shape=(size, size)).tocsc()
     matrix.eliminate_zeros()
     matrix.sort_indices()
-    return matrix
+    return matrix.copy()  # without the room of all summands
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,6 @@ class AffineOperators:
     free: Integers
     dof: int  # 6N
     model: FiniteElementModel
-    # (nnz, p) values of the terms on the sparsity pattern of `stiffness_constant`, which holds the
-    # entries of all terms and of the mass
-    stiffness_values: csr_matrix
     # (6N, n_free) motion of all degrees of freedom per unit of the independent ones where there are
     # rigid links, None where all others are held
     expansion: csr_matrix | None = None
@@ -115,8 +113,30 @@ class AffineOperators:
                 f"theta must hold {self.parameters} finite values, one per stiffness parameter; "
                 f"got {theta.tolist()}"
             )
-        values = self.stiffness_constant.data + self.stiffness_values @ theta
-        return _on_pattern(values, self.stiffness_constant)
+        pattern, values = self.on_one_pattern
+        return _on_pattern(values @ np.append(1.0, theta), pattern)
+
+    @cached_property
+    def on_one_pattern(self) -> tuple[csc_matrix, csr_matrix]:
+        """Where the stiffness or the mass has an entry, and values (nnz, 1 + p) of its parts there.
+
+        One order of elimination then suits K and K - w^2 M.
+        """
+        parts = (self.stiffness_constant, *self.stiffness_terms)
+        pattern = _union((*parts, self.mass))
+        return pattern, _placed(parts, pattern)
+
+    def terms_of(self, chosen: Callable[[Elements], Flags]) -> tuple[csc_matrix, ...]:
+        """The part that some elements have in the stiffness terms, without any springs."""
+
+        def of(group: int) -> csc_matrix:
+            model = self.model.mapped(
+                lambda block: block.taken(np.flatnonzero(chosen(block) & (block.group == group)))
+            )
+            stiffness, _ = _entries(replace(model, springs=Springs()))
+            return _onto(self.free, self.expansion, stiffness[group], self.dof)
+
+        return tuple(map(of, range(self.parameters)))
 
     def expand(self, values: Floats) -> Floats:
         """Motion of all degrees of freedom, zero at the supports, (n_free, ...) -> (6N, ...)."""
@@ -163,31 +183,31 @@ def assemble(model: FiniteElementModel) -> AffineOperators:
     if expansion is not None:
         free = np.setdiff1d(free, slave_dof(model.links))
         expansion = expansion[:, free]
-
-    def onto_free(parts: Iterable[Entries]) -> csc_matrix:
-        if expansion is None:
-            number = np.full(model.dof, -1, dtype=np.int32)
-            number[free] = np.arange(len(free))
-            return summed([part.renumbered(number) for part in parts], len(free))
-        return _congruent(expansion, summed(parts, model.dof))
-
-    terms = tuple(onto_free(stiffness[group]) for group in range(model.groups))
-    constant = onto_free(stiffness[-1])
+    # Their entries are given up with each matrix: together they take more room than all of these.
+    groups = range(model.groups)
+    terms = tuple(_onto(free, expansion, stiffness.pop(group), model.dof) for group in groups)
     mass_full = summed(mass, model.dof)
-    own_mass = mass_full[free][:, free] if expansion is None else _congruent(expansion, mass_full)
-    # With the entries of the mass as well, one order of elimination suits K and K - w^2 M.
-    pattern = _union((constant, *terms, own_mass))
     return AffineOperators(
         stiffness_terms=terms,
-        stiffness_constant=_on_pattern(_placed([constant], pattern).toarray()[:, 0], pattern),
-        mass=own_mass,
+        stiffness_constant=_onto(free, expansion, stiffness.pop(CONSTANT), model.dof),
+        mass=mass_full[free][:, free] if expansion is None else _congruent(expansion, mass_full),
         mass_full=mass_full,
         free=free,
         dof=model.dof,
         model=model,
-        stiffness_values=_placed(terms, pattern),
         expansion=expansion,
     )
+
+
+def _onto(
+    free: Integers, expansion: csr_matrix | None, parts: list[Entries], dof: int
+) -> csc_matrix:
+    """The matrix that entries (6N, 6N) add up to, for the independent degrees of freedom."""
+    if expansion is not None:
+        return _congruent(expansion, summed(parts, dof))
+    number = np.full(dof, -1, dtype=np.int32)
+    number[free] = np.arange(len(free))
+    return summed([part.renumbered(number) for part in parts], len(free))
 
 
 def _congruent(expansion: csr_matrix, matrix: csc_matrix) -> csc_matrix:
@@ -219,18 +239,6 @@ def _entries(model: FiniteElementModel) -> tuple[dict[int, list[Entries]], list[
     return stiffness, [*mass, mass_entries(model.masses)]
 
 
-def with_terms(operators: AffineOperators, terms: tuple[csc_matrix, ...]) -> AffineOperators:
-    """The same structure with its stiffness split into other terms, (n_free, n_free) each."""
-    pattern = _union((operators.stiffness_constant, *terms, operators.mass))
-    constant = _placed([operators.stiffness_constant], pattern).toarray()[:, 0]
-    return replace(
-        operators,
-        stiffness_terms=terms,
-        stiffness_constant=_on_pattern(constant, pattern),
-        stiffness_values=_placed(terms, pattern),
-    )
-
-
 def _union(matrices: tuple[csc_matrix, ...]) -> csc_matrix:
     """A matrix that has an entry wherever one of the given has one, and on its diagonal."""
     diagonal = identity(matrices[0].shape[0], format="csc")
@@ -239,14 +247,14 @@ def _union(matrices: tuple[csc_matrix, ...]) -> csc_matrix:
     return pattern
 
 
-def _placed(matrices: tuple[csc_matrix, ...] | list[csc_matrix], pattern: csc_matrix) -> csr_matrix:
+def _placed(matrices: tuple[csc_matrix, ...], pattern: csc_matrix) -> csr_matrix:
     """Values of matrices on a pattern that holds the entries of all of them, (nnz, p)."""
     known = _keys(pattern)
     where = [np.searchsorted(known, _keys(matrix)) for matrix in matrices]
     starts = np.cumsum([0, *map(len, where)])
-    values = np.concatenate([matrix.data for matrix in matrices] or [np.zeros(0)])
-    rows = np.concatenate([*where, np.zeros(0, dtype=np.int64)])
-    return csc_matrix((values, rows, starts), shape=(pattern.nnz, len(matrices))).tocsr()
+    values = np.concatenate([matrix.data for matrix in matrices])
+    shape = pattern.nnz, len(matrices)
+    return csc_matrix((values, np.concatenate(where), starts), shape=shape).tocsr()
 
 
 def _keys(matrix: csc_matrix) -> Integers:

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from femupdate.arrays import Floats
+from femupdate.building.building_mesh import BuildingMesh
 from femupdate.building.document import Building, mechanics_hash, without_effects
 from femupdate.building.kinds import FrameBuilding, MeshBuilding, ShearBuilding
+from femupdate.building.mesh import mesh_building
 from femupdate.building.split_mesh import LARGE, is_large
 from femupdate.discrepancy.mesh_error import MeshError, corrected, learn_mesh_error
 from femupdate.discrepancy.search import check_sizes, finder_mesh_size, finder_structure
@@ -26,6 +28,7 @@ from femupdate.progress import SILENT, Progress
 from femupdate.seeds import even_points
 from femupdate.storage import check_shapes, read_arrays, write_arrays
 from femupdate.study import Study, StudyPart, write_text
+from femupdate.workers import return_memory
 from femupdate.workflow.model import FINER_PART, FinerMesh, StudyModel, finer_origin, on_kept_finer
 
 BASIS, NEAR_BASIS = "effect basis", "finder's basis"
@@ -111,31 +114,34 @@ def with_finer_mesh(study: Study, model: StudyModel, progress: Progress = SILENT
     plain, model = without_effects(model.building), on_kept_finer(study, model)
     if isinstance(plain, ShearBuilding) or model.finer is not None:
         return model
-    coarse = structure_of(plain)
-    if _stays(coarse):
+    coarse = mesh_building(plain)
+    if _stays(plain, coarse):
         progress.say(
             f"The mesh of {plain.name} has more than {LARGE:,} nodes and is taken as fine enough: "
             "its error is in no interval"
         )
         return model
-    fine = structure_of(plain, halved=True)
     target = reduction_target(plain)
     # Where meshes are compared, nothing but the mesh may differ.
     everywhere = log_even_samples(replace(target, samples=THRESHOLDS.carried))
     thetas = np.vstack([everywhere, _thetas(plain)])
+    fine = structure_of(plain, halved=True)
     found = on_finer_mesh(coarse, model.reduced, fine, target, thetas, progress)
-    found = replace(found, model=on_nodes_of(coarse, found))
+    # A new structure holds no rows of all its stories, which take a fourth of the memory.
+    found = replace(found, structure=replace(fine), model=on_nodes_of(coarse, found))
+    del fine
     top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
     error = learn_mesh_error(model.reduced, found, _thetas(plain), top_hz)
     finer = FinerMesh(found.model, error, tuple(found.terms(e) for e in error.placed))
     study.keep(FINER_PART, finer_origin(plain), finer)
+    del found, finer
+    return_memory()
     return on_kept_finer(study, model)
 
 
-def _stays(structure: Structure) -> bool:
+def _stays(building: Building, mesh: BuildingMesh) -> bool:
     """Whether a mesh was read and is too large to be split, so that its error is not learned."""
-    read = isinstance(structure.building, MeshBuilding)
-    return read and structure.mesh is not None and is_large(structure.mesh)
+    return isinstance(building, MeshBuilding) and is_large(mesh)
 
 
 def open_mesh_error(
@@ -149,7 +155,7 @@ def open_mesh_error(
         structure: the full model on the finder's mesh.
     """
     plain = without_effects(model.building)
-    if isinstance(plain, ShearBuilding) or _stays(structure):
+    if structure.mesh is None or isinstance(plain, ShearBuilding) or _stays(plain, structure.mesh):
         return None
 
     def learn() -> MeshError:
@@ -159,7 +165,7 @@ def open_mesh_error(
             return finer.error.of_half()  # the finder's mesh is the finer one
         known = dict(zip(finer.error.labels, finer.terms, strict=True))
         fine = ReducedStructure(structure, finer.model, np.zeros((len(structure.axis), 0)), known)
-        coarse, target, thetas = structure_of(plain), reduction_target(plain), _thetas(plain)
+        coarse, target, thetas = mesh_building(plain), reduction_target(plain), _thetas(plain)
         found = on_finer_mesh(coarse, model.reduced, structure, target, thetas, progress)
         top_hz = float(plain.frequency_grid.frequencies_hz()[-1])
         ratio = THRESHOLDS.finer if isinstance(plain, FrameBuilding) else 1.0

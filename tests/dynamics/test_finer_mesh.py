@@ -27,7 +27,7 @@ def fine(coarse):
 @pytest.fixture(scope="module")
 def carried(coarse, fine):
     thetas = log_even_samples(replace(TARGET, samples=20))
-    return on_finer_mesh(coarse, reduce_structure(coarse, TARGET).model, fine, TARGET, thetas)
+    return on_finer_mesh(coarse.mesh, reduce_structure(coarse, TARGET).model, fine, TARGET, thetas)
 
 
 def driven(squared, modes, floors, force):
@@ -54,5 +54,5 @@ def test_its_modes_are_those_of_the_finer_mesh(coarse, fine, carried, theta):
     assert before[0] > 1.002 * own[0]  # the coarse mesh is farther off by far
     nodes = coarse.mesh.model.nodes
     np.testing.assert_array_equal(fine.mesh.model.nodes[: len(nodes)], nodes)
-    seen = on_nodes_of(coarse, carried).node_shapes
+    seen = on_nodes_of(coarse.mesh, carried).node_shapes
     np.testing.assert_array_equal(seen, model.node_shapes[: len(nodes)])
