@@ -172,6 +172,12 @@ def learn_mesh_error(
         for place in CATALOGUE[name].places(structure)
         if place in names
     )
+    for name in _MEMBERS:
+        fresh = [e for e in placed if e.effect.name == name and e.label not in fine.known]
+        for effect in fresh:
+            fine.terms(effect)
+        if fresh:  # hundreds of long matrices fill gigabytes, of which short ones are left
+            structure.known.clear()
     ours, theirs = (
         [modes_shown(model, theta, top_hz) for theta in thetas] for model in (coarse, fine.model)
     )
