@@ -470,7 +470,7 @@ def parse_rows(
                 continue
             what = f"{cell!r} is not a number" if cell else "the cell is blank"
             cure = "fill in the measured value or remove the row or column"
-            if position == 0 and ":" in cell:
+            if position == 0 and (":" in cell or cell[:8].isdigit()):
                 cure = "write times as 2024-03-05 10:00:00.005, or in seconds"
             elif position == 0 and names and cell.startswith(names[0] or cell):
                 cure = (

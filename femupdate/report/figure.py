@@ -58,9 +58,6 @@ BAND: dict[str, Any] = {"color": BLUE, "alpha": 0.28, "linewidth": 0.0}
 # Wide and pale below the prediction: it shows on both sides of a line that fits well.
 MEASURED: dict[str, Any] = {"color": PALE, "linewidth": 2.6, "zorder": 1.8}
 
-MAGNITUDE_MAP = "viridis"
-SPREAD_MAP = "cividis"
-
 STYLE = MappingProxyType(
     {
         "axes.axisbelow": True,

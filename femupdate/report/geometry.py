@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # effects bring torch
 
 DEFORMATION = 0.12  # largest displacement as drawn, over the largest side of the building
 VIEW = (-1.0, -1.55, 0.72)  # from the building towards the eye: at a corner, from above
+MAGNITUDE_MAP, SPREAD_MAP = "viridis", "cividis"  # names of colour maps
 FOLD = np.cos(np.radians(30.0))  # shells that meet at more than this angle make an edge
 
 

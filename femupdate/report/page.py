@@ -18,8 +18,14 @@ import numpy as np
 
 from femupdate.arrays import Floats, Integers
 from femupdate.errors import ReportError
-from femupdate.report.figure import MAGNITUDE_MAP, SPREAD_MAP
-from femupdate.report.geometry import Geometry, Glyphs, at_levels, outline
+from femupdate.report.geometry import (
+    MAGNITUDE_MAP,
+    SPREAD_MAP,
+    Geometry,
+    Glyphs,
+    at_levels,
+    outline,
+)
 from femupdate.result import Item, Note, Notes, Picture
 from femupdate.study import write_text
 from femupdate.tables import Table

@@ -20,10 +20,8 @@ from femupdate.arrays import Floats, Integers, Pixels
 from femupdate.report.figure import (
     FAINT,
     INK,
-    MAGNITUDE_MAP,
     ORANGE,
     QUIET,
-    SPREAD_MAP,
     add_head,
     new_figure,
     show,
@@ -31,6 +29,8 @@ from femupdate.report.figure import (
 )
 from femupdate.report.geometry import (
     DEFORMATION,
+    MAGNITUDE_MAP,
+    SPREAD_MAP,
     VIEW,
     Geometry,
     Glyphs,

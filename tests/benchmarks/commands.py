@@ -199,7 +199,7 @@ def changes(job: Job, pairs: int) -> Report:
 
 
 @benchmark("frame-coverage")
-@building_option(str(BUILDING), "Shipped name or file; default: three stories.")
+@building_option(str(BUILDING), "Shipped name, file or `random`; default: three stories.")
 @count("--cases", 40, 1, "Simulated buildings.")
 @count("--particles", 1000, 200, "Posterior draws for each.")
 def frame_coverage(job: Job, **plan: Any) -> Report:

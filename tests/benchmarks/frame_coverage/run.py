@@ -39,6 +39,8 @@ _THETA, _ZETA = (0.65, 1.5), (0.005, 0.03)
 _NOISE = (0.002, 0.01)  # of a sensor, over the rms of the base
 _MOTIONS = (WHITE, RECORDED, WHITE, SIMULATED)
 
+RANDOM = "random"  # in place of a building: another frame in every case
+
 Make = Callable[[FrameBuilding, Floats], ReducedModel]
 
 
@@ -88,11 +90,9 @@ class Case:
 
 def run_coverage(job: Job, plan: CoveragePlan) -> Report:
     """Simulate and calibrate every case, and count."""
-    building = load_building(plan.building)
-    assert isinstance(building, FrameBuilding)
-    name = f"{_NAME}_{building.name}_exact"
-    study = Study(job.folder / f"{_NAME}_{building.name}")
-    with_finer_mesh(study, open_study(study, plan.building, job.progress), job.progress)
+    several = plan.building == RANDOM
+    title = RANDOM if several else load_building(plan.building).name
+    name = f"{_NAME}_{title}_exact"
     makers = list(_truths().items())
     job.progress.start("Calibrating", plan.cases)
     log = ResumableLog(job.folder / f"{name}_cases.jsonl", [replace(plan, cases=0), job.seed])
@@ -100,11 +100,51 @@ def run_coverage(job: Job, plan: CoveragePlan) -> Report:
     for number, rng in enumerate(np.random.default_rng(job.seed).spawn(plan.cases)):
         kind = makers[(number // len(_MOTIONS)) % len(makers)]
         motion = _MOTIONS[number % len(_MOTIONS)]
-        make = partial(_case, plan, study, building, kind, motion, rng)
+        file, folder = plan.building, job.folder / f"{_NAME}_{title}"
+        if several:
+            folder = folder / str(number)
+            folder.mkdir(parents=True, exist_ok=True)
+            file = str(folder / "frame.toml")
+            Path(file).write_text(random_frame(rng), encoding="utf-8")
+        make = partial(_case, plan, Study(folder / "study"), file, kind, motion, rng)
         cases.append(log.get_or_make(str(number), Case, make))
         job.progress.advance()
-    content = {"building": building.name, "cases": cases}
+    content = {"building": title, "cases": cases}
     return job.write(name, content, _text(cases), packages=("openseespy",), answer=counted(cases))
+
+
+def random_frame(rng: np.random.Generator) -> str:
+    """A file of a frame of two or three stories, one bay wide and one or two long."""
+    across = np.cumsum([0.0, *rng.uniform(3.5, 7.5, rng.integers(1, 3))]).round(1)
+    width, ends, thick = rng.uniform(3.5, 7.0), "ABC"[len(across) - 1], rng.integers(10, 26, 3)
+    lines = ", ".join(f'{name} = "{x} m"' for name, x in zip("ABC", across, strict=False))
+    heights = rng.uniform(2.8, 4.2, rng.integers(2, 4)).round(1)
+    stories = ", ".join(f'{{name = "S{k}", height = "{h} m"}}' for k, h in enumerate(heights, 1))
+    column, beam = rng.integers(25, 61, 2), rng.integers((20, 40), (36, 71))
+    walls = [("P", "A", "B"), ("Q", "A", "B"), (ends, "P", "Q")]
+    stand = rng.uniform(size=3) < 0.4
+    return f"""name = "random"
+kind = "frame"
+grid = {{x = {{{lines}}}, y = {{P = "0 m", Q = "{width:.1f} m"}}}}
+stories = [{stories}]
+mesh.size = "{rng.choice([0.7, 0.85, 1.0])} m"
+reduction.tolerance = 0.01
+tolerances.mass = "0 %"
+frequency_grid = {{start = "0.1 Hz", step = "0.1 Hz", count = 250}}
+prior = {{theta = {{lower = "1/3", upper = 3}}, zeta = {{lower = 0.003, upper = 0.06}}}}
+damping = {{law = "constant", ratio = 0.02}}
+sensors = {{direction = "x", points = ["A-P", "{ends}-Q"]}}
+materials.concrete = {{youngs_modulus = "27 GPa", poisson_ratio = 0.2, density = "2400 kg/m3"}}
+sections.column = {{shape = "rectangle", width = "{column[0]} cm", depth = "{column[1]} cm"}}
+sections.beam = {{shape = "rectangle", width = "{beam[0]} cm", depth = "{beam[1]} cm"}}
+columns = [{{section = "column"}}]
+beams = [{{section = "beam"}}]
+slabs = [{{x = ["A", "{ends}"], y = ["P", "Q"], thickness = "{rng.integers(12, 23)} cm"}}]
+""" + "".join(
+        f'[[walls]]\nalong = "{line}"\nfrom = "{start}"\nto = "{end}"\nthickness = "{t} cm"\n'
+        for (line, start, end), t, there in zip(walls, thick, stand, strict=True)
+        if there
+    )
 
 
 def _truths() -> dict[str, Make]:
@@ -141,11 +181,14 @@ def sensor_rows(building: FrameBuilding, seen: FineModel) -> dict[str, list[int]
 def _case(
     plan: CoveragePlan,
     model: Study,
-    building: FrameBuilding,
+    file: str,
     kind: tuple[str, Make],
     motion: str,
     rng: np.random.Generator,
 ) -> Case:
+    building = load_building(file)
+    assert isinstance(building, FrameBuilding)
+    with_finer_mesh(model, open_study(model, file))
     started = time.process_time()
     theta = np.exp(rng.uniform(np.log(_THETA[0]), np.log(_THETA[1]), len(building.stories)))
     zeta = float(np.exp(rng.uniform(np.log(_ZETA[0]), np.log(_ZETA[1]))))
