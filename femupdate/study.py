@@ -353,7 +353,7 @@ class Study:
             written.relative_to(self.folder).as_posix(),
             command,
             __version__,
-            datetime.now(UTC).isoformat(timespec="seconds"),
+            datetime.now(UTC).isoformat(timespec="milliseconds"),
             {**(settings or {}), **({"words": list(words)} if words else {})},
             dict(made_from),
             file_hash(written),

@@ -105,7 +105,7 @@ class StatusReport(Result):
             ]
             width = max(map(len, states))
             rows = [
-                (thing.name, state.ljust(width), thing.created)
+                (thing.name, state.ljust(width), thing.created[:19])
                 for thing, state in zip(self.holds, states, strict=True)
             ]
             yield Table.of(("holds", "state".ljust(width), "made (UTC)"), rows)
