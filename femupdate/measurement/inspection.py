@@ -565,8 +565,12 @@ def _step(
     told = [(at, f) for at, f in enumerate(functions, 1) if f.kind == "frequency response"]
     if told:
         ends = [floors_of([f.response for _, f in told]), floors_of([f.reference for _, f in told])]
-        pairs = [f"{floor}/{force}" for floor, force in zip(*ends, strict=True) if floor and force]
-        if len(set(pairs)) < len(told):
+        pairs = [
+            floor if force == BASE else f"{floor}/{force}"
+            for floor, force in zip(*ends, strict=True)
+            if floor not in (None, BASE) and force
+        ]
+        if len({*pairs}) < len(told):
             return NextStep(f"{calibrate} --columns 2F/RF=NUMBER", _FRFS)
         told_columns = {pair: str(at) for pair, (at, _) in zip(pairs, told, strict=True)}
         return NextStep(calibrate + columns_option(told_columns), _CHECK)

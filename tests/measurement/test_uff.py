@@ -78,17 +78,20 @@ def test_unit_of_a_response_is_that_of_its_numerator_over_its_denominator(
     assert (h.unit, h.response, h.reference) == (unit, "point 3 +X", "point 7 +X")
 
 
-def test_floors_are_told_by_the_names_of_points(pyuff, tmp_path):
+@pytest.mark.parametrize(
+    ("at", "columns"), [("RF", "2F/RF=1,RF/RF=2"), ("base", "2F=1,RF=2"), ("b", "2F/RF=NUMBER")]
+)
+def test_floors_are_told_by_the_names_of_points(pyuff, tmp_path, at, columns):
     path = tmp_path / "h.uff"
     for node, floor in enumerate(("2F", "RF"), 1):
         data = pyuff.prepare_58(
             binary=0, func_type=4, rsp_node=node, rsp_dir=1, ref_node=2, ref_dir=1,
             data=np.arange(5) * (1 + 2j), x=np.arange(5.0), rsp_ent_name=floor,
-            ref_ent_name="RF", abscissa_spacing=1, abscissa_spec_data_type=18,
+            ref_ent_name=at, abscissa_spacing=1, abscissa_spec_data_type=18,
             ordinate_spec_data_type=12, orddenom_spec_data_type=13,
         )  # fmt: skip
         pyuff.UFF(str(path)).write_sets(data, "add")
-    assert inspect_file(path).step.command.endswith("h.uff --columns 2F/RF=1,RF/RF=2")
+    assert inspect_file(path).step.command.endswith(f"h.uff --columns {columns}")
 
 
 def test_modes(pyuff, shared_file):
