@@ -78,7 +78,7 @@ class MESH_ERROR:
     # Standard deviation of the distance from what is corrected to the finer mesh and to the limit,
     # over that: the correction is in the middle of both (Richardson 1911).
     distance_sd = 0.6
-    # Rms of what shells of OpenSees (ASDShellQ4, ShellMITC4; half the mesh size) do in 16 random
+    # Rms of what shells of OpenSees (ASDShellQ4, ShellMITC4; half the mesh size) do in 13 random
     # frames of two and three stories: to all members of a kind, and to those of one story beside.
     # Over those with .01 of all kinds and .008, errors of factors are .5 in seven other frames and
     # 1.2 in 24 more, .71 of their sd there (.50).
